@@ -1,0 +1,104 @@
+"""Readout cards: the declared protocol of each task, checked against what the code does."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legoworld import catalog
+from legoworld.conventions import ALPHA_THRESHOLD, EQUAL_CONFIDENCE, NO_DEPTH, NO_INSTANCE
+from legoworld.errors import CatalogError
+from legoworld.files import sha256_of_file
+
+#: What the code does, by card key; a card that declares otherwise is refused.
+_FIXED: dict[str, Any] = {
+    "visibility.samples_per_pixel": 1,
+    "visibility.sample_xy_px": [0.5, 0.5],
+    "visibility.tie_order": ["depth_z_m", "instance_id"],
+    "visibility.alpha_threshold": ALPHA_THRESHOLD,
+    "visibility.transmission": "surface",
+    "visibility.volumes": "ignored",
+    "visibility.sides": "double",
+    "visibility.clip": "camera",
+    "visibility.geometry": "render",
+    "visibility.frame": "saved",
+    "visibility.camera": "active",
+    "visibility.no_hit_instance": NO_INSTANCE,
+    "visibility.no_hit_depth": NO_DEPTH,
+}
+_FIXED_FOR: dict[str, dict[str, Any]] = {
+    "coco": {
+        "readout.reads": "boxes",
+        "export.fields": ["image_id", "category_id", "bbox", "score"],
+        "export.score": EQUAL_CONFIDENCE,
+        "export.order": ["image_id", "category_id", "payload"],
+        "export.bbox_format": "xywh",
+        "export.bbox_edges": "integer_pixel_edges",
+        "export.min_area_px": 1,
+        "vocabulary.override_property": "coco_category",
+        "vocabulary.synonyms": "none",
+    },
+    "lvis": {
+        "readout.reads": "masks",
+        "export.fields": ["image_id", "category_id", "segmentation", "score"],
+        "export.score": EQUAL_CONFIDENCE,
+        "export.order": ["image_id", "category_id", "payload"],
+        "export.segmentation": "rle_compressed",
+        "export.min_area_px": 1,
+        "vocabulary.override_property": "lvis_category",
+        "vocabulary.synonyms": "unambiguous",
+    },
+    "eth3d": {"readout.reads": "depth"},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Card:
+    """One task's card. values: the card's tables as read."""
+
+    task: str
+    version: str
+    sha256: str
+    values: dict[str, Any]
+
+    def value(self, key: str) -> Any:
+        """A value by its dotted key, such as "scoring.max_detections"."""
+        found: Any = self.values
+        for part in key.split("."):
+            if not isinstance(found, dict) or part not in found:
+                raise CatalogError(
+                    f"the readout card of {self.task} lacks a value",
+                    found=f"no {key}",
+                    expected=f"{key} in readouts/{self.task}.toml",
+                )
+            found = found[part]
+        return found
+
+
+def load_card(task: str) -> Card:
+    """The shipped card of a task."""
+    return read_card(catalog.folder("readouts") / f"{task}.toml", task)
+
+
+def read_card(path: Path, task: str) -> Card:
+    """Read a card; CatalogError when a fixed value is not the one the code implements."""
+    with path.open("rb") as stream:
+        values = tomllib.load(stream)
+    card = Card(
+        task=task,
+        version=str(values.get("readout", {}).get("version")),
+        sha256=sha256_of_file(path),
+        values=values,
+    )
+    for key, expected in {**_FIXED, **_FIXED_FOR[task]}.items():
+        found = card.value(key)
+        if found != expected:
+            raise CatalogError(
+                f"{path.name} declares what the code does not do",
+                found=f"{key} = {found!r}",
+                expected=f"{key} = {expected!r}",
+                next_step="restore the card; another protocol is another readout",
+            )
+    return card

@@ -1,0 +1,15 @@
+"""Where the shipped cards, vocabularies, baselines and examples are: in a checkout or in a wheel."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Literal
+
+Kind = Literal["readouts", "datasets", "baselines", "examples"]
+
+
+def folder(kind: Kind) -> Path:
+    """The folder of one kind of catalogue entry; the one place that knows checkout from wheel."""
+    shipped = Path(str(files("legoworld"))) / "_catalog" / kind
+    return shipped if shipped.is_dir() else Path(__file__).parents[1] / kind

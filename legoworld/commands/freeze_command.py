@@ -1,0 +1,72 @@
+"""`legoworld freeze`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from legoworld.commands import options
+
+
+@click.command("freeze", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("scenes", type=options.EXISTING_FOLDER)
+@click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
+@options.caching
+@options.limits
+@options.output_options
+def command(
+    scenes: Path,
+    workers: int | None,
+    cache: Path | None,
+    no_cache: bool,
+    time_limit: float,
+    memory_limit: float,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Check every scene below SCENES and write its frozen.json.
+
+    Checked: scene.blend opens in Blender with a camera and a surface; scene.glb, where there is
+    one, is well formed; final.png, where there is one, decodes and is not one flat colour. The
+    sha256 of these, of scene.py and labels.json, and of everything the .blend reads are put on
+    record. Exit code 1 when some artefact fails its check.
+
+    \b
+    Examples:
+      legoworld freeze scenes
+      legoworld freeze scenes/000000000139 --json
+    """
+    import os
+
+    from legoworld.running.freeze_run import freeze_scenes
+    from legoworld.scene.blender_process import Limits
+
+    rows = freeze_scenes(
+        scenes,
+        workers=workers or os.cpu_count() or 1,
+        cache=options.chosen_cache(cache, no_cache),
+        limits=Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
+    )
+    bad = [row for row in rows if row["status"] != "ok"]
+    if as_json:
+        options.print_json({"scenes": rows})
+    else:
+        _print(rows, bad, quiet=quiet, verbose=verbose)
+    return 1 if bad else 0
+
+
+def _print(
+    rows: list[dict[str, Any]], bad: list[dict[str, Any]], *, quiet: bool, verbose: bool
+) -> None:
+    for row in rows:
+        if row["status"] == "ok" and (not verbose or quiet):
+            continue
+        if row["status"] == "ok":
+            click.echo(f"ok: {row['scene']}")
+        for name, check in row["checks"].items():
+            if check["status"] != "ok":
+                click.echo(f"{check['status']}: {row['scene']}/{name}: {check['reason']}")
+    click.echo(f"{len(rows) - len(bad)} of {len(rows)} scenes frozen without complaint")

@@ -1,0 +1,131 @@
+"""`legoworld inspect`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.inspection import Inspection
+
+
+@click.command("inspect", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("scene", type=options.EXISTING_FOLDER)
+@click.option("--size", "size_wh", type=options.SizeType(), help="Picture size, such as 640x480.")
+@click.option("--photo", type=options.EXISTING_FILE, help="Draw over this photo; gives the size.")
+@click.option(
+    "--task",
+    type=click.Choice(["coco", "lvis"]),
+    help="Resolve labels in this task's vocabulary [default: every label counts].",
+)
+@click.option(
+    "--source", type=click.Choice(["blend", "glb"]), default="blend", show_default=True
+)
+@click.option("-o", "--output", type=options.FOLDER, help="Write buffers and pictures here.")
+@options.caching
+@options.limits
+@options.output_options
+def command(
+    scene: Path,
+    size_wh: tuple[int, int] | None,
+    photo: Path | None,
+    task: str | None,
+    source: Literal["blend", "glb"],
+    output: Path | None,
+    cache: Path | None,
+    no_cache: bool,
+    time_limit: float,
+    memory_limit: float,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Show what one SCENE folder holds: its instances, and why some are not seen.
+
+    With -o: buffers.npz (instance int32, depth_z_m float32), instances.json, overlay.png and
+    depth.png.
+
+    \b
+    Examples:
+      legoworld inspect scenes/000000000139
+      legoworld inspect scenes/coffee --photo coffee.png -o look
+      legoworld inspect scenes/coffee --size 1200x800 --task lvis --json
+    """
+    from legoworld.inspection import inspect_scene, write_inspection
+    from legoworld.readouts.tasks import protocol
+    from legoworld.scene.blender_process import BlenderProcess, Limits
+    from legoworld.scene.folder import find_scene
+
+    if photo is not None and size_wh is None:
+        from legoworld.pictures import read_photo
+
+        height, width = read_photo(photo).shape[:2]
+        size_wh = (width, height)
+    folder = find_scene(scene.resolve().parent, scene.resolve().name)
+    reading = protocol(task, None) if task else None
+    with BlenderProcess(
+        Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30))
+    ) as blender:
+        inspection = inspect_scene(
+            folder,
+            size_wh=size_wh,
+            vocabulary=reading.vocabulary if reading else None,
+            override_property=reading.override_property if reading else None,
+            source=source,
+            blender=blender,
+            cache=options.chosen_cache(cache, no_cache),
+        )
+    if output is not None:
+        write_inspection(inspection, output, photo)
+    if as_json:
+        options.print_json(
+            {
+                "instances": list(inspection.entries),
+                "size_wh": list(inspection.view.size_wh),
+                "warnings": list(inspection.warnings),
+                "outside_vocabulary": inspection.outside_vocabulary,
+                "snapshot_sha256": inspection.scene.snapshot_sha256,
+            }
+        )
+    else:
+        _print(inspection, output, quiet=quiet, verbose=verbose)
+    return 0
+
+
+def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose: bool) -> None:
+    entries = sorted(inspection.entries, key=lambda e: (not e["labelled"], -e["area_px"]))
+    shown = entries if verbose else entries[:40]
+    rows = [
+        (
+            e["id"],
+            e["name"],
+            len(e["objects"]),
+            e["category"] or "-",
+            e["area_px"],
+            " ".join(map(str, e["bbox_xywh_px"])) if e["area_px"] else f"({e['reason']})",
+        )
+        for e in shown
+    ]
+    header = ("id", "instance", "objects", "category", "area px", "x y w h")
+    click.echo(options.table(header, rows))
+    if len(shown) < len(entries):
+        click.echo(f"... and {len(entries) - len(shown)} more (-v lists them)")
+    snapshot, camera = inspection.scene.snapshot, inspection.scene.snapshot.camera
+    labelled = sum(e["labelled"] for e in entries)
+    width, height = inspection.view.size_wh
+    click.echo(
+        f"\n{len(entries)} instances ({labelled} labelled), {snapshot.n_triangles:,} triangles; "
+        f"camera {camera.name!r} {camera.type} {camera.lens_mm:g} mm; {width}x{height}; "
+        f"1 unit = {snapshot.render.unit_scale:g} m; frame {snapshot.render.frame}"
+    )
+    for name, count in inspection.outside_vocabulary.items():
+        click.echo(f"label {name!r} is not in the vocabulary ({count} owners)")
+    if not quiet:
+        for warning in inspection.warnings:
+            click.echo(f"warning: {warning}", err=True)
+    if output is not None:
+        click.echo(f"-> {output}")

@@ -1,0 +1,139 @@
+"""Options that several commands share, and how results and notices are printed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from legoworld.conventions import SCHEMA_VERSION
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+FOLDER = click.Path(path_type=Path, file_okay=False)
+EXISTING_FOLDER = click.Path(path_type=Path, file_okay=False, exists=True)
+EXISTING_FILE = click.Path(path_type=Path, dir_okay=False, exists=True)
+
+
+class SizeType(click.ParamType):
+    """WIDTHxHEIGHT in pixels."""
+
+    name = "WxH"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Text to (width, height)."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).lower().split("x")
+        if len(parts) != 2 or not all(p.isdigit() and 0 < int(p) <= 65536 for p in parts):
+            self.fail(f"{value!r} is not a size such as 640x480", param, ctx)
+        return int(parts[0]), int(parts[1])
+
+
+def limits(command: F) -> F:
+    """--time-limit and --memory-limit of each Blender process."""
+    command = click.option(
+        "--time-limit",
+        default=120.0,
+        show_default=True,
+        type=click.FloatRange(min=0.1),
+        envvar="LEGOWORLD_TIME_LIMIT",
+        help="Seconds Blender may take for one scene.",
+    )(command)
+    return click.option(
+        "--memory-limit",
+        default=8.0,
+        show_default=True,
+        type=click.FloatRange(min=0.1),
+        envvar="LEGOWORLD_MEMORY_LIMIT",
+        help="GiB one Blender process may use.",
+    )(command)
+
+
+def caching(command: F) -> F:
+    """--cache and --no-cache."""
+    command = click.option(
+        "--cache",
+        type=FOLDER,
+        envvar="LEGOWORLD_CACHE",
+        help="Folder of snapshots [default: the user's cache folder].",
+    )(command)
+    return click.option(
+        "--no-cache", is_flag=True, help="Neither read nor keep snapshots."
+    )(command)
+
+
+def output_options(command: F) -> F:
+    """--json, -q and -v."""
+    command = click.option(
+        "--json", "as_json", is_flag=True, help="Print one JSON document instead of tables."
+    )(command)
+    command = click.option("-q", "--quiet", is_flag=True, help="No progress, no notices.")(command)
+    return click.option("-v", "--verbose", is_flag=True, help="Also say what went well.")(command)
+
+
+def chosen_cache(cache: Path | None, no_cache: bool) -> Any:
+    """The SnapshotCache that --cache and --no-cache ask for; None for none."""
+    from legoworld.errors import UsageError
+    from legoworld.scene.cache import SnapshotCache, default_cache_folder
+
+    if no_cache:
+        if cache is not None:
+            raise UsageError(
+                "--cache and --no-cache exclude each other",
+                found="both",
+                expected="one of them",
+            )
+        return None
+    return SnapshotCache(cache or default_cache_folder())
+
+
+def print_json(document: dict[str, Any]) -> None:
+    """One JSON document with schema_version on standard output."""
+    text = json.dumps(
+        {"schema_version": SCHEMA_VERSION, **document}, sort_keys=True, ensure_ascii=False
+    )
+    click.echo(text)
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Columns as wide as they need to be; columns of numbers to the right."""
+    cells = [[str(c) for c in row] for row in rows]
+    widths = [
+        max(len(header[i]), *(len(row[i]) for row in cells)) if cells else len(header[i])
+        for i in range(len(header))
+    ]
+    numeric = [
+        bool(rows) and all(isinstance(row[i], int | float) or row[i] in ("", "-") for row in rows)
+        for i in range(len(header))
+    ]
+
+    def line(row: Sequence[str]) -> str:
+        parts = (
+            c.rjust(w) if n else c.ljust(w) for c, w, n in zip(row, widths, numeric, strict=True)
+        )
+        return "  ".join(parts).rstrip()
+
+    rule = "  ".join("-" * w for w in widths)
+    return "\n".join([line(header), rule, *(line(row) for row in cells)])
+
+
+def notifier(quiet: bool) -> Callable[[str], None]:
+    """A function that says something on standard error unless --quiet."""
+
+    def notice(text: str) -> None:
+        if not quiet:
+            click.echo(text, err=True)
+
+    return notice
+
+
+def on_terminal() -> bool:
+    """Whether progress has someone to look at it."""
+    return sys.stderr.isatty()

@@ -1,0 +1,185 @@
+"""`legoworld readout`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.running.readout_run import RunResult
+
+
+@click.command("readout", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("scenes", required=False, type=options.EXISTING_FOLDER)
+@click.option(
+    "--task", required=True, type=click.Choice(["coco", "lvis", "eth3d"]), help="What to read."
+)
+@click.option("--track", type=options.EXISTING_FILE, help="The images; COCO image-info JSON.")
+@click.option("-o", "--output", type=options.FOLDER, help="The run folder to write.")
+@click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
+@click.option(
+    "--source",
+    type=click.Choice(["blend", "glb"]),
+    default="blend",
+    show_default=True,
+    help="Which file of a scene is read.",
+)
+@options.caching
+@click.option("--require-frozen", is_flag=True, help="Refuse scenes without a frozen.json.")
+@click.option("--limit", type=click.IntRange(min=1), help="Only the first N images (partial run).")
+@click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
+@click.option("--max-side", type=click.IntRange(min=1), help="Render no side longer than this.")
+@click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
+@click.option("--fail-fast", is_flag=True, help="Stop at the first scene that cannot be read.")
+@options.limits
+@options.output_options
+def command(
+    scenes: Path | None,
+    task: str,
+    track: Path | None,
+    output: Path | None,
+    workers: int | None,
+    source: Literal["blend", "glb"],
+    cache: Path | None,
+    no_cache: bool,
+    require_frozen: bool,
+    limit: int | None,
+    image_ids: tuple[int, ...],
+    max_side: int | None,
+    overwrite: bool,
+    fail_fast: bool,
+    time_limit: float,
+    memory_limit: float,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Read COCO boxes, LVIS masks or depth out of frozen SCENES.
+
+    An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
+    --track every scene folder is an image. Without SCENES the shipped examples are read. The same
+    command again goes on where a run stopped. Exit code 1 when some scene could not be read.
+
+    \b
+    Examples:
+      legoworld readout --task coco
+      legoworld readout scenes --task coco --track track.json -o runs/coco
+      legoworld readout scenes --task lvis -o runs/lvis --workers 8
+      legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
+    """
+    import os
+
+    from legoworld.commands.shipped import shipped_examples
+    from legoworld.readouts.tasks import protocol
+    from legoworld.running.image import ImageOptions
+    from legoworld.running.readout_run import RunRequest, run_readout
+    from legoworld.scene.blender_process import Limits
+    from legoworld.track import load_track, track_of_folder
+
+    notice = options.notifier(quiet)
+    if scenes is None:
+        scenes, shipped_track = shipped_examples(task)
+        track = track or shipped_track
+        output = output or Path("legoworld-runs") / f"examples-{task}"
+        notice(f"no SCENES given: reading the {task} examples that ship with legoworld")
+    output = output or Path("legoworld-runs") / f"{scenes.resolve().name}-{task}"
+    images = load_track(track) if track else track_of_folder(scenes)
+    request = RunRequest(
+        image_options=ImageOptions(
+            scenes=scenes,
+            run=output,
+            protocol=protocol(task, images.vocabulary),
+            source=source,
+            cache=options.chosen_cache(cache, no_cache),
+            require_frozen=require_frozen,
+            max_side=max_side,
+            threads=1,
+        ),
+        track=images,
+        workers=workers or os.cpu_count() or 1,
+        limits=Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
+        overwrite=overwrite,
+        limit=limit,
+        image_ids=image_ids,
+        fail_fast=fail_fast,
+    )
+    result = _with_progress(request, run_readout, notice, quiet=quiet)
+    if as_json:
+        options.print_json({"run": str(output), "summary": result.summary, "rows": result.rows})
+    else:
+        _print(result, output, verbose=verbose)
+    return 0 if result.summary["coverage"]["ok"] == len(result.rows) else 1
+
+
+def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunResult:
+    if quiet or not options.on_terminal():
+        done: RunResult = run(request, progress=lambda row: None, notice=notice)
+        return done
+    from tqdm import tqdm
+
+    from legoworld.running.readout_run import selected_images
+
+    with tqdm(total=len(selected_images(request)), unit="scene", leave=False) as bar:
+        failed = 0
+
+        def advance(row: dict[str, Any]) -> None:
+            nonlocal failed
+            failed += row["status"] != "ok"
+            bar.set_postfix(failed=failed)
+            bar.update()
+
+        shown: RunResult = run(request, progress=advance, notice=bar.write)
+        return shown
+
+
+def _print(result: RunResult, output: Path, *, verbose: bool) -> None:
+    rows = result.rows if verbose or len(result.rows) <= 20 else ()
+    if rows:
+        cells = [
+            (row["image_id"], row["file_name"], row["status"], *_found(row), len(row["warnings"]))
+            for row in rows
+        ]
+        header = ("image", "photo", "status", "exported", "unexported", "warnings")
+        click.echo(options.table(header, cells) + "\n")
+    failures = [row for row in result.rows if row["status"] != "ok"]
+    for row in failures[:50]:
+        click.echo(f"{row['status']}: {row['file_name']} (image {row['image_id']}): {row['reason']}")
+    if len(failures) > 50:
+        click.echo(f"... and {len(failures) - 50} more, in {output / 'per_image.jsonl'}")
+    for name, count in result.summary.get("unmatched_labels", {}).items():
+        near = _nearest(result, name)
+        click.echo(
+            f"label {name!r} is not in the vocabulary ({count} owners)"
+            + (f"; near: {', '.join(near)}" if near else "")
+        )
+    coverage = result.summary["coverage"]
+    line = f"{coverage['ok']} of {coverage['attempted']} images read"
+    if "ok_empty" in coverage:
+        line += f" ({coverage['ok_empty']} without any export)"
+    what = {"coco": "boxes", "lvis": "masks"}.get(result.summary["task"])
+    if what:
+        line += f", {result.summary['predictions']} {what}"
+    if result.summary["partial"]:
+        line += ", partial run"
+    click.echo(f"{line} -> {output}")
+
+
+def _found(row: dict[str, Any]) -> tuple[object, object]:
+    if row["status"] != "ok":
+        return "-", "-"
+    if "depth" in row:
+        width, height = row["rendered_wh"]
+        return f"{row['depth']['finite_px'] / (width * height):.1%} depth", "-"
+    return row["n_predictions"], len(row["unexported"])
+
+
+def _nearest(result: RunResult, label: str) -> list[str]:
+    for row in result.rows:
+        for unmatched in row.get("unmatched", ()):
+            if unmatched["label"] == label:
+                return list(unmatched["nearest"])
+    return []

@@ -1,0 +1,23 @@
+"""The examples that ship with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from legoworld import catalog
+from legoworld.errors import CatalogError
+
+
+def shipped_examples(task: str) -> tuple[Path, Path]:
+    """The folder of the example scenes, and their track for a task."""
+    scenes = catalog.folder("examples")
+    name = "track_lvis.json" if task == "lvis" else "track_coco.json"
+    track = catalog.folder("datasets") / "skimage_examples" / name
+    if not scenes.is_dir() or not track.is_file():
+        raise CatalogError(
+            "this installation carries no examples",
+            found=f"no {scenes.name} or no {name}",
+            expected="the examples beside the package",
+            next_step="pass a folder of scenes",
+        )
+    return scenes, track

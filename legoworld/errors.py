@@ -1,0 +1,198 @@
+"""Every error a user can meet: what, found, expected, next step, in one line."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+
+def one_line(text: str, limit: int = 400) -> str:
+    """The text with all white space runs turned into single spaces, cut at `limit` characters."""
+    flat = " ".join(text.split())
+    return flat if len(flat) <= limit else flat[: limit - 1] + "…"
+
+
+class LegoWorldError(Exception):
+    """What went wrong, what was found, what was expected, what to do next.
+
+    `code` is a stable word for programs; `status` is how a per-image row records the error.
+    """
+
+    code: ClassVar[str] = "error"
+    status: ClassVar[str] = "failed"
+
+    def __init__(
+        self, what: str, *, found: str = "", expected: str = "", next_step: str = ""
+    ) -> None:
+        self.what = one_line(what)
+        self.found = one_line(found)
+        self.expected = one_line(expected)
+        self.next_step = one_line(next_step)
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        parts = [self.what]
+        for name, text in (
+            ("found", self.found),
+            ("expected", self.expected),
+            ("next", self.next_step),
+        ):
+            if text:
+                parts.append(f"{name}: {text}")
+        return "; ".join(parts)
+
+    def reason(self) -> dict[str, str]:
+        """The error as a per-image row carries it."""
+        return {
+            "code": self.code,
+            "what": self.what,
+            "found": self.found,
+            "expected": self.expected,
+            "next": self.next_step,
+        }
+
+
+class ShapeError(LegoWorldError):
+    """An array has another shape or type than the function needs."""
+
+    code = "shape"
+
+
+class KernelBuildError(LegoWorldError):
+    """The visibility kernel's library is missing, stale, or could not be compiled."""
+
+    code = "kernel_build"
+
+
+class UsageError(LegoWorldError):
+    """A command was called in a way that cannot work; nothing was written."""
+
+    code = "usage"
+
+
+class ConfigurationMismatchError(LegoWorldError):
+    """A run folder holds results of another configuration."""
+
+    code = "configuration"
+
+
+class CatalogError(LegoWorldError):
+    """A card, vocabulary or track file is not what the program was built for."""
+
+    code = "catalog"
+
+
+class SceneMissingError(LegoWorldError):
+    """There is no scene for an image of the track."""
+
+    code = "missing_scene"
+    status = "missing"
+
+
+class SceneInvalidError(LegoWorldError):
+    """A scene artefact is there and cannot be used."""
+
+    code = "invalid_scene"
+    status = "invalid"
+
+
+class LabelsInvalidError(SceneInvalidError):
+    """labels.json cannot be read or does not follow its schema."""
+
+    code = "invalid_labels"
+
+
+class NoCameraError(SceneInvalidError):
+    """The scene has no active camera."""
+
+    code = "no_camera"
+
+
+class UnsupportedCameraError(SceneInvalidError):
+    """The camera's projection is neither perspective nor orthographic."""
+
+    code = "unsupported_camera"
+
+
+class NoMeshError(SceneInvalidError):
+    """Nothing in the scene renders as a surface."""
+
+    code = "no_mesh"
+
+
+class NonFiniteGeometryError(SceneInvalidError):
+    """A vertex, a matrix or a camera number is NaN or infinite."""
+
+    code = "non_finite_geometry"
+
+
+class MissingLibraryError(SceneInvalidError):
+    """A linked library or the data it should hold is not there."""
+
+    code = "missing_library"
+
+
+class UnreadableBlendError(SceneInvalidError):
+    """Blender cannot read the file."""
+
+    code = "unreadable_blend"
+
+
+class SceneChangedError(LegoWorldError):
+    """A frozen file's sha256 is not the recorded one."""
+
+    code = "changed"
+    status = "changed"
+
+
+class NotFrozenError(LegoWorldError):
+    """--require-frozen was given and the scene has no frozen.json."""
+
+    code = "not_frozen"
+    status = "invalid"
+
+
+class WorkerCrashedError(LegoWorldError):
+    """The Blender process ended by itself while it had the scene."""
+
+    code = "worker_crashed"
+
+
+class WorkerMemoryError(LegoWorldError):
+    """The Blender process outgrew its memory limit."""
+
+    code = "worker_memory"
+
+
+class WorkerTimeoutError(LegoWorldError):
+    """The Blender process did not answer within its time limit."""
+
+    code = "worker_timeout"
+    status = "timeout"
+
+
+#: Errors a Blender worker may report by code, so that they keep their type across the process border.
+BY_CODE: dict[str, type[LegoWorldError]] = {
+    cls.code: cls
+    for cls in (
+        LegoWorldError,
+        ShapeError,
+        SceneInvalidError,
+        NoCameraError,
+        UnsupportedCameraError,
+        NoMeshError,
+        NonFiniteGeometryError,
+        MissingLibraryError,
+        UnreadableBlendError,
+    )
+}
+
+
+def from_reason(reason: dict[str, str]) -> LegoWorldError:
+    """The error that `reason()` described, of its own type where the code is known."""
+    cls = BY_CODE.get(reason["code"], LegoWorldError)
+    return cls(
+        reason["what"],
+        found=reason["found"],
+        expected=reason["expected"],
+        next_step=reason["next"],
+    )

@@ -1,0 +1,132 @@
+"""Pictures for people: instances drawn over the photo, and depth in colour."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.conventions import NO_INSTANCE
+from legoworld.errors import LegoWorldError
+from legoworld.files import atomic_path
+
+#: ColorBrewer's Spectral, 11 classes, near to far, as RGB.
+_SPECTRAL: Final = np.array(
+    [
+        (158, 1, 66), (213, 62, 79), (244, 109, 67), (253, 174, 97), (254, 224, 139),
+        (255, 255, 191), (230, 245, 152), (171, 221, 164), (102, 194, 165), (50, 136, 189),
+        (94, 79, 162),
+    ],
+    np.float64,
+)  # fmt: skip
+_NO_DEPTH_RGB: Final = (40, 40, 40)
+_FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
+
+Rgb = NDArray[np.uint8]
+
+
+def read_photo(path: Path) -> Rgb:
+    """(H, W, 3) uint8 RGB, stored orientation (EXIF rotation is not applied)."""
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), flags)
+    if picture is None:
+        raise LegoWorldError(
+            f"{path.name} is not a picture",
+            found="a file that does not decode",
+            expected="a photo such as a JPEG or a PNG",
+        )
+    return np.ascontiguousarray(picture[:, :, ::-1])
+
+
+def write_png(path: Path, picture: Rgb) -> None:
+    """Write (H, W, 3) RGB."""
+    done, data = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
+    if not done:
+        raise LegoWorldError("a picture could not be encoded", found=f"shape {picture.shape}")
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data.tobytes())
+
+
+def depth_picture(depth_z_m: NDArray[np.float32]) -> Rgb:
+    """Inverse depth between its 2nd and 98th percentile in Spectral colours, near is red.
+
+    Pixels without depth are dark grey, a colour outside the map.
+    """
+    finite = np.isfinite(depth_z_m) & (depth_z_m > 0)
+    picture: Rgb = np.full((*depth_z_m.shape, 3), _NO_DEPTH_RGB, np.uint8)
+    if not finite.any():
+        return picture
+    inverse = 1.0 / depth_z_m[finite].astype(np.float64)
+    low, high = np.percentile(inverse, (2, 98))
+    share = np.clip((high - inverse) / max(high - low, 1e-12), 0, 1) * (len(_SPECTRAL) - 1)
+    channels = [np.interp(share, range(len(_SPECTRAL)), _SPECTRAL[:, c]) for c in range(3)]
+    picture[finite] = np.rint(np.stack(channels, 1)).astype(np.uint8)
+    return picture
+
+
+def instance_picture(instance: NDArray[np.int32]) -> Rgb:
+    """Each instance in a colour of its own over black: the ground when there is no photo."""
+    n = int(instance.max()) + 1
+    colors = np.array([_color(i) for i in range(max(n, 1))] + [(0, 0, 0)], np.uint8)
+    return np.ascontiguousarray(colors[instance] // 2)
+
+
+def overlay(
+    ground: Rgb, instance: NDArray[np.int32], entries: Sequence[dict[str, Any]]
+) -> Rgb:
+    """Outlines, boxes and names over a photo of the same size.
+
+    entries: rows of instances.json; labelled ones get their box and name, others a thin outline.
+    """
+    picture = ground.copy()
+    shown = [e for e in entries if e["area_px"] > 0]
+    unlabelled = np.isin(instance, [e["id"] for e in shown if e["category"] is None])
+    edges = _edges(instance)
+    picture[edges & unlabelled] = (picture[edges & unlabelled] // 2) + 64
+    labelled = sorted((e for e in shown if e["category"]), key=lambda e: -e["area_px"])
+    for entry in labelled:
+        mask = instance == entry["id"]
+        color = np.array(_color(entry["id"]))
+        tinted = picture[mask] * 0.72 + color * 0.28
+        picture[mask] = tinted.astype(np.uint8)
+        picture[edges & mask] = color
+    for entry in labelled:
+        _draw_box(picture, entry)
+    return picture
+
+
+def _draw_box(picture: Rgb, entry: dict[str, Any]) -> None:
+    x, y, w, h = entry["bbox_xywh_px"]
+    color = _color(entry["id"])
+    cv2.rectangle(picture, (x, y), (x + w - 1, y + h - 1), color, 1)
+    text = f"{entry['id']} {entry['category']}"
+    (width, height), base = cv2.getTextSize(text, _FONT, 0.4, 1)
+    left = min(x, max(0, picture.shape[1] - width - 2))
+    top = y if y + height + base < picture.shape[0] else picture.shape[0] - height - base - 2
+    cv2.rectangle(picture, (left, top), (left + width + 2, top + height + base), color, -1)
+    dark = sum(color) > 380
+    ink = (0, 0, 0) if dark else (255, 255, 255)
+    cv2.putText(picture, text, (left + 1, top + height), _FONT, 0.4, ink, 1, cv2.LINE_AA)
+
+
+def _edges(instance: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Pixels that have another id to their right, left, above or below."""
+    edges = np.zeros(instance.shape, bool)
+    across = instance[:, 1:] != instance[:, :-1]
+    down = instance[1:] != instance[:-1]
+    edges[:, 1:] |= across
+    edges[:, :-1] |= across
+    edges[1:] |= down
+    edges[:-1] |= down
+    return edges & (instance != NO_INSTANCE)
+
+
+def _color(number: int) -> tuple[int, int, int]:
+    """Distinct colours by golden-ratio steps of hue."""
+    r, g, b = colorsys.hsv_to_rgb((0.08 + number * 0.618034) % 1.0, 0.75, 1.0)
+    return round(r * 255), round(g * 255), round(b * 255)

@@ -1,0 +1,1 @@
+"""Readouts: buffers to boxes, masks and depth, in the exact export formats."""

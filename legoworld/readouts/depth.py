@@ -1,0 +1,39 @@
+"""Depth exports: one uncompressed .npz a photo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.files import atomic_path
+from legoworld.track import scene_name
+
+#: Bytes of one .npz besides the depth values: zip headers and the space's name, rounded up.
+_CONTAINER_BYTES = 4096
+
+
+def depth_file(file_name: str) -> str:
+    """A photo's depth file, relative to the run folder."""
+    return f"depth/{scene_name(file_name)}.npz"
+
+
+def write_depth(path: Path, depth_z_m: NDArray[np.float32]) -> None:
+    """Write (H, W) float32 planar depth in metres, +inf where there is no geometry."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, depth_z_m=depth_z_m, space=np.array("depth"))
+
+
+def depth_file_bytes(size_wh: tuple[int, int]) -> int:
+    """The size of a photo's depth file, a little over."""
+    return 4 * size_wh[0] * size_wh[1] + _CONTAINER_BYTES
+
+
+def resampled_size(size_wh: tuple[int, int], max_side: int | None) -> tuple[int, int]:
+    """The size to render at: `size_wh`, or smaller so that no side is over `max_side`."""
+    longest = max(size_wh)
+    if max_side is None or longest <= max_side:
+        return size_wh
+    width, height = (max(1, round(side * max_side / longest)) for side in size_wh)
+    return width, height

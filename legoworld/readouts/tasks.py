@@ -1,0 +1,74 @@
+"""The tasks: one row each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from legoworld import catalog
+from legoworld.cards import Card, load_card
+from legoworld.errors import UsageError
+from legoworld.readouts.exports import box_predictions, mask_predictions
+from legoworld.scene.instances import Instance
+from legoworld.visibility.view import View
+from legoworld.vocabulary import Vocabulary, from_json
+
+Predict = Callable[[int, Sequence[Instance], View], list[dict[str, Any]]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What a readout exports. predict: None for depth, which is a file and not a list."""
+
+    name: str
+    exports: str
+    predict: Predict | None
+
+
+TASKS: Final = {
+    task.name: task
+    for task in (
+        Task(name="coco", exports="boxes", predict=box_predictions),
+        Task(name="lvis", exports="masks", predict=mask_predictions),
+        Task(name="eth3d", exports="depth", predict=None),
+    )
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Protocol:
+    """A task with its card and the vocabulary it is read with (None for depth)."""
+
+    task: Task
+    card: Card
+    vocabulary: Vocabulary | None
+
+    @property
+    def override_property(self) -> str | None:
+        """The custom property that wins over `category` in this task."""
+        if self.vocabulary is None:
+            return None
+        return str(self.card.value("vocabulary.override_property"))
+
+
+def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
+    """A task's protocol; a track's own categories win over the shipped vocabulary."""
+    if name not in TASKS:
+        raise UsageError(
+            "there is no such task", found=repr(name), expected=" or ".join(TASKS)
+        )
+    card = load_card(name)
+    if "vocabulary" not in card.values:
+        return Protocol(task=TASKS[name], card=card, vocabulary=None)
+    vocabulary = track_vocabulary or shipped_vocabulary(card)
+    if card.value("vocabulary.synonyms") == "none":
+        vocabulary = Vocabulary(tuple(replace(c, synonyms=()) for c in vocabulary.categories))
+    return Protocol(task=TASKS[name], card=card, vocabulary=vocabulary)
+
+
+def shipped_vocabulary(card: Card) -> Vocabulary:
+    """The vocabulary file a card names."""
+    path = catalog.folder("datasets") / str(card.value("vocabulary.file"))
+    return from_json(json.loads(path.read_text(encoding="utf-8")), path.name)

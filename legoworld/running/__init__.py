@@ -1,0 +1,1 @@
+"""Running a readout over a track: workers, resume, and the run folder."""

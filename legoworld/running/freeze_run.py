@@ -1,0 +1,89 @@
+"""`legoworld freeze`: the verdict of every artefact, and the record of its content."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from legoworld.errors import LegoWorldError, SceneInvalidError
+from legoworld.scene.artefacts import check_glb, check_picture
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.cache import SnapshotCache
+from legoworld.scene.folder import (
+    BLEND,
+    GLB,
+    LABELS,
+    PICTURE,
+    SceneFolder,
+    find_scene,
+)
+from legoworld.scene.freeze import FrozenFiles, Hashes, hash_files, write_frozen
+from legoworld.scene.labels import read_labels_file
+from legoworld.scene.reading import read_scene
+from legoworld.track import track_of_folder
+
+
+def freeze_scenes(
+    scenes: Path, *, workers: int, cache: SnapshotCache | None, limits: Limits
+) -> list[dict[str, Any]]:
+    """Freeze every scene folder below SCENES; one row each, sorted by name."""
+    folders = [find_scene(scenes, image.scene) for image in track_of_folder(scenes).images]
+    local = threading.local()
+    started: list[BlenderProcess] = []
+
+    def freeze(folder: SceneFolder) -> dict[str, Any]:
+        if not hasattr(local, "blender"):
+            local.blender = BlenderProcess(limits)
+            started.append(local.blender)
+        return freeze_scene(folder, blender=local.blender, cache=cache)
+
+    try:
+        with ThreadPoolExecutor(max(1, min(workers, len(folders)))) as pool:
+            return list(pool.map(freeze, folders))
+    finally:
+        for blender in started:
+            blender.close()
+
+
+def freeze_scene(
+    folder: SceneFolder, *, blender: BlenderProcess, cache: SnapshotCache | None
+) -> dict[str, Any]:
+    """Check one scene's artefacts and write its frozen.json; returns the row of the table."""
+    artefacts = hash_files(folder.path, folder.artefacts())
+    dependencies: dict[str, Hashes] = {"": {}}
+
+    def open_blend() -> None:
+        files = FrozenFiles(artefacts=artefacts, dependencies={}, frozen="at_readout")
+        read = read_scene(folder, source="blend", blender=blender, cache=cache, files=files)
+        dependencies[""] = read.files.dependencies
+
+    checks = {BLEND: _check(open_blend)}
+    if GLB in artefacts:
+        checks[GLB] = _check(lambda: check_glb(folder.file(GLB)))
+    if PICTURE in artefacts:
+        checks[PICTURE] = _check(lambda: check_picture(folder.file(PICTURE)))
+    if LABELS in artefacts:
+        checks[LABELS] = _check(lambda: _read_labels(folder))
+    write_frozen(folder, artefacts, dependencies[""], checks)
+    good = all(check["status"] == "ok" for check in checks.values())
+    return {"scene": folder.name, "status": "ok" if good else "invalid", "checks": checks}
+
+
+def _read_labels(folder: SceneFolder) -> None:
+    read_labels_file(folder.file(LABELS))
+
+
+def _check(check: Callable[[], None]) -> dict[str, Any]:
+    try:
+        check()
+    except LegoWorldError as error:
+        return {"status": error.status, "code": error.code, "reason": str(error)}
+    except OSError as error:
+        unreadable = SceneInvalidError(
+            "the file cannot be read", found=str(error.strerror), expected="a readable file"
+        )
+        return {"status": unreadable.status, "code": "unreadable", "reason": str(unreadable)}
+    return {"status": "ok", "code": "ok", "reason": None}

@@ -1,0 +1,243 @@
+"""One image of a run: its scene folder to a record, or to the verdict that says why not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legoworld.conventions import NO_INSTANCE
+from legoworld.errors import LegoWorldError
+from legoworld.files import sha256_of_file
+from legoworld.readouts.depth import depth_file, resampled_size, write_depth
+from legoworld.readouts.tasks import Protocol
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.cache import SnapshotCache
+from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source, find_scene
+from legoworld.scene.freeze import checked_artefacts, hash_files
+from legoworld.scene.instances import Grouping, group
+from legoworld.scene.labels import Labels, read_labels_file, resolve_labels
+from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.track import TrackImage
+from legoworld.visibility.camera import aspect_differs
+from legoworld.visibility.view import View, unseen_reasons, view
+
+Record = dict[str, Any]
+"""One image's {"row": per_image row, "predictions": list, "scene": run.json entry or None}."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageOptions:
+    """What every image of a run is read with."""
+
+    scenes: Path
+    run: Path
+    protocol: Protocol
+    source: Source
+    cache: SnapshotCache | None
+    require_frozen: bool
+    max_side: int | None
+    threads: int
+
+
+def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess) -> Record:
+    """Read one image out. Every LegoWorldError becomes the row's status and reason."""
+    row: dict[str, Any] = {
+        "image_id": image.id,
+        "file_name": image.file_name,
+        "scene": image.scene,
+        "size_wh": list(image.size_wh) if image.size_wh else None,
+    }
+    try:
+        folder = find_scene(options.scenes, image.scene)
+        files = checked_artefacts(folder, require_frozen=options.require_frozen)
+        scene = read_scene(
+            folder, source=options.source, blender=blender, cache=options.cache, files=files
+        )
+        grouping = group(scene.snapshot, _labels(folder, scene, options.protocol))
+        return _record(row, image, folder, scene, grouping, options)
+    except LegoWorldError as error:
+        row |= {"status": error.status, "code": error.code, "reason": str(error), "warnings": []}
+        return {"row": row, "predictions": [], "scene": None}
+
+
+def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> bool:
+    """Whether a stored record is what reading the image again would give."""
+    row, scene = record["row"], record["scene"]
+    if row["status"] != "ok" or scene is None:
+        return False
+    try:
+        folder = find_scene(options.scenes, image.scene)
+        now = checked_artefacts(folder, require_frozen=options.require_frozen)
+    except LegoWorldError:
+        return False
+    if _hashes(now.artefacts) != scene["files"] or now.frozen != scene["frozen"]:
+        return False
+    if _hashes(hash_files(folder.path, scene["dependencies"])) != scene["dependencies"]:
+        return False
+    if "depth" not in row:
+        return True
+    path = options.run / row["depth"]["file"]
+    return path.is_file() and path.stat().st_size == row["depth"]["bytes"]
+
+
+def _labels(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:
+    if protocol.vocabulary is None:
+        return Labels(objects={}, collections={}, warnings=())
+    return resolve_labels(
+        scene.snapshot,
+        read_labels_file(folder.file(LABELS)),
+        protocol.vocabulary,
+        protocol.override_property,
+    )
+
+
+def _record(
+    row: dict[str, Any],
+    image: TrackImage,
+    folder: SceneFolder,
+    scene: ReadScene,
+    grouping: Grouping,
+    options: ImageOptions,
+) -> Record:
+    snapshot = scene.snapshot
+    full_size = image.size_wh or snapshot.render.size_wh
+    size_wh = resampled_size(full_size, options.max_side)
+    seen = view(snapshot, grouping, size_wh, threads=options.threads)
+    warnings = [*snapshot.warnings, *grouping.warnings]
+    if aspect_differs(snapshot.render, full_size):
+        w, h = snapshot.render.size_wh
+        warnings.append(
+            f"the scene's own picture is {w}x{h}, the image {full_size[0]}x{full_size[1]}: "
+            "another aspect, so the view is fitted by Blender's sensor rule"
+        )
+    hit = int((seen.buffers.instance != NO_INSTANCE).sum())
+    if not hit:
+        warnings.append("the camera sees nothing: every pixel is without geometry")
+    row |= {
+        "status": "ok",
+        "code": "ok",
+        "reason": None,
+        "size_wh": list(full_size),
+        "rendered_wh": list(size_wh),
+        "scene_size_wh": list(snapshot.render.size_wh),
+        "aspect_differs": aspect_differs(snapshot.render, full_size),
+        "frozen": scene.files.frozen,
+        "files_sha256": scene.files.sha256,
+        "snapshot_sha256": scene.snapshot_sha256,
+        "geometry_px": hit,
+    }
+    predictions: list[dict[str, Any]] = []
+    if options.protocol.task.predict is None:
+        row["depth"] = _write_depth_file(image, seen, options)
+    else:
+        predictions = options.protocol.task.predict(image.id, grouping.instances, seen)
+        row["n_predictions"] = len(predictions)
+        row |= _instance_report(scene, grouping, seen, options)
+        labels = _labels(folder, scene, options.protocol)
+        warnings += labels.warnings
+    row["warnings"] = warnings
+    return {
+        "row": row,
+        "predictions": predictions,
+        "scene": _scene_entry(folder, scene, seen),
+    }
+
+
+def _write_depth_file(image: TrackImage, seen: View, options: ImageOptions) -> dict[str, Any]:
+    name = depth_file(image.file_name)
+    path = options.run / name
+    write_depth(path, seen.buffers.depth_z_m)
+    return {
+        "file": name,
+        "space": "depth",
+        "unit": "m",
+        "bytes": path.stat().st_size,
+        "sha256": sha256_of_file(path),
+        "finite_px": int(np.isfinite(seen.buffers.depth_z_m).sum()),
+    }
+
+
+def _instance_report(
+    scene: ReadScene, grouping: Grouping, seen: View, options: ImageOptions
+) -> dict[str, Any]:
+    """What became of every label: exported, unseen and why, or outside the vocabulary."""
+    vocabulary = options.protocol.vocabulary
+    assert vocabulary is not None
+    labelled = [i for i in grouping.instances if i.category is not None]
+    unlabelled = [i for i in grouping.instances if i.category is None]
+    unexported: list[dict[str, str]] = []
+    if any(seen.area_px[i.id] == 0 for i in labelled):
+        reasons = unseen_reasons(scene.snapshot, grouping, seen, threads=options.threads)
+        unexported = [
+            {"name": i.name, "category": i.category.name, "reason": reasons[i.id]}
+            for i in labelled
+            if i.category is not None and i.id in reasons
+        ]
+    for name, text in grouping.unseen_owners:
+        match = vocabulary.match(text)
+        category = match.name if match else text
+        unexported.append({"name": name, "category": category, "reason": "not_rendered"})
+    nested = [i for i in grouping.nested if seen.area_px[i] > 0]
+    return {
+        "instances": {
+            "total": len(grouping.instances),
+            "labelled": len(labelled),
+            "visible_labelled": sum(bool(seen.area_px[i.id]) for i in labelled),
+            "visible_unlabelled": sum(bool(seen.area_px[i.id]) for i in unlabelled),
+        },
+        "unlabelled_px": int(sum(seen.area_px[i.id] for i in unlabelled)),
+        "nested": {"instances": len(nested), "px": int(sum(seen.area_px[i] for i in nested))},
+        "matched": _matched_names(labelled),
+        "unmatched": [
+            {"label": text, "count": count, "nearest": vocabulary.nearest(text)}
+            for text, count in grouping.outside_vocabulary.items()
+        ],
+        "unexported": sorted(unexported, key=lambda u: (u["name"], u["reason"])),
+    }
+
+
+def _matched_names(labelled: list[Any]) -> dict[str, str]:
+    """Labels that are not written as the vocabulary writes them, and what they were taken for."""
+    return dict(
+        sorted(
+            {
+                i.label_text: i.category.name
+                for i in labelled
+                if i.label_text != i.category.name
+            }.items()
+        )
+    )
+
+
+def _scene_entry(folder: SceneFolder, scene: ReadScene, seen: View) -> dict[str, Any]:
+    """What run.json records of a scene."""
+    snapshot = scene.snapshot
+    return {
+        "scene": folder.name,
+        "frozen": scene.files.frozen,
+        "files": _hashes(scene.files.artefacts),
+        "dependencies": _hashes(scene.files.dependencies),
+        "snapshot_sha256": scene.snapshot_sha256,
+        "camera": asdict(snapshot.camera),
+        "projection": asdict(seen.projection),
+        "render": asdict(snapshot.render),
+        "provenance": _provenance(folder),
+    }
+
+
+def _hashes(files: Any) -> dict[str, str | None]:
+    return {name: found.sha256 if found else None for name, found in sorted(files.items())}
+
+
+def _provenance(folder: SceneFolder) -> Any:
+    path = folder.file(PROVENANCE)
+    if not path.is_file():
+        return "not recorded"
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        return f"unreadable: {error}"

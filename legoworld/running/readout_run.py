@@ -1,0 +1,258 @@
+"""`legoworld readout`: a track of scenes to a run folder."""
+
+from __future__ import annotations
+
+import os
+import queue
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from legoworld import __version__
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.errors import LegoWorldError, UsageError
+from legoworld.files import canonical_json, sha256_of_text
+from legoworld.readouts.depth import depth_file_bytes, resampled_size
+from legoworld.running import run_folder
+from legoworld.running.image import ImageOptions, Record, read_image, still_valid
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.cache import bpy_version
+from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
+from legoworld.track import Track, TrackImage
+
+
+class OutputFullError(LegoWorldError):
+    """The run's output does not fit on the disk."""
+
+    code = "disk_full"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRequest:
+    """Everything a readout run is asked for. workers and limits never change its results."""
+
+    image_options: ImageOptions
+    track: Track
+    workers: int
+    limits: Limits
+    overwrite: bool
+    limit: int | None
+    image_ids: tuple[int, ...]
+    fail_fast: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult:
+    """What a run left in its folder."""
+
+    rows: tuple[dict[str, Any], ...]
+    summary: dict[str, Any]
+    n_reused: int
+
+
+Progress = Callable[[dict[str, Any]], None]
+
+
+def run_readout(
+    request: RunRequest, *, progress: Progress, notice: Callable[[str], None]
+) -> RunResult:
+    """Read out every image of the request that has no valid result yet, then write the run.
+
+    Raises UsageError, ConfigurationMismatchError or OutputFullError before anything is read; a
+    scene that cannot be read is a row of the run, never an exception.
+    """
+    folder = request.image_options.run
+    images = selected_images(request)
+    configuration = _configuration(request, images)
+    with run_folder.locked(folder):
+        earlier = run_folder.prepare(folder, configuration, overwrite=request.overwrite)
+        by_id = {record["row"]["image_id"]: record for record in earlier}
+        records = {
+            image.id: by_id[image.id]
+            for image in images
+            if image.id in by_id and still_valid(by_id[image.id], image, request.image_options)
+        }
+        todo = [image for image in images if image.id not in records]
+        n_reused = len(records)
+        if n_reused:
+            notice(f"{n_reused} of {len(images)} images have a valid result already")
+        if request.image_options.protocol.task.predict is None:
+            _check_disk(request, todo, notice)
+        with run_folder.journal(folder) as journal:
+            for record in _read_all(request, todo):
+                run_folder.append(journal, record)
+                records[record["row"]["image_id"]] = record
+                progress(record["row"])
+        rows = [records[image.id]["row"] for image in images if image.id in records]
+        summary = summarise(request, images, rows)
+        run_folder.finish(
+            folder,
+            records=records.values(),
+            run=_run_document(configuration),
+            summary=summary,
+            with_predictions=request.image_options.protocol.task.predict is not None,
+        )
+    return RunResult(rows=tuple(rows), summary=summary, n_reused=n_reused)
+
+
+def selected_images(request: RunRequest) -> list[TrackImage]:
+    """The images to attempt: all of the track's, or those that --image-id and --limit leave."""
+    images = list(request.track.images)
+    if request.image_ids:
+        known = {image.id for image in images}
+        unknown = [i for i in request.image_ids if i not in known]
+        if unknown:
+            raise UsageError(
+                "the track has no such image",
+                found=f"--image-id {unknown[0]}",
+                expected=f"one of {len(known)} ids, such as {min(known)}",
+            )
+        images = [image for image in images if image.id in request.image_ids]
+    return images[: request.limit] if request.limit is not None else images
+
+
+def summarise(
+    request: RunRequest, images: list[TrackImage], rows: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """summary.json: coverage by status, what was exported, and what labels came to nothing."""
+    statuses = Counter(row["status"] for row in rows)
+    ok = [row for row in rows if row["status"] == "ok"]
+    unmatched: Counter[str] = Counter()
+    unexported: Counter[str] = Counter()
+    for row in ok:
+        unmatched.update({u["label"]: u["count"] for u in row.get("unmatched", ())})
+        unexported.update(u["reason"] for u in row.get("unexported", ()))
+    summary: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "task": request.image_options.protocol.task.name,
+        "partial": request.limit is not None or bool(request.image_ids),
+        "coverage": {
+            "attempted": len(images),
+            "ok": len(ok),
+            "by_status": dict(sorted(statuses.items())),
+        },
+        "warnings": sum(len(row["warnings"]) for row in rows),
+    }
+    if request.image_options.protocol.task.predict is not None:
+        summary["coverage"]["ok_empty"] = sum(row["n_predictions"] == 0 for row in ok)
+        summary["predictions"] = sum(row["n_predictions"] for row in ok)
+        summary["unmatched_labels"] = dict(sorted(unmatched.items()))
+        summary["unexported_instances"] = dict(sorted(unexported.items()))
+        summary["nested_instances"] = sum(row["nested"]["instances"] for row in ok)
+    else:
+        summary["depth_bytes"] = sum(row["depth"]["bytes"] for row in ok)
+    return summary
+
+
+def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
+    """Records in the order they are done; worker processes end with this generator."""
+    workers = max(1, min(request.workers, len(todo)))
+    threads = max(1, (os.cpu_count() or 1) // workers)
+    options = replace(request.image_options, threads=threads)
+    with _processes(workers, request.limits) as idle, ThreadPoolExecutor(workers) as pool:
+
+        def read(image: TrackImage) -> Record:
+            process = idle.get()
+            try:
+                return read_image(image, options, process)
+            finally:
+                idle.put(process)
+
+        pending: list[Future[Record]] = [pool.submit(read, image) for image in todo]
+        try:
+            for future in as_completed(pending):
+                record = future.result()
+                yield record
+                if request.fail_fast and record["row"]["status"] != "ok":
+                    return
+        finally:
+            for future in pending:
+                future.cancel()
+
+
+@contextmanager
+def _processes(workers: int, limits: Limits) -> Iterator[queue.LifoQueue[BlenderProcess]]:
+    """As many Blender processes as workers, each started when a scene first needs it."""
+    processes = [BlenderProcess(limits) for _ in range(workers)]
+    idle: queue.LifoQueue[BlenderProcess] = queue.LifoQueue()
+    for process in processes:
+        idle.put(process)
+    try:
+        yield idle
+    finally:
+        for process in processes:
+            process.close()
+
+
+def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, Any]:
+    """What a run's results depend on, besides the scenes; resuming needs all of it equal."""
+    options = request.image_options
+    protocol = options.protocol
+    described = [[i.id, i.file_name, i.size_wh] for i in images]
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "scene",
+        "task": protocol.task.name,
+        "card_version": protocol.card.version,
+        "card_sha256": protocol.card.sha256,
+        "vocabulary_sha256": protocol.vocabulary.sha256 if protocol.vocabulary else None,
+        "track_sha256": request.track.sha256,
+        "images_sha256": sha256_of_text(canonical_json(described)),
+        "attempted": len(images),
+        "partial": request.limit is not None or bool(request.image_ids),
+        "source": options.source,
+        "require_frozen": options.require_frozen,
+        "max_side": options.max_side,
+        "legoworld": __version__,
+        "bpy": bpy_version(),
+        "snapshot_schema": SNAPSHOT_SCHEMA,
+    }
+
+
+def _run_document(configuration: dict[str, Any]) -> dict[str, Any]:
+    import platform
+
+    import numpy as np
+
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "finished_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "configuration": configuration,
+        "versions": {
+            "legoworld": __version__,
+            "bpy": bpy_version(),
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+        },
+    }
+
+
+def _check_disk(
+    request: RunRequest, todo: list[TrackImage], notice: Callable[[str], None]
+) -> None:
+    """Say how large the depth files will be, and refuse when they do not fit."""
+    options = request.image_options
+    sizes = [i.size_wh for i in todo if i.size_wh is not None]
+    expected = sum(depth_file_bytes(resampled_size(size, options.max_side)) for size in sizes)
+    free = shutil.disk_usage(options.run).free
+    notice(
+        f"depth: about {_megabytes(expected)} for {len(sizes)} images of known size, "
+        f"{_megabytes(free)} free"
+    )
+    if expected > free:
+        raise OutputFullError(
+            "the depth files will not fit on the disk",
+            found=f"{_megabytes(free)} free",
+            expected=f"{_megabytes(expected)}",
+            next_step="free some space, choose another -o, or render smaller with --max-side",
+        )
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:,.0f} MB"

@@ -1,0 +1,191 @@
+"""The run folder: one writer at a time, a journal while it runs, canonical files at its end."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Final
+
+from legoworld.errors import ConfigurationMismatchError, UsageError
+from legoworld.files import TEMPORARY_SUFFIX, canonical_json, readable_json, write_text
+
+RUN: Final = "run.json"
+ROWS: Final = "per_image.jsonl"
+PREDICTIONS: Final = "predictions.json"
+SUMMARY: Final = "summary.json"
+JOURNAL: Final = "journal.jsonl"
+_CONFIGURATION: Final = "configuration.json"
+_LOCK: Final = ".lock"
+_RESULTS: Final = (RUN, ROWS, PREDICTIONS, SUMMARY, JOURNAL, _CONFIGURATION)
+
+Record = dict[str, Any]
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a run folder for this process alone. UsageError when another one has it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / _LOCK).open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise UsageError(
+                "another process is writing into the run folder",
+                found=f"{folder.name}/{_LOCK} is held",
+                expected="one run per folder",
+                next_step="wait for it, or choose another -o",
+            ) from error
+        try:
+            yield
+        finally:
+            (folder / _LOCK).unlink(missing_ok=True)
+
+
+def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> list[Record]:
+    """Make the folder ready for a run and return the records it already has.
+
+    ConfigurationMismatchError names the keys that differ from an earlier run; with `overwrite`
+    the earlier results are deleted.
+    """
+    if overwrite:
+        _delete_results(folder)
+    for leftover in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
+        leftover.unlink()
+    earlier = _earlier_configuration(folder)
+    if earlier is None:
+        strangers = sorted(p.name for p in folder.iterdir() if p.name != _LOCK)
+        if strangers:
+            raise ConfigurationMismatchError(
+                "the output folder holds something that is not a run",
+                found=", ".join(strangers[:5]),
+                expected="an empty folder or an earlier run",
+                next_step="choose another -o",
+            )
+        write_text(folder / _CONFIGURATION, readable_json(configuration))
+        return []
+    changed = sorted(
+        key
+        for key in {*earlier, *configuration}
+        if earlier.get(key) != configuration.get(key)
+    )
+    if changed:
+        shown = "; ".join(
+            f"{key}: {_short(earlier.get(key))} -> {_short(configuration.get(key))}"
+            for key in changed
+        )
+        raise ConfigurationMismatchError(
+            "the run folder holds a run of another configuration",
+            found=shown,
+            expected="the same configuration, to resume",
+            next_step="choose another -o, or pass --overwrite",
+        )
+    return [*_finished_records(folder), *_journal_records(folder)]
+
+
+@contextmanager
+def journal(folder: Path) -> Iterator[IO[str]]:
+    """The open journal; see `append`."""
+    path = folder / JOURNAL
+    _drop_torn_line(path)
+    with path.open("a", encoding="utf-8") as stream:
+        yield stream
+
+
+def append(stream: IO[str], record: Record) -> None:
+    """Put one record on disk before the next image is reported done."""
+    stream.write(canonical_json(record) + "\n")
+    stream.flush()
+    os.fsync(stream.fileno())
+
+
+def finish(
+    folder: Path,
+    *,
+    records: Iterable[Record],
+    run: dict[str, Any],
+    summary: dict[str, Any],
+    with_predictions: bool,
+) -> None:
+    """Write the canonical files, each whole or not at all, and drop the journal."""
+    ordered = sorted(records, key=lambda r: int(r["row"]["image_id"]))
+    if with_predictions:
+        lines = [canonical_json(p) for record in ordered for p in record["predictions"]]
+        text = "[\n" + ",\n".join(lines) + "\n]\n" if lines else "[]\n"
+        write_text(folder / PREDICTIONS, text)
+    write_text(folder / ROWS, "".join(canonical_json(r["row"]) + "\n" for r in ordered))
+    write_text(folder / SUMMARY, readable_json(summary))
+    scenes = {str(r["row"]["image_id"]): r["scene"] for r in ordered if r["scene"]}
+    write_text(folder / RUN, readable_json({**run, "scenes": scenes}))
+    (folder / JOURNAL).unlink(missing_ok=True)
+    (folder / _CONFIGURATION).unlink(missing_ok=True)
+
+
+def _earlier_configuration(folder: Path) -> dict[str, Any] | None:
+    for name in (_CONFIGURATION, RUN):
+        path = folder / name
+        if path.is_file():
+            document = json.loads(path.read_text(encoding="utf-8"))
+            found: dict[str, Any] = document["configuration"] if name == RUN else document
+            return found
+    return None
+
+
+def _finished_records(folder: Path) -> list[Record]:
+    """Records of a run that had ended, put together again from its files."""
+    if not (folder / RUN).is_file() or not (folder / ROWS).is_file():
+        return []
+    scenes = json.loads((folder / RUN).read_text(encoding="utf-8"))["scenes"]
+    predictions: dict[int, list[dict[str, Any]]] = {}
+    if (folder / PREDICTIONS).is_file():
+        for prediction in json.loads((folder / PREDICTIONS).read_text(encoding="utf-8")):
+            predictions.setdefault(prediction["image_id"], []).append(prediction)
+    rows = [json.loads(x) for x in (folder / ROWS).read_text(encoding="utf-8").splitlines()]
+    return [
+        {
+            "row": row,
+            "predictions": predictions.get(row["image_id"], []),
+            "scene": scenes.get(str(row["image_id"])),
+        }
+        for row in rows
+    ]
+
+
+def _journal_records(folder: Path) -> list[Record]:
+    path = folder / JOURNAL
+    _drop_torn_line(path)
+    if not path.is_file():
+        return []
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def _drop_torn_line(path: Path) -> None:
+    """Cut the line a killed process left unfinished."""
+    if not path.is_file():
+        return
+    data = path.read_bytes()
+    whole = data.rfind(b"\n") + 1
+    if whole != len(data):
+        with path.open("r+b") as stream:
+            stream.truncate(whole)
+
+
+def _delete_results(folder: Path) -> None:
+    for name in _RESULTS:
+        (folder / name).unlink(missing_ok=True)
+    depth = folder / "depth"
+    for path in sorted(depth.rglob("*"), reverse=True) if depth.is_dir() else ():
+        if path.is_dir():
+            path.rmdir()
+        elif path.suffix == ".npz":
+            path.unlink()
+    if depth.is_dir():
+        depth.rmdir()
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,1 @@
+"""The scene side: scene folders, freezing, snapshots, labels. Only `blender/` imports bpy."""

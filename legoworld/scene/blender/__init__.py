@@ -1,0 +1,1 @@
+"""The one corner that imports bpy. It runs in worker processes only; see `worker`."""

@@ -1,0 +1,75 @@
+"""Seeing the scene as a render does.
+
+`evaluated_depsgraph_get()` is the viewport's state: other subdivision levels, other visibility.
+The render's own dependency graph is only handed to a render engine, so one that draws nothing is
+registered, and the scene is rendered with it at 16 x 16 pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import bpy
+
+_ENGINE = "LEGOWORLD_SNAPSHOT"
+
+
+class SnapshotEngine(bpy.types.RenderEngine):  # type: ignore[misc]
+    """A render engine that only passes the render's dependency graph on."""
+
+    bl_idname = _ENGINE
+    bl_label = "legoworld snapshot"
+    bl_use_preview = False
+
+    visit: ClassVar[Callable[[Any], None] | None] = None
+    view_layer: ClassVar[str] = ""
+    error: ClassVar[BaseException | None] = None
+
+    def render(self, depsgraph: Any) -> None:
+        """Called by Blender once per view layer."""
+        cls = SnapshotEngine
+        if depsgraph.view_layer.name != cls.view_layer or cls.visit is None:
+            return
+        try:
+            cls.visit(depsgraph)
+        except BaseException as error:  # noqa: BLE001  Blender prints and swallows what is raised here
+            cls.error = error
+        cls.visit = None
+
+
+def visit_render_state(visit: Callable[[Any], None]) -> None:
+    """Call `visit` once with the render depsgraph of the active scene and view layer.
+
+    Evaluated data is gone when `visit` returns: it must copy what it keeps. Changes the open
+    file's render settings, so read them before.
+    """
+    if not SnapshotEngine.is_registered:
+        bpy.utils.register_class(SnapshotEngine)
+    scene = bpy.context.scene
+    SnapshotEngine.visit, SnapshotEngine.error = visit, None
+    SnapshotEngine.view_layer = rendered_view_layer().name
+    render = scene.render
+    render.engine = _ENGINE
+    render.resolution_x = render.resolution_y = 16
+    render.resolution_percentage = 100
+    for switch in ("use_compositing", "use_sequencer", "use_border", "use_multiview",
+                   "use_freestyle", "use_persistent_data", "use_stamp"):  # fmt: skip
+        setattr(render, switch, False)
+    bpy.ops.render.render(write_still=False)
+    if SnapshotEngine.error is not None:
+        raise SnapshotEngine.error
+    if SnapshotEngine.visit is not None:
+        raise RuntimeError("Blender did not render the active view layer")
+
+
+def rendered_view_layer() -> Any:
+    """The view layer a render shows: the active one, or the first that renders at all."""
+    active = bpy.context.view_layer
+    if active.use:
+        return active
+    for layer in bpy.context.scene.view_layers:
+        if layer.use:
+            return layer
+    active.use = True
+    return active

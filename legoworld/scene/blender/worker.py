@@ -1,0 +1,77 @@
+"""The Blender process: one request per line on standard input, one answer per line.
+
+Answers go to what was standard output; everything Blender itself prints goes to standard error.
+The process ends when its input does, so that it never outlives the command that started it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from legoworld.errors import LegoWorldError
+
+
+def main() -> int:
+    """Serve requests until the input ends."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    import bpy  # noqa: F401  importing is the slow part: done before the first request arrives
+
+    for line in sys.stdin:
+        answers.write(json.dumps(_answer(json.loads(line))) + "\n")
+        answers.flush()
+    answers.flush()
+    # Some add-ons and caches abort in Blender's own exit code; all results are written by now.
+    os._exit(0)
+
+
+def _answer(request: dict[str, Any]) -> dict[str, Any]:
+    try:
+        return {"ok": True, **_REQUESTS[request["kind"]](request)}
+    except LegoWorldError as error:
+        return {"ok": False, "reason": error.reason()}
+    except MemoryError:
+        return {"ok": False, "reason": {"code": "worker_memory"}}
+    except Exception as error:  # noqa: BLE001  reported with its place; the other scenes go on
+        traceback.print_exc()
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        surprise = LegoWorldError(
+            "reading the scene failed in a way that was not foreseen",
+            found=f"{type(error).__name__}: {error} "
+            f"({Path(frame.filename).name}, line {frame.lineno})",
+            expected="a snapshot or a named verdict",
+            next_step="please report it with the scene",
+        )
+        return {"ok": False, "reason": surprise.reason()}
+
+
+def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
+    from legoworld.scene.blender.extract import snapshot_of_blend
+    from legoworld.scene.blender.opening import dependencies
+    from legoworld.scene.snapshot import save
+
+    blend = Path(request["blend"])
+    snapshot = snapshot_of_blend(blend)
+    depends = dependencies(blend)
+    return {"content_sha256": save(snapshot, Path(request["output"])), "dependencies": depends}
+
+
+def _execute(request: dict[str, Any]) -> dict[str, Any]:
+    from legoworld.scene.blender.programs import execute_program
+
+    return execute_program(Path(request["program"]), Path(request["output"]))
+
+
+_REQUESTS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    "snapshot": _snapshot,
+    "execute": _execute,
+}
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,233 @@
+"""The main process's side of Blender: a worker process with a time and a memory limit."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import selectors
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Final, Self
+
+from legoworld.errors import (
+    LegoWorldError,
+    WorkerCrashedError,
+    WorkerMemoryError,
+    WorkerTimeoutError,
+    from_reason,
+    one_line,
+)
+
+_POLL_S: Final = 0.02
+#: A worker that has read this many files is replaced: Blender's memory grows slowly with each.
+_RECYCLE_AFTER: Final = 200
+_RECYCLE_SHARE: Final = 0.5  # of the memory limit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What one request may use."""
+
+    time_s: float = 120.0
+    memory_bytes: int = 8 << 30
+
+
+class BlenderProcess:
+    """Runs requests in a Blender process that is started when needed and replaced when spent."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._process: subprocess.Popen[str] | None = None
+        self._stderr: IO[bytes] | None = None
+        self._home: str | None = None
+        self._served = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def start(self) -> None:
+        """Start the process now; the first request then finds bpy imported."""
+        if self._process is not None:
+            return
+        self._home = tempfile.mkdtemp(prefix="legoworld-blender-")
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "legoworld.scene.blender.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._stderr,
+            text=True,
+            encoding="utf-8",
+            cwd=self._home,
+            env=_environment(self._home),
+        )
+        self._served = 0
+
+    def request(self, message: dict[str, Any]) -> dict[str, Any]:
+        """The worker's answer.
+
+        Raises the error the worker reports, or WorkerCrashedError, WorkerTimeoutError or
+        WorkerMemoryError. A process that has served other files before and fails is replaced and
+        asked once more, so that no scene is judged by what came before it.
+        """
+        self._recycle()
+        used = self._served > 0
+        try:
+            return self._ask(message)
+        except (WorkerCrashedError, WorkerTimeoutError, WorkerMemoryError):
+            self.close()
+            if not used:
+                raise
+        try:
+            return self._ask(message)
+        except LegoWorldError:
+            if self._process is not None and self._process.poll() is not None:
+                self.close()
+            raise
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            for pipe in (self._process.stdin, self._process.stdout):
+                if pipe is not None:
+                    # A killed reader leaves unsent bytes behind.
+                    with contextlib.suppress(BrokenPipeError):
+                        pipe.close()
+            self._process = None
+        if self._stderr is not None:
+            self._stderr.close()
+            self._stderr = None
+        if self._home is not None:
+            shutil.rmtree(self._home, ignore_errors=True)
+            self._home = None
+
+    def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
+        self.start()
+        process = self._process
+        assert process is not None and process.stdin is not None
+        deadline = time.monotonic() + self._limits.time_s
+        try:
+            process.stdin.write(json.dumps(message) + "\n")
+            process.stdin.flush()
+        except BrokenPipeError as error:
+            raise self._crashed() from error
+        try:
+            line = self._answer_line(process, deadline)
+        except LegoWorldError:
+            self._process_failed()
+            raise
+        self._served += 1
+        answer: dict[str, Any] = json.loads(line)
+        if answer.pop("ok"):
+            return answer
+        if answer["reason"]["code"] == WorkerMemoryError.code:
+            raise self._out_of_memory()
+        raise from_reason(answer["reason"])
+
+    def _answer_line(self, process: subprocess.Popen[str], deadline: float) -> str:
+        assert process.stdout is not None
+        with selectors.DefaultSelector() as selector:
+            selector.register(process.stdout, selectors.EVENT_READ)
+            while not selector.select(_POLL_S):
+                if resident_bytes(process.pid) > self._limits.memory_bytes:
+                    raise self._out_of_memory()
+                if time.monotonic() > deadline:
+                    raise WorkerTimeoutError(
+                        "Blender did not finish with the scene",
+                        found=f"no answer after {self._limits.time_s:g} s",
+                        expected="an answer within the time limit",
+                        next_step="simplify the scene, or raise --time-limit",
+                    )
+        line = process.stdout.readline()
+        if not line.endswith("\n"):
+            raise self._crashed()
+        return line
+
+    def _process_failed(self) -> None:
+        """Stop a process that cannot be used any more; its log is kept for the message."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def _crashed(self) -> WorkerCrashedError:
+        assert self._process is not None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=5)
+        code = self._process.returncode
+        how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+        return WorkerCrashedError(
+            "Blender ended while it had the scene",
+            found=one_line(f"{how}; {self._last_words()}", 300),
+            expected="a snapshot of the scene",
+            next_step="open the file in Blender; a library Blender needs may be missing "
+            "(`legoworld doctor` checks)",
+        )
+
+    def _out_of_memory(self) -> WorkerMemoryError:
+        gib = self._limits.memory_bytes / 2**30
+        return WorkerMemoryError(
+            "Blender outgrew its memory limit with the scene",
+            found=f"more than {gib:g} GiB",
+            expected=f"at most {gib:g} GiB",
+            next_step="lower the scene's subdivision levels, or raise --memory-limit",
+        )
+
+    def _last_words(self) -> str:
+        """The last line on standard error that does not begin with a clock or name a place."""
+        if self._stderr is None:
+            return ""
+        size = self._stderr.seek(0, os.SEEK_END)
+        self._stderr.seek(max(0, size - 4000))
+        text = self._stderr.read().decode("utf-8", "replace")
+        lines = [x for x in text.splitlines() if x.strip() and not x[0].isdigit() and "/" not in x]
+        return lines[-1] if lines else "no message"
+
+    def _recycle(self) -> None:
+        if self._process is None:
+            return
+        grown = resident_bytes(self._process.pid) > _RECYCLE_SHARE * self._limits.memory_bytes
+        if self._served >= _RECYCLE_AFTER or grown or self._process.poll() is not None:
+            self.close()
+
+
+def resident_bytes(pid: int) -> int:
+    """A process's resident memory; 0 when it is gone."""
+    try:
+        if sys.platform == "linux":
+            pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+            return pages * os.sysconf("SC_PAGE_SIZE")
+        out = subprocess.run(
+            ["ps", "-o", "rss=", "-p", str(pid)], capture_output=True, text=True, check=False
+        )
+        return int(out.stdout or 0) * 1024
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def _environment(home: str) -> dict[str, str]:
+    """The worker's environment: no user preferences, no start-up files, this legoworld."""
+    environment = dict(os.environ)
+    package_root = str(Path(__file__).parents[2])
+    old = environment.get("PYTHONPATH")
+    environment["PYTHONPATH"] = os.pathsep.join([package_root, old] if old else [package_root])
+    environment["PYTHONHASHSEED"] = "0"
+    environment["BLENDER_USER_RESOURCES"] = home
+    environment["BLENDER_USER_CONFIG"] = home
+    return environment

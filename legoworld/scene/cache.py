@@ -1,0 +1,79 @@
+"""Snapshots on disk, found again by the content of everything they were made from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from legoworld.files import canonical_json, sha256_of_file, sha256_of_text, write_text
+from legoworld.scene.freeze import Hashes
+from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
+
+
+@dataclass(frozen=True)
+class SnapshotCache:
+    """A folder of snapshots.
+
+    What a .blend reads besides itself is only known once Blender has opened it, so each entry has
+    two parts: `<scene file's key>.json` lists those files, and the snapshot's own key also covers
+    their content.
+    """
+
+    folder: Path
+
+    def dependencies(self, scene_file_sha256: str) -> list[str] | None:
+        """The files a .blend with this content reads; None when it was never opened."""
+        path = self._entry(scene_file_key(scene_file_sha256), ".json")
+        try:
+            return [str(name) for name in json.loads(path.read_text(encoding="utf-8"))]
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def put_dependencies(self, scene_file_sha256: str, names: list[str]) -> None:
+        """Remember what a .blend reads."""
+        write_text(self._entry(scene_file_key(scene_file_sha256), ".json"), canonical_json(names))
+
+    def snapshot_path(self, scene_file_sha256: str, dependencies: Hashes) -> Path:
+        """Where the snapshot of that scene file and those dependencies is or belongs."""
+        content = {
+            name: None if found is None else found.sha256 for name, found in dependencies.items()
+        }
+        key = sha256_of_text(canonical_json([scene_file_key(scene_file_sha256), content]))
+        return self._entry(key, ".npz")
+
+    def _entry(self, key: str, suffix: str) -> Path:
+        return self.folder / key[:2] / (key[2:] + suffix)
+
+
+def default_cache_folder() -> Path:
+    """The user's cache folder for legoworld."""
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("legoworld")) / "snapshots"
+
+
+def scene_file_key(scene_file_sha256: str) -> str:
+    """The key of a scene file under this program: its content and everything that reads it."""
+    return sha256_of_text(
+        canonical_json([scene_file_sha256, SNAPSHOT_SCHEMA, reader_sha256(), bpy_version()])
+    )
+
+
+@cache
+def reader_sha256() -> str:
+    """Hash of the code that makes snapshots: a changed reader never finds an old answer."""
+    here = Path(__file__).parent
+    sources = [*sorted((here / "blender").glob("*.py")), here / "snapshot.py"]
+    return sha256_of_text(canonical_json([sha256_of_file(path) for path in sources]))
+
+
+@cache
+def bpy_version() -> str:
+    """The installed bpy's version, without importing it."""
+    try:
+        return version("bpy")
+    except PackageNotFoundError:
+        return "not installed"

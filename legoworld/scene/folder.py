@@ -1,0 +1,59 @@
+"""Scene folders: what an agent delivers for one photo, and where it is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from legoworld.errors import SceneMissingError
+
+Source = Literal["blend", "glb"]
+
+BLEND: Final = "scene.blend"
+GLB: Final = "scene.glb"
+PICTURE: Final = "final.png"
+PROGRAM: Final = "scene.py"
+LABELS: Final = "labels.json"
+FROZEN: Final = "frozen.json"
+PROVENANCE: Final = "provenance.json"
+
+#: The files a frozen scene consists of, besides what the .blend reads.
+ARTEFACTS: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneFolder:
+    """One scene folder. name: its path below SCENES, for messages and results."""
+
+    path: Path
+    name: str
+
+    def file(self, name: str) -> Path:
+        """The path of one of the folder's files, there or not."""
+        return self.path / name
+
+    def artefacts(self) -> tuple[str, ...]:
+        """The artefacts that are there, in a fixed order."""
+        return tuple(name for name in ARTEFACTS if self.file(name).is_file())
+
+
+def find_scene(scenes: Path, name: str) -> SceneFolder:
+    """The folder of one scene. Raises SceneMissingError when it holds nothing to read."""
+    folder = SceneFolder(path=scenes / name, name=name)
+    if not folder.path.is_dir():
+        raise SceneMissingError(
+            f"there is no scene folder {name!r}",
+            found="no such folder",
+            expected=f"{name}/{BLEND} below the folder of scenes",
+            next_step="run the scene program with `legoworld execute`, or leave it missing",
+        )
+    if not folder.file(BLEND).is_file() and not folder.file(GLB).is_file():
+        names = sorted(p.name for p in folder.path.iterdir())[:5]
+        raise SceneMissingError(
+            f"the scene folder {name!r} holds no scene",
+            found=", ".join(names) or "an empty folder",
+            expected=BLEND,
+            next_step="run the scene program with `legoworld execute`",
+        )
+    return folder

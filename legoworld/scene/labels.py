@@ -1,0 +1,141 @@
+"""Labels: the categories people gave to objects and collections, resolved per vocabulary.
+
+Labels are resolved after the snapshot, so an edited labels.json never reads a stale answer.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from legoworld.conventions import CATEGORY_KEY
+from legoworld.errors import LabelsInvalidError, one_line
+from legoworld.scene.snapshot import Snapshot
+from legoworld.vocabulary import Category, Vocabulary
+
+LABELS_FILE: Final = "labels.json"
+Kind = Literal["object", "collection"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutsideLabel:
+    """One entry of labels.json: categories for all objects or collections of a name."""
+
+    kind: Kind
+    name: str
+    categories: dict[str, str]  # by property: "category", "lvis_category", ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """What a vocabulary makes of one owner's label."""
+
+    text: str
+    category: Category | None  # None: the vocabulary does not have it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """Labels by index into the snapshot's objects and collections."""
+
+    objects: dict[int, Label]
+    collections: dict[int, Label]
+    warnings: tuple[str, ...]
+
+
+def read_labels_file(path: Path) -> tuple[OutsideLabel, ...]:
+    """The entries of a labels.json; none when there is no such file. Raises LabelsInvalidError."""
+    if not path.exists():
+        return ()
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise _invalid(f"it is not readable JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("version") != 1:
+        version = document.get("version") if isinstance(document, dict) else None
+        raise _invalid(f'"version" is {version!r}')
+    entries = document.get("labels")
+    if not isinstance(entries, list):
+        raise _invalid(f'"labels" is {type(entries).__name__}')
+    return tuple(_outside_label(entry, place) for place, entry in enumerate(entries))
+
+
+def resolve_labels(
+    snapshot: Snapshot,
+    outside: Sequence[OutsideLabel],
+    vocabulary: Vocabulary | None,
+    override_property: str | None,
+) -> Labels:
+    """Each owner's label under one vocabulary; labels.json wins, then the override property.
+
+    With vocabulary None every `category` counts, as it is written.
+    """
+    by_kind: dict[Kind, list[tuple[str, Mapping[str, str]]]] = {
+        "object": [(o.name, dict(o.properties)) for o in snapshot.objects],
+        "collection": [(c.name, dict(c.properties)) for c in snapshot.collections],
+    }
+    warnings = []
+    for label in outside:
+        owners = [i for i, (name, _) in enumerate(by_kind[label.kind]) if name == label.name]
+        if not owners:
+            warnings.append(f"{LABELS_FILE} names {label.kind} {label.name!r}: not in the scene")
+        for i in owners:
+            name, properties = by_kind[label.kind][i]
+            by_kind[label.kind][i] = (name, _outside_wins(properties, label.categories))
+    return Labels(
+        objects=_matched(by_kind["object"], vocabulary, override_property),
+        collections=_matched(by_kind["collection"], vocabulary, override_property),
+        warnings=tuple(warnings),
+    )
+
+
+def _outside_wins(inside: Mapping[str, str], outside: Mapping[str, str]) -> Mapping[str, str]:
+    """labels.json replaces what the owner says; a plain category replaces overrides, too."""
+    return dict(outside) if CATEGORY_KEY in outside else {**inside, **outside}
+
+
+def _matched(
+    owners: list[tuple[str, Mapping[str, str]]],
+    vocabulary: Vocabulary | None,
+    override_property: str | None,
+) -> dict[int, Label]:
+    found = {}
+    for i, (_, properties) in enumerate(owners):
+        text = properties.get(override_property) if override_property else None
+        if text is None:
+            text = properties.get(CATEGORY_KEY)
+        if text is None or not text.strip():
+            continue
+        if vocabulary is None:
+            category: Category | None = Category(id=-1, name=text)
+        else:
+            category = vocabulary.match(text)
+        found[i] = Label(text=text, category=category)
+    return found
+
+
+def _outside_label(entry: Any, place: int) -> OutsideLabel:
+    if not isinstance(entry, dict) or ("object" in entry) == ("collection" in entry):
+        raise _invalid(f"entry {place} is {one_line(json.dumps(entry), 80)}")
+    kind: Kind = "object" if "object" in entry else "collection"
+    categories = {
+        key: value
+        for key, value in entry.items()
+        if key == CATEGORY_KEY or key.endswith("_" + CATEGORY_KEY)
+    }
+    texts = [entry[kind], *categories.values()]
+    if not categories or not all(isinstance(t, str) and t.strip() for t in texts):
+        raise _invalid(f"entry {place} is {one_line(json.dumps(entry), 80)}")
+    return OutsideLabel(kind=kind, name=entry[kind], categories=categories)
+
+
+def _invalid(found: str) -> LabelsInvalidError:
+    return LabelsInvalidError(
+        f"{LABELS_FILE} cannot be used",
+        found=found,
+        expected='{"version": 1, "labels": [{"object" or "collection": name, "category": name}]}',
+        next_step=f"correct {LABELS_FILE}, or delete it to use the scene's own labels",
+    )

@@ -1,0 +1,1 @@
+"""Visibility: camera and kernel; a snapshot to instance and depth buffers."""

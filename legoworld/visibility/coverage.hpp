@@ -1,0 +1,146 @@
+// Why a placement, on its own, shows nothing. Included once per instruction set.
+
+enum Reach : uint8_t {
+  kNoArea = 0, kTooNear = 1, kTooFar = 2, kOutsideView = 3, kBetweenCentres = 4, kCovers = 5
+};
+
+struct Point {
+  double x, y, z;
+};
+
+// A convex polygon cut by one plane keeps at most one corner more.
+struct Polygon {
+  int count;
+  Point corners[16];
+
+  // Keeps where a*x + b*y + c*z + d >= 0.
+  void cut(double a, double b, double c, double d) {
+    Polygon out{0, {}};
+    for (int i = 0; i < count; ++i) {
+      const Point &p = corners[i], &q = corners[(i + 1) % count];
+      const double at_p = ((a * p.x + b * p.y) + c * p.z) + d;
+      const double at_q = ((a * q.x + b * q.y) + c * q.z) + d;
+      if (at_p >= 0) out.corners[out.count++] = p;
+      if ((at_p >= 0) != (at_q >= 0)) {
+        const double t = at_p / (at_p - at_q);
+        out.corners[out.count++] = {p.x + t * (q.x - p.x), p.y + t * (q.y - p.y), p.z + t * (q.z - p.z)};
+      }
+    }
+    *this = out;
+  }
+};
+
+// Whether the part of a triangle within near..far projects into the picture's rectangle.
+static bool in_view(const Frame& frame, const Lone& lone) {
+  const LwView& view = frame.view;
+  Polygon polygon{3, {}};
+  for (int k = 0; k < 3; ++k) polygon.corners[k] = {lone.t.x[k][0], lone.t.y[k][0], lone.t.z[k][0]};
+  polygon.cut(0, 0, 1, -view.z_near);
+  polygon.cut(0, 0, -1, view.z_far);
+  const double left = -view.cx / view.fx, right = (frame.width - view.cx) / view.fx;
+  const double top = -view.cy / view.fy, bottom = (frame.height - view.cy) / view.fy;
+  const double c = frame.orthographic ? 0 : 1, d = frame.orthographic ? 1 : 0;
+  polygon.cut(1, 0, -left * c, -left * d);
+  polygon.cut(-1, 0, right * c, right * d);
+  polygon.cut(0, 1, -top * c, -top * d);
+  polygon.cut(0, -1, bottom * c, bottom * d);
+  return polygon.count > 0;
+}
+
+static bool has_area(const Shape& shape, int64_t triangle, const Lone& lone) {
+  const int32_t* index = shape.triangles + 3 * triangle;
+  double mesh[2][3], camera[2][3];
+  for (int i = 0; i < 2; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      mesh[i][k] = static_cast<double>(shape.vertices[3 * static_cast<int64_t>(index[i + 1]) + k]) -
+                   shape.vertices[3 * static_cast<int64_t>(index[0]) + k];
+    }
+    camera[i][0] = lone.t.x[i + 1][0] - lone.t.x[0][0];
+    camera[i][1] = lone.t.y[i + 1][0] - lone.t.y[0][0];
+    camera[i][2] = lone.t.z[i + 1][0] - lone.t.z[0][0];
+  }
+  const auto spans = [](const double e[2][3]) {
+    return e[0][1] * e[1][2] != e[0][2] * e[1][1] || e[0][2] * e[1][0] != e[0][0] * e[1][2] ||
+           e[0][0] * e[1][1] != e[0][1] * e[1][0];
+  };
+  return spans(mesh) && spans(camera);
+}
+
+// Whether some pixel centre of the box has a sample, for edges whose inside has the given sign.
+static bool any_sample(const Frame& frame, const Lone& lone, const Extent& box, double sign) {
+  const double *rx = frame.ray_x.data(), *ry = frame.ray_y.data();
+  const Edges& e = lone.e;
+  double a[3], b[3], c[3], z[3];
+  for (int k = 0; k < 3; ++k) {
+    a[k] = sign * e.a[k][0];
+    b[k] = sign * e.b[k][0];
+    c[k] = sign * e.c[k][0];
+    z[k] = lone.t.z[k][0];
+  }
+  const double low = std::fmin(std::fmin(z[0], z[1]), z[2]);
+  const double high = std::fmax(std::fmax(z[0], z[1]), z[2]);
+  for (int32_t top = box.y0; top <= box.y1; top += kBlock) {
+    const int32_t y1 = top + kBlock - 1 < box.y1 ? top + kBlock - 1 : box.y1;
+    for (int32_t left = box.x0; left <= box.x1; left += kBlock) {
+      const int32_t x1 = left + kBlock - 1 < box.x1 ? left + kBlock - 1 : box.x1;
+      if (!may_hit(a, b, c, rx[left], rx[x1], ry[top], ry[y1])) continue;
+      for (int32_t y = top; y <= y1; ++y) {
+        for (int32_t x = left; x <= x1; ++x) {
+          double value[3];
+          for (int k = 0; k < 3; ++k) value[k] = a[k] * rx[x] + (b[k] * ry[y] + c[k]);
+          const double sum = (value[0] + value[1]) + value[2];
+          if (!(value[0] >= 0 && value[1] >= 0 && value[2] >= 0 && sum > e.tiny[0])) continue;
+          const double at =
+              sample_z(spread(value[0]), spread(value[1]), spread(value[2]), spread(sum),
+                       spread(z[0]), spread(z[1]), spread(z[2]), spread(low), spread(high))[0];
+          if (at >= frame.view.z_near && at <= frame.view.z_far) return true;
+        }
+      }
+    }
+  }
+  return false;
+}
+
+static uint8_t triangle_reach(const Frame& frame, const Shape& shape, const double* cam_from_mesh,
+                              int64_t triangle) {
+  const Lone lone = lone_triangle(frame, shape, cam_from_mesh, static_cast<uint32_t>(triangle));
+  if (!has_area(shape, triangle, lone)) return kNoArea;
+  double x[3], y[3], z[3];
+  bool near = true, far = true;
+  for (int k = 0; k < 3; ++k) {
+    x[k] = lone.t.x[k][0];
+    y[k] = lone.t.y[k][0];
+    z[k] = lone.t.z[k][0];
+    near &= z[k] < frame.view.z_near;
+    far &= z[k] > frame.view.z_far;
+  }
+  if (near) return kTooNear;
+  if (far) return kTooFar;
+  const Extent box = long_way(frame, x, y, z);
+  const double sign = lone.e.side[0] < 0 ? -1.0 : 1.0;
+  if (any_sample(frame, lone, box, sign)) return kCovers;
+  if (lone.e.unsure[0] != 0 && any_sample(frame, lone, box, -sign)) return kCovers;
+  return in_view(frame, lone) ? kBetweenCentres : kOutsideView;
+}
+
+static int32_t coverage(const LwSurfaces& surfaces, const LwView& view, int threads, uint8_t* reach) {
+  Frame frame(surfaces, view);
+  Team team(threads);
+  Queue queue;
+  queue.reset(surfaces.placements, 1);
+  prepare_survey(frame);
+  team.run([&](int index) {
+    survey(frame, team, index);
+    if (frame.status != kOk || team.failed()) return;
+    for (int64_t placement, end; queue.take(placement, end);) {
+      const Shape shape(surfaces, surfaces.placement_mesh[placement]);
+      uint8_t most = kNoArea;
+      for (int64_t i = 0; i < shape.triangle_count && most != kCovers; ++i) {
+        const uint8_t one = triangle_reach(frame, shape, surfaces.cam_from_mesh + 12 * placement, i);
+        most = one > most ? one : most;
+      }
+      reach[placement] = most;
+    }
+  });
+  return team.failed() ? static_cast<int32_t>(kNoMemory) : frame.status.load();
+}

@@ -1,0 +1,230 @@
+// The two passes of a render, put together. Included once per instruction set.
+
+constexpr int64_t kOwnScratch = 16384;        // meshes up to this many vertices: one worker, one go
+constexpr int64_t kShared = int64_t{1} << 22; // vertices bounded together between two barriers
+constexpr int64_t kPart = 16384;              // vertices or triangles in one piece of shared work
+
+struct Large {  // a placement whose mesh is worked on by everyone
+  int64_t placement;
+  int64_t first_vertex;  // in the shared scratch
+};
+
+struct Piece {
+  int64_t large, begin, end;
+};
+
+struct Render {
+  Frame& frame;
+  Team& team;
+  std::vector<Worker>& workers;
+  std::vector<std::vector<Large>> batches;
+  std::vector<std::vector<Piece>> vertex_pieces, triangle_pieces;
+  Buffer<uint64_t> bounds;
+  Buffer<float> depths;
+  Queue small, vertex_queue, triangle_queue, tile_queue;
+};
+
+static Placed placed(const Frame& frame, Worker& worker, const Shape& shape, int64_t placement,
+                     const uint64_t* bounds, const float* depths) {
+  const LwSurfaces& all = frame.surfaces;
+  const int32_t* cutout =
+      all.triangle_cutout == nullptr ? nullptr : all.triangle_cutout + shape.first_triangle;
+  return Placed{frame,  worker, shape, all.cam_from_mesh + 12 * placement, bounds, depths, cutout,
+                static_cast<uint32_t>(placement), all.placement_id[placement]};
+}
+
+// Large placements, in batches whose vertices fit the shared scratch.
+static void plan(Render& r) {
+  const LwSurfaces& all = r.frame.surfaces;
+  int64_t used = 0, most = 0;
+  for (int64_t placement = 0; placement < all.placements; ++placement) {
+    const int64_t mesh = all.placement_mesh[placement];
+    const Shape shape(all, mesh);
+    if (shape.vertex_count <= kOwnScratch || out_of_sight(r.frame, placement)) continue;
+    if (r.batches.empty() || used + shape.vertex_count > kShared) {
+      r.batches.emplace_back();
+      r.vertex_pieces.emplace_back();
+      r.triangle_pieces.emplace_back();
+      used = 0;
+    }
+    const auto large = static_cast<int64_t>(r.batches.back().size());
+    r.batches.back().push_back(Large{placement, used});
+    for (int64_t i = 0; i < shape.vertex_count; i += kPart) {
+      const int64_t end = i + kPart < shape.vertex_count ? i + kPart : shape.vertex_count;
+      r.vertex_pieces.back().push_back(Piece{large, i, end});
+    }
+    for (int64_t i = 0; i < shape.triangle_count; i += kPart) {
+      const int64_t end = i + kPart < shape.triangle_count ? i + kPart : shape.triangle_count;
+      r.triangle_pieces.back().push_back(Piece{large, i, end});
+    }
+    used += shape.vertex_count + kPadding;
+    most = used > most ? used : most;
+  }
+  if (most > 0) {
+    r.bounds.at_least(static_cast<size_t>(most));
+    r.depths.at_least(static_cast<size_t>(most));
+  }
+}
+
+static void cull_small(Render& r, Worker& worker) {
+  const LwSurfaces& all = r.frame.surfaces;
+  uint64_t* bounds = worker.bounds.at_least(kOwnScratch + kPadding);
+  float* depths = worker.depths.at_least(kOwnScratch + kPadding);
+  for (int64_t begin, end; r.small.take(begin, end);) {
+    for (int64_t placement = begin; placement < end; ++placement) {
+      const Shape shape(all, all.placement_mesh[placement]);
+      if (shape.vertex_count > kOwnScratch || out_of_sight(r.frame, placement)) continue;
+      bound_vertices(r.frame, all.cam_from_mesh + 12 * placement, shape.vertices,
+                     shape.vertex_count, bounds, depths);
+      cull_triangles(placed(r.frame, worker, shape, placement, bounds, depths), 0,
+                     shape.triangle_count);
+    }
+  }
+}
+
+static void bound_large(Render& r, size_t batch) {
+  const LwSurfaces& all = r.frame.surfaces;
+  for (int64_t begin, end; r.vertex_queue.take(begin, end);) {
+    const Piece& piece = r.vertex_pieces[batch][static_cast<size_t>(begin)];
+    const Large& large = r.batches[batch][static_cast<size_t>(piece.large)];
+    const Shape shape(all, all.placement_mesh[large.placement]);
+    // Lanes past the end of a piece are written by the next piece too, with other values: keep to
+    // a scratch of our own for the last group.
+    const int64_t whole = piece.begin + (piece.end - piece.begin) / kLanes * kLanes;
+    uint64_t* bounds = r.bounds.data() + large.first_vertex;
+    float* depths = r.depths.data() + large.first_vertex;
+    const double* matrix = all.cam_from_mesh + 12 * large.placement;
+    bound_vertices(r.frame, matrix, shape.vertices + 3 * piece.begin, whole - piece.begin,
+                   bounds + piece.begin, depths + piece.begin);
+    if (whole == piece.end) continue;
+    uint64_t last_bounds[kPadding];
+    float last_depths[kPadding];
+    bound_vertices(r.frame, matrix, shape.vertices + 3 * whole, piece.end - whole, last_bounds,
+                   last_depths);
+    for (int64_t i = whole; i < piece.end; ++i) {
+      bounds[i] = last_bounds[i - whole];
+      depths[i] = last_depths[i - whole];
+    }
+  }
+}
+
+static void cull_large(Render& r, Worker& worker, size_t batch) {
+  const LwSurfaces& all = r.frame.surfaces;
+  for (int64_t begin, end; r.triangle_queue.take(begin, end);) {
+    const Piece& piece = r.triangle_pieces[batch][static_cast<size_t>(begin)];
+    const Large& large = r.batches[batch][static_cast<size_t>(piece.large)];
+    const Shape shape(all, all.placement_mesh[large.placement]);
+    cull_triangles(placed(r.frame, worker, shape, large.placement,
+                          r.bounds.data() + large.first_vertex,
+                          r.depths.data() + large.first_vertex),
+                   piece.begin, piece.end);
+  }
+}
+
+// The candidates of a tile, roughly nearest first: by 64 equal steps of their nearest depth.
+static int64_t near_first(Render& r, Worker& worker, int64_t tile) {
+  int64_t count = 0;
+  for (const Worker& other : r.workers) {
+    other.bins.data()[tile].candidates.each_block([&](const Candidate*, uint32_t n) { count += n; });
+  }
+  if (count == 0) return 0;
+  Candidate* all = worker.gathered.at_least(static_cast<size_t>(count));
+  Candidate* out = worker.near_first.at_least(static_cast<size_t>(count));
+  float low = INFINITY, high = -INFINITY;
+  int64_t at = 0;
+  for (const Worker& other : r.workers) {
+    other.bins.data()[tile].candidates.each_block([&](const Candidate* from, uint32_t n) {
+      for (uint32_t i = 0; i < n; ++i) {
+        low = from[i].nearest < low ? from[i].nearest : low;
+        high = from[i].nearest > high ? from[i].nearest : high;
+        all[at++] = from[i];
+      }
+    });
+  }
+  constexpr int kSteps = 64;
+  const float step = high > low ? (kSteps - 1) / (high - low) : 0.0f;
+  int64_t start[kSteps + 1] = {};
+  for (int64_t i = 0; i < count; ++i) ++start[static_cast<int>((all[i].nearest - low) * step) + 1];
+  for (int i = 0; i < kSteps; ++i) start[i + 1] += start[i];
+  for (int64_t i = 0; i < count; ++i) {
+    out[start[static_cast<int>((all[i].nearest - low) * step)]++] = all[i];
+  }
+  return count;
+}
+
+static void draw_tile(Render& r, Worker& worker, Tile& tile, int64_t index) {
+  tile.left = static_cast<int32_t>(index % r.frame.tiles_x) * kTile;
+  tile.top = static_cast<int32_t>(index / r.frame.tiles_x) * kTile;
+  tile.clear();
+  for (const Worker& other : r.workers) {
+    other.bins.data()[index].samples.each_block([&](const Sample* from, uint32_t count) {
+      for (uint32_t i = 0; i < count; ++i) {
+        const uint32_t at = from[i].pixel / kTile * kStride + from[i].pixel % kTile;
+        const float old = tile.depth[at];
+        const bool wins = from[i].depth < old || (from[i].depth == old && from[i].id < tile.id[at]);
+        tile.depth[at] = wins ? from[i].depth : old;
+        tile.id[at] = wins ? from[i].id : tile.id[at];
+      }
+    });
+  }
+  const int64_t count = near_first(r, worker, index);
+  const Candidate* candidates = worker.near_first.data();
+  const Drawing drawing{r.frame, tile};
+  Candidate few[kLanes];
+  int waiting = 0;
+  for (int64_t i = 0; i < count; ++i) {
+    if (hidden(tile, candidates[i])) continue;
+    few[waiting++] = candidates[i];
+    if (waiting == kLanes) {
+      draw_lanes(drawing, few, waiting);
+      waiting = 0;
+    }
+  }
+  if (waiting > 0) draw_lanes(drawing, few, waiting);
+}
+
+static void work(Render& r, int index, int32_t* instance, float* depth) {
+  Worker& worker = r.workers[static_cast<size_t>(index)];
+  survey(r.frame, r.team, index);
+  r.team.phase([&] {
+    const auto tiles = static_cast<size_t>(r.frame.tiles());
+    std::memset(worker.bins.at_least(tiles), 0, tiles * sizeof(TileBins));
+    if (index == 0 && r.frame.status == kOk) plan(r);
+  });
+  if (r.frame.status != kOk || r.team.failed()) return;
+  r.team.phase([&] { cull_small(r, worker); });
+  for (size_t batch = 0; batch < r.batches.size(); ++batch) {
+    r.team.phase([&] {
+      if (index != 0) return;
+      r.vertex_queue.reset(static_cast<int64_t>(r.vertex_pieces[batch].size()), 1);
+      r.triangle_queue.reset(static_cast<int64_t>(r.triangle_pieces[batch].size()), 1);
+    });
+    r.team.phase([&] { bound_large(r, batch); });
+    r.team.phase([&] { cull_large(r, worker, batch); });
+  }
+  r.team.phase([&] {
+    Buffer<Tile> tile;
+    tile.at_least(1);
+    for (int64_t begin, end; r.tile_queue.take(begin, end);) {
+      for (int64_t i = begin; i < end; ++i) {
+        draw_tile(r, worker, *tile.data(), i);
+        write_tile(r.frame, *tile.data(), instance, depth);
+      }
+    }
+  });
+}
+
+static int32_t render(const LwSurfaces& surfaces, const LwView& view, int threads, int32_t* instance,
+                      float* depth) {
+  Frame frame(surfaces, view);
+  Team team(threads);
+  std::vector<Worker> workers(static_cast<size_t>(team.size()));
+  Render r{frame, team, workers, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+  r.small.reset(surfaces.placements, surfaces.placements / (8 * team.size()) < 16
+                                         ? surfaces.placements / (8 * team.size()) + 1
+                                         : 16);
+  r.tile_queue.reset(frame.tiles(), 1);
+  prepare_survey(frame);
+  team.run([&](int index) { work(r, index, instance, depth); });
+  return team.failed() ? static_cast<int32_t>(kNoMemory) : frame.status.load();
+}

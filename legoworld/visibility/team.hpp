@@ -1,0 +1,147 @@
+// A team of threads that walk through the same phases, and memory that only grows.
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+#include <new>
+#include <thread>
+#include <vector>
+
+namespace lw {
+
+// Runs body(worker) on every worker and lets them meet at barriers.
+class Team {
+ public:
+  explicit Team(int size) : size_(size < 1 ? 1 : size) {}
+
+  int size() const { return size_; }
+  bool failed() const { return failed_.load(std::memory_order_relaxed); }
+
+  template <class Body>
+  void run(Body&& body) {
+    std::vector<std::thread> others;
+    others.reserve(static_cast<size_t>(size_));
+    for (int worker = 1; worker < size_; ++worker) {
+      others.emplace_back([&body, worker] { body(worker); });
+    }
+    body(0);
+    for (std::thread& other : others) other.join();
+  }
+
+  // One phase: a worker that runs out of memory must still reach the barrier.
+  template <class Work>
+  void phase(Work&& work) {
+    if (!failed()) {
+      try {
+        work();
+      } catch (const std::bad_alloc&) {
+        failed_.store(true);
+      }
+    }
+    meet();
+  }
+
+ private:
+  void meet() {
+    if (size_ == 1) return;
+    std::unique_lock<std::mutex> lock(mutex_);
+    const int64_t generation = generation_;
+    if (++waiting_ == size_) {
+      waiting_ = 0;
+      ++generation_;
+      all_here_.notify_all();
+      return;
+    }
+    all_here_.wait(lock, [&] { return generation != generation_; });
+  }
+
+  const int size_;
+  std::mutex mutex_;
+  std::condition_variable all_here_;
+  int waiting_ = 0;
+  int64_t generation_ = 0;
+  std::atomic<bool> failed_{false};
+};
+
+// Hands out [begin, end) in steps to whoever asks next.
+class Queue {
+ public:
+  void reset(int64_t end, int64_t step) {
+    next_.store(0, std::memory_order_relaxed);
+    end_ = end;
+    step_ = step < 1 ? 1 : step;
+  }
+  bool take(int64_t& begin, int64_t& end) {
+    begin = next_.fetch_add(step_, std::memory_order_relaxed);
+    if (begin >= end_) return false;
+    end = begin + step_ < end_ ? begin + step_ : end_;
+    return true;
+  }
+
+ private:
+  std::atomic<int64_t> next_{0};
+  int64_t end_ = 0, step_ = 1;
+};
+
+// Memory that is given back all at once. Throws std::bad_alloc.
+class Arena {
+ public:
+  Arena() = default;
+  Arena(const Arena&) = delete;
+  Arena& operator=(const Arena&) = delete;
+  ~Arena() {
+    for (char* chunk : chunks_) std::free(chunk);
+  }
+  void* take(size_t bytes) {
+    bytes = (bytes + 15) & ~size_t{15};
+    if (bytes > left_) grow(bytes);
+    char* at = cursor_;
+    cursor_ += bytes;
+    left_ -= bytes;
+    return at;
+  }
+
+ private:
+  void grow(size_t bytes) {
+    constexpr size_t kChunk = size_t{1} << 18;
+    const size_t size = bytes > kChunk ? bytes : kChunk;
+    chunks_.reserve(chunks_.size() + 1);
+    char* chunk = static_cast<char*>(std::malloc(size));
+    if (chunk == nullptr) throw std::bad_alloc();
+    chunks_.push_back(chunk);
+    cursor_ = chunk;
+    left_ = size;
+  }
+  std::vector<char*> chunks_;
+  char* cursor_ = nullptr;
+  size_t left_ = 0;
+};
+
+// A buffer without initial values. Throws std::bad_alloc.
+template <class T>
+class Buffer {
+ public:
+  Buffer() = default;
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
+  ~Buffer() { std::free(data_); }
+  T* at_least(size_t count) {
+    if (count > count_) {
+      std::free(data_);
+      data_ = static_cast<T*>(std::malloc(count * sizeof(T) + 64));
+      count_ = data_ == nullptr ? 0 : count;
+      if (data_ == nullptr) throw std::bad_alloc();
+    }
+    return data_;
+  }
+  T* data() const { return data_; }
+
+ private:
+  T* data_ = nullptr;
+  size_t count_ = 0;
+};
+
+}  // namespace lw

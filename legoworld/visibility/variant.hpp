@@ -1,0 +1,10 @@
+// Everything that is compiled once per instruction set, in order. Included by kernel.cpp only.
+#include "lanes.hpp"
+#include "edges.hpp"
+#include "cull.hpp"
+#include "bin.hpp"
+#include "tile.hpp"
+#include "survey.hpp"
+#include "coverage.hpp"
+#include "render.hpp"
+#undef LW_EACH

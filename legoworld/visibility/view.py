@@ -1,0 +1,135 @@
+"""What the camera of a snapshot sees: instance and depth buffers of one picture size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.conventions import ALPHA_THRESHOLD, NO_INSTANCE
+from legoworld.scene.instances import Grouping
+from legoworld.scene.snapshot import Snapshot
+from legoworld.visibility.camera import cam_from_mesh, projection
+from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
+from legoworld.visibility.projection import Projection
+
+#: Why an instance has no pixel, by the kernel's coverage code of its best placement.
+UNSEEN_REASONS: Final = {
+    0: "no_area",
+    1: "behind_camera",
+    2: "beyond_clip_end",
+    3: "outside_view",
+    4: "sub_pixel",
+    5: "hidden",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Buffers of one scene at one size, and the projection they were made with.
+
+    area_px: (N,) int64, visible pixels of each instance of the grouping.
+    bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
+    """
+
+    size_wh: tuple[int, int]
+    projection: Projection
+    buffers: Buffers
+    area_px: NDArray[np.int64]
+    bbox_xyxy_px: NDArray[np.int64]
+
+
+def view(
+    snapshot: Snapshot, grouping: Grouping, size_wh: tuple[int, int], *, threads: int | None = None
+) -> View:
+    """Render a snapshot's instances as its camera sees them."""
+    camera = projection(snapshot.camera, snapshot.render, size_wh)
+    buffers = render(
+        _surfaces(snapshot, grouping.surface_instance),
+        camera,
+        size_wh,
+        depth_scale=snapshot.render.unit_scale,
+        threads=threads,
+    )
+    area, extents = instance_extents(buffers.instance, len(grouping.instances))
+    return View(
+        size_wh=size_wh, projection=camera, buffers=buffers, area_px=area, bbox_xyxy_px=extents
+    )
+
+
+def unseen_reasons(
+    snapshot: Snapshot, grouping: Grouping, seen: View, *, threads: int | None = None
+) -> dict[int, str]:
+    """Why each instance without a pixel has none: a word of `UNSEEN_REASONS` by instance id."""
+    unseen = np.flatnonzero(seen.area_px == 0)
+    if not len(unseen):
+        return {}
+    codes = coverage(
+        _surfaces(snapshot, grouping.surface_instance),
+        seen.projection,
+        seen.size_wh,
+        threads=threads,
+    )
+    best = np.zeros(len(grouping.instances), np.uint8)
+    np.maximum.at(best, grouping.surface_instance, codes)
+    held_out = np.ones(len(grouping.instances), bool)
+    held_out[grouping.surface_instance[snapshot.surface_holdout == 0]] = False
+    return {
+        int(i): "holdout" if held_out[i] else UNSEEN_REASONS[int(best[i])] for i in unseen
+    }
+
+
+def instance_extents(
+    instance: NDArray[np.int32], n_instances: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Visible area (N,) and half-open extents x0, y0, x1, y1 (N, 4) of an (H, W) id picture.
+
+    Works on horizontal runs of equal ids, of which a picture has far fewer than pixels.
+    """
+    height, width = instance.shape
+    flat = instance.ravel()
+    starts = np.ones(len(flat), bool)
+    starts[1:] = flat[1:] != flat[:-1]
+    starts[::width] = True
+    first = np.flatnonzero(starts)
+    length = np.diff(np.append(first, len(flat)))
+    ids = flat[first]
+    kept = ids != NO_INSTANCE
+    first, length, ids = first[kept], length[kept], ids[kept]
+    area = np.bincount(ids, weights=length, minlength=n_instances).astype(np.int64)
+    row, column = np.divmod(first, width)
+    extents = np.zeros((n_instances, 4), np.int64)
+    extents[:, :2] = np.iinfo(np.int64).max
+    np.minimum.at(extents[:, 0], ids, column)
+    np.minimum.at(extents[:, 1], ids, row)
+    np.maximum.at(extents[:, 2], ids, column + length)
+    np.maximum.at(extents[:, 3], ids, row + 1)
+    extents[area == 0] = 0
+    return area, extents
+
+
+def _surfaces(snapshot: Snapshot, surface_instance: NDArray[np.int32]) -> Surfaces:
+    cutouts = None
+    if snapshot.cutouts:
+        cutouts = Cutouts(
+            triangle_cutout=snapshot.triangle_cutout,
+            corner_uv=snapshot.corner_uv,
+            alphas=snapshot.cutout_alphas,
+            wrap=tuple(c.wrap for c in snapshot.cutouts),
+            interpolation=tuple(c.interpolation for c in snapshot.cutouts),
+            threshold=ALPHA_THRESHOLD,
+        )
+    return Surfaces(
+        vertices=snapshot.vertices,
+        triangles=snapshot.triangles,
+        vertex_start=snapshot.vertex_start,
+        triangle_start=snapshot.triangle_start,
+        placement_mesh=snapshot.surface_mesh,
+        cam_from_mesh=cam_from_mesh(snapshot.camera, snapshot.world_from_mesh),
+        placement_id=np.where(snapshot.surface_holdout == 1, HOLDOUT, surface_instance).astype(
+            np.int32
+        ),
+        cutouts=cutouts,
+    )
