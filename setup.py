@@ -96,7 +96,17 @@ class PlatformWheel(bdist_wheel):
         return "py3", "none", super().get_tag()[2]
 
 
+def extra_build_requirements() -> list[str]:
+    """The ziglang wheel (a whole C++ compiler), asked for only where there is no other."""
+    try:
+        compilation().compiler()
+    except compilation().CompilationError:
+        return ["ziglang"]
+    return []
+
+
 setup(
+    setup_requires=extra_build_requirements(),
     cmdclass={"build": Build, "build_kernel": BuildKernel, "bdist_wheel": PlatformWheel},
     distclass=BinaryDistribution,
 )

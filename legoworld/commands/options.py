@@ -65,7 +65,7 @@ def caching(command: F) -> F:
         help="Folder of snapshots [default: the user's cache folder].",
     )(command)
     return click.option(
-        "--no-cache", is_flag=True, help="Neither read nor keep snapshots."
+        "--no-cache", is_flag=True, help="Neither read nor keep snapshots; wins over --cache."
     )(command)
 
 
@@ -79,19 +79,10 @@ def output_options(command: F) -> F:
 
 
 def chosen_cache(cache: Path | None, no_cache: bool) -> Any:
-    """The SnapshotCache that --cache and --no-cache ask for; None for none."""
-    from legoworld.errors import UsageError
+    """The SnapshotCache that --cache and --no-cache ask for; None for --no-cache, which wins."""
     from legoworld.scene.cache import SnapshotCache, default_cache_folder
 
-    if no_cache:
-        if cache is not None:
-            raise UsageError(
-                "--cache and --no-cache exclude each other",
-                found="both",
-                expected="one of them",
-            )
-        return None
-    return SnapshotCache(cache or default_cache_folder())
+    return None if no_cache else SnapshotCache(cache or default_cache_folder())
 
 
 def print_json(document: dict[str, Any]) -> None:

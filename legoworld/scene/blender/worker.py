@@ -68,9 +68,23 @@ def _execute(request: dict[str, Any]) -> dict[str, Any]:
     return execute_program(Path(request["program"]), Path(request["output"]))
 
 
+def _picture(request: dict[str, Any]) -> dict[str, Any]:
+    from legoworld.scene.blender.programs import render_picture
+
+    return render_picture(Path(request["output"]))
+
+
+def _version(_request: dict[str, Any]) -> dict[str, Any]:
+    import bpy
+
+    return {"blender": bpy.app.version_string}
+
+
 _REQUESTS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    "version": _version,
     "snapshot": _snapshot,
     "execute": _execute,
+    "picture": _picture,
 }
 
 if __name__ == "__main__":

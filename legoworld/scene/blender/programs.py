@@ -1,0 +1,178 @@
+"""Running a scene program and exporting what it built. Runs in the worker process only."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import Any, Final
+
+import bpy
+
+from legoworld.errors import LegoWorldError, one_line
+from legoworld.scene.folder import BLEND, GLB, PICTURE
+
+_PICTURE_SAMPLES: Final = 16
+_PICTURE_MAX_SIDE: Final = 1024
+
+
+class ProgramBuiltNothingError(LegoWorldError):
+    """The program ended and Blender's start-up scene is as it was."""
+
+    code = "built_nothing"
+
+
+class _BlenderQuitError(BaseException):
+    """Stands for the program's own call to quit Blender."""
+
+
+def execute_program(program: Path, output: Path) -> dict[str, Any]:
+    """Run a program in the current folder and export scene.blend and scene.glb into `output`.
+
+    A program that raises is exported with what it had built, and its error is part of the answer.
+    Raises ProgramBuiltNothingError when there is nothing to export.
+    """
+    before = _fingerprint()
+    skipped: list[str] = []
+    error = _run(program, skipped)
+    if _fingerprint() == before:
+        raise ProgramBuiltNothingError(
+            "the program built nothing",
+            found=_describe(error) if error else "Blender's start-up scene, unchanged",
+            expected="a program that adds objects to the scene",
+            next_step="correct the program and execute it again",
+        )
+    warnings = [*_pack(), *_export(output)]
+    return {"error": error, "skipped": sorted(set(skipped)), "warnings": warnings}
+
+
+def render_picture(output: Path) -> dict[str, Any]:
+    """Render final.png of the scene that `execute_program` left, with Cycles on the CPU."""
+    scene = bpy.context.scene
+    render = scene.render
+    width = render.resolution_x * render.resolution_percentage / 100
+    height = render.resolution_y * render.resolution_percentage / 100
+    shrink = min(1.0, _PICTURE_MAX_SIDE / max(width, height))
+    render.resolution_x, render.resolution_y = (
+        max(1, round(width * shrink)), max(1, round(height * shrink))
+    )  # fmt: skip
+    render.resolution_percentage = 100
+    render.engine = "CYCLES"
+    render.use_border = render.use_sequencer = render.use_compositing = False
+    render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format = "PNG"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = _PICTURE_SAMPLES
+    scene.cycles.seed = 0
+    # The denoiser is left off: it is not the same on every machine.
+    scene.cycles.use_denoising = False
+    render.filepath = str(output / PICTURE)
+    bpy.ops.render.render(write_still=True)
+    return {}
+
+
+def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
+    """Run the program's text; the error that stopped it, None when it came to its end."""
+    original = bpy.ops.render.render, bpy.ops.wm.quit_blender
+
+    def no_render(*_args: Any, **_kwargs: Any) -> set[str]:
+        skipped.append("render")
+        return {"FINISHED"}
+
+    def no_quit(*_args: Any, **_kwargs: Any) -> set[str]:
+        raise _BlenderQuitError
+
+    bpy.ops.render.render, bpy.ops.wm.quit_blender = no_render, no_quit
+    arguments, sys.argv = sys.argv, ["blender", "--background", "--python", str(program)]
+    sys.path.insert(0, str(program.parent))
+    try:
+        source = program.read_bytes()
+        code = compile(source, str(program), "exec")
+        exec(code, {"__name__": "__main__", "__file__": str(program)})
+    except (_BlenderQuitError, KeyboardInterrupt):
+        return None
+    except SystemExit as done:
+        if done.code in (None, 0):
+            return None
+        return _error(done, program)
+    except BaseException as error:  # noqa: BLE001  any error of a foreign program is its verdict
+        return _error(error, program)
+    finally:
+        bpy.ops.render.render, bpy.ops.wm.quit_blender = original
+        sys.argv = arguments
+        sys.path.remove(str(program.parent))
+    return None
+
+
+def _error(error: BaseException, program: Path) -> dict[str, Any]:
+    """What stopped a program, and the line of the program it was at."""
+    line = None
+    if isinstance(error, SyntaxError) and error.filename == str(program):
+        line = error.lineno
+    for frame in traceback.extract_tb(error.__traceback__):
+        if frame.filename == str(program):
+            line = frame.lineno
+    code = f" {error.code}" if isinstance(error, SystemExit) else ""
+    message = str(error).replace(str(program), program.name)
+    return {
+        "type": type(error).__name__ + code,
+        "message": one_line(message.removeprefix("Error: "), 300),
+        "line": line,
+    }
+
+
+def _describe(error: dict[str, Any]) -> str:
+    where = f"line {error['line']}: " if error["line"] else ""
+    return f"{where}{error['type']}: {error['message']}"
+
+
+def _export(output: Path) -> list[str]:
+    """Save the scene; what glTF cannot hold is a warning, not a failure."""
+    warnings = []
+    bpy.ops.wm.save_as_mainfile(
+        filepath=str(output / BLEND), compress=True, relative_remap=False, check_existing=False
+    )
+    try:
+        bpy.ops.export_scene.gltf(
+            filepath=str(output / GLB),
+            export_format="GLB",
+            export_extras=True,
+            export_cameras=True,
+            export_apply=True,
+            use_renderable=True,
+        )
+    except (RuntimeError, ValueError, TypeError, AttributeError, KeyError) as error:
+        warnings.append(f"{GLB} was not exported: {one_line(str(error), 200)}")
+        (output / GLB).unlink(missing_ok=True)
+    return warnings
+
+
+def _pack() -> list[str]:
+    """Put images the program loaded or painted into the file: its folder does not stay."""
+    warnings = []
+    for image in bpy.data.images:
+        if image.packed_file is None and image.source in ("FILE", "GENERATED") and image.users:
+            if image.source == "FILE" and not os.path.exists(bpy.path.abspath(image.filepath)):
+                warnings.append(f"image {image.name!r} has no file and is not packed")
+                continue
+            try:
+                image.pack()
+            except RuntimeError as error:
+                warnings.append(f"image {image.name!r} is not packed: {one_line(str(error), 100)}")
+    return warnings
+
+
+def _fingerprint() -> list[tuple[Any, ...]]:
+    """What the open file holds, finely enough to tell whether a program changed the scene."""
+    return sorted(
+        (
+            o.session_uid,
+            o.name,
+            o.type,
+            tuple(x for row in o.matrix_basis for x in row),
+            len(o.modifiers),
+            len(o.data.vertices) if o.type == "MESH" else -1,
+        )
+        for o in bpy.data.objects
+    )

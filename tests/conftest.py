@@ -1,0 +1,93 @@
+"""What several test folders share: scenes built by Blender in a process of their own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+#: Real scenes and photos that are not part of the repo; tests of marker `real_data` need them.
+REAL_DATA = Path(
+    os.environ.get("LEGOWORLD_REAL_DATA", Path(__file__).parents[2] / "shared" / "data")
+)
+
+BuildScenes = Callable[[str, Path], None]
+
+_PRELUDE = """
+import sys, bpy
+from pathlib import Path
+OUT = Path(sys.argv[-1])
+
+def fresh():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 64, 48
+    return scene
+
+def camera(z=10.0, lens=36.0, **settings):
+    data = bpy.data.cameras.new("Camera")
+    data.lens = lens
+    for key, value in settings.items():
+        setattr(data, key, value)
+    made = bpy.data.objects.new("Camera", data)
+    made.location.z = z
+    bpy.context.scene.collection.objects.link(made)
+    bpy.context.scene.camera = made
+    return made
+
+def mesh(name, vertices, faces, **properties):
+    data = bpy.data.meshes.new(name)
+    data.from_pydata(vertices, [], faces)
+    made = bpy.data.objects.new(name, data)
+    for key, value in properties.items():
+        made[key] = value
+    bpy.context.scene.collection.objects.link(made)
+    return made
+
+def quad(name, x=0.0, y=0.0, z=0.0, half=1.0, **properties):
+    corners = [(x-half, y-half, z), (x+half, y-half, z), (x+half, y+half, z), (x-half, y+half, z)]
+    return mesh(name, corners, [(0, 1, 2, 3)], **properties)
+
+def save(name):
+    folder = OUT / name
+    folder.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), check_existing=False)
+"""
+
+
+@pytest.fixture(scope="session")
+def build_scenes() -> BuildScenes:
+    """Run a bpy program in its own process; it gets OUT, fresh(), camera(), quad(), save()."""
+
+    def build(program: str, folder: Path) -> None:
+        source = _PRELUDE + textwrap.dedent(program)
+        done = subprocess.run(
+            [sys.executable, "-c", source, str(folder)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr[-3000:]
+
+    return build
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No test reads or fills the user's snapshot cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LEGOWORLD_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+        yield
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real scenes and photos; skips where it is absent."""
+    if not REAL_DATA.is_dir():
+        pytest.skip("real scenes and photos are not here; set LEGOWORLD_REAL_DATA to their folder")
+    return REAL_DATA

@@ -1,0 +1,257 @@
+"""A readout run as its user meets it: odd scenes, resume, the same bytes every time."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from legoworld import cli
+
+pytestmark = pytest.mark.blender
+
+SCENES = """
+for i in range(6):
+    fresh(); camera()
+    quad("Dog", x=i - 3, category="dog")
+    quad("Wall", z=-2, half=9)
+    save(f"good{i}")
+fresh(); camera(); quad("Thing", category="unicorn"); quad("Lap", x=2, category="lap_top"); save("odd_label")
+fresh(); quad("Dog", category="dog"); save("no_camera")
+fresh(); camera(); save("no_mesh")
+"""
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+    folder = tmp_path_factory.mktemp("scenes")
+    build_scenes(SCENES, folder)
+    (folder / "text").mkdir()
+    (folder / "text" / "scene.blend").write_text("this is not a blend file")
+    (folder / "truncated").mkdir()
+    whole = (folder / "good0" / "scene.blend").read_bytes()
+    (folder / "truncated" / "scene.blend").write_bytes(whole[: len(whole) // 2])
+    (folder / "bad_labels").mkdir()
+    (folder / "bad_labels" / "scene.blend").write_bytes(whole)
+    (folder / "bad_labels" / "labels.json").write_text('{"version": 1, "labels": [{')
+    return folder
+
+
+@pytest.fixture(scope="module")
+def track(scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    names = [f"good{i}" for i in range(6)]
+    names += ["odd_label", "no_camera", "no_mesh", "text", "truncated", "bad_labels", "absent"]
+    images = [
+        {"id": 10 + i, "file_name": f"{name}.jpg", "width": 64, "height": 48}
+        for i, name in enumerate(names)
+    ]
+    return write_track(tmp_path_factory.mktemp("tracks") / "track.json", images)
+
+
+def write_track(path: Path, images: list[dict]) -> Path:
+    path.write_text(json.dumps({"info": {}, "images": images, "categories": []}))
+    return path
+
+
+def results(run: Path) -> dict[str, bytes]:
+    """Everything a run wrote that must be the same bytes every time."""
+    return {
+        str(p.relative_to(run)): p.read_bytes()
+        for p in sorted(run.rglob("*"))
+        if p.is_file() and p.name != "run.json"
+    }
+
+
+def rows(run: Path) -> dict[str, dict]:
+    lines = (run / "per_image.jsonl").read_text().splitlines()
+    return {row["scene"]: row for row in map(json.loads, lines)}
+
+
+def readout(*arguments: object) -> int:
+    return cli.run(["readout", "-q", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def run(scenes: Path, track: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("run") / "one"
+    code = readout(scenes, "--task", "coco", "--track", track, "-o", output, "--workers", 1)
+    assert code == 1
+    return output
+
+
+def test_every_odd_scene_is_a_named_verdict_and_the_rest_is_read(run: Path):
+    found = {scene: (row["status"], row["code"]) for scene, row in rows(run).items()}
+    assert found == {
+        **{f"good{i}": ("ok", "ok") for i in range(6)},
+        "odd_label": ("ok", "ok"),
+        "no_camera": ("invalid", "no_camera"),
+        "no_mesh": ("invalid", "no_mesh"),
+        "text": ("invalid", "unreadable_blend"),
+        "truncated": ("invalid", "unreadable_blend"),
+        "bad_labels": ("invalid", "invalid_labels"),
+        "absent": ("missing", "missing_scene"),
+    }
+    for row in rows(run).values():
+        if row["status"] != "ok":
+            assert "found: " in row["reason"]
+            assert "expected: " in row["reason"]
+            assert "next: " in row["reason"]
+            assert "\n" not in row["reason"]
+
+
+def test_boxes_are_exact(run: Path):
+    # 64 px wide, lens = sensor: fx = 64, so at 10 units a quad of side 2 is 12.8 px wide.
+    predictions = json.loads((run / "predictions.json").read_text())
+    by_image = {p["image_id"]: p for p in predictions}
+    # good3: the quad spans x = 32 +- 6.4, y = 24 +- 6.4: pixel centres 26 .. 37 and 18 .. 29.
+    assert by_image[13] == {
+        "image_id": 13, "category_id": 18, "bbox": [26, 18, 12, 12], "score": 1.0
+    }  # fmt: skip
+
+
+def test_labels_outside_the_vocabulary_are_counted_with_the_nearest_names(run: Path):
+    row = rows(run)["odd_label"]
+    assert row["n_predictions"] == 0
+    assert [u["label"] for u in row["unmatched"]] == ["lap_top", "unicorn"]
+    assert "laptop" in row["unmatched"][0]["nearest"]
+    summary = json.loads((run / "summary.json").read_text())
+    assert summary["unmatched_labels"] == {"lap_top": 1, "unicorn": 1}
+    assert summary["coverage"]["attempted"] == 13
+    assert summary["coverage"]["ok"] == 7
+    assert summary["coverage"]["ok_empty"] == 1
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
+def test_same_bytes_for_any_worker_count_order_and_cache(task, scenes, track, tmp_path: Path):
+    document = json.loads(track.read_text())
+    shuffled = write_track(tmp_path / "shuffled.json", document["images"][::-1])
+    one, two, three = tmp_path / "1", tmp_path / "2", tmp_path / "3"
+    readout(scenes, "--task", task, "--track", track, "-o", one, "--workers", 1, "--no-cache")
+    readout(scenes, "--task", task, "--track", track, "-o", two, "--workers", 2)
+    readout(scenes, "--task", task, "--track", shuffled, "-o", three, "--workers", 2)
+    assert results(one) == results(two) == results(three)
+    assert len(results(one)) > 1
+
+
+def test_a_killed_run_goes_on_and_ends_in_the_same_bytes(scenes, track, run, tmp_path: Path):
+    output = tmp_path / "killed"
+    command = [
+        sys.executable, "-m", "legoworld", "readout", str(scenes), "--task", "coco", "-q",
+        "--track", str(track), "-o", str(output), "--workers", "1", "--no-cache",
+    ]  # fmt: skip
+    process = subprocess.Popen(command, start_new_session=True)
+    journal = output / "journal.jsonl"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if journal.is_file() and journal.read_bytes().count(b"\n") >= 3:
+            break
+        time.sleep(0.005)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    done = journal.read_bytes().count(b"\n")
+    assert 3 <= done < 13, "the run was over before it could be killed"
+    journal.write_bytes(journal.read_bytes() + b'{"row": {"image_id"')
+    assert subprocess.run(command, check=False).returncode == 1
+    assert results(output) == results(run)
+
+
+def test_a_finished_run_is_not_read_again(scenes, track, run, monkeypatch):
+    from legoworld.scene.blender_process import BlenderProcess
+
+    before = results(run)
+    asked = []
+    original = BlenderProcess.request
+    monkeypatch.setattr(
+        BlenderProcess, "request", lambda self, m: asked.append(m["blend"]) or original(self, m)
+    )
+    readout(scenes, "--task", "coco", "--track", track, "-o", run)
+    assert sorted(Path(p).parent.name for p in asked) == [
+        "no_camera", "no_mesh", "text", "truncated",
+    ]  # fmt: skip
+    assert results(run) == before
+
+
+def test_the_second_task_does_not_start_blender(scenes, run, tmp_path: Path, monkeypatch):
+    from legoworld.scene.blender_process import BlenderProcess
+
+    def refuse(self) -> None:
+        raise AssertionError("Blender was started")
+
+    images = [{"id": 1, "file_name": "good0.jpg", "width": 64, "height": 48}]
+    track = write_track(tmp_path / "t.json", images)
+    monkeypatch.setattr(BlenderProcess, "start", refuse)
+    for task in ("lvis", "eth3d"):
+        assert readout(scenes, "--task", task, "--track", track, "-o", tmp_path / task) == 0
+
+
+def test_another_configuration_is_refused_by_name(scenes, track, run, capsys):
+    code = readout(scenes, "--task", "lvis", "--track", track, "-o", run)
+    assert code == 1
+    message = capsys.readouterr().err
+    assert "task: \"coco\" -> \"lvis\"" in message
+    assert "--overwrite" in message
+
+
+def test_partial_runs_are_marked(scenes, track, tmp_path: Path):
+    output = tmp_path / "part"
+    assert readout(scenes, "--task", "coco", "--track", track, "-o", output, "--limit", 2) == 0
+    summary = json.loads((output / "summary.json").read_text())
+    assert summary["partial"] is True
+    assert summary["coverage"]["attempted"] == 2
+
+
+def test_a_scene_over_its_time_or_memory_is_its_own_verdict(scenes, tmp_path: Path):
+    images = [{"id": 1, "file_name": "good0.jpg", "width": 64, "height": 48}]
+    track = write_track(tmp_path / "t.json", images)
+    common = [scenes, "--task", "coco", "--track", track, "--no-cache"]
+    assert readout(*common, "-o", tmp_path / "slow", "--time-limit", 0.1) == 1
+    assert rows(tmp_path / "slow")["good0"]["status"] == "timeout"
+    assert readout(*common, "-o", tmp_path / "fat", "--memory-limit", 0.1) == 1
+    row = rows(tmp_path / "fat")["good0"]
+    assert (row["status"], row["code"]) == ("failed", "worker_memory")
+
+
+def test_two_runs_into_one_folder_are_refused(scenes, track, tmp_path: Path, capsys):
+    from legoworld.running import run_folder
+
+    with run_folder.locked(tmp_path):
+        assert readout(scenes, "--task", "coco", "--track", track, "-o", tmp_path) == 2
+    assert "another process" in capsys.readouterr().err
+
+
+def test_frozen_scenes_are_checked_before_every_use(scenes, tmp_path: Path):
+    import shutil
+
+    frozen = tmp_path / "scenes"
+    shutil.copytree(scenes / "good0", frozen / "good0")
+    common = [frozen, "--task", "coco"]
+    assert readout(*common, "-o", tmp_path / "a", "--require-frozen") == 1
+    assert rows(tmp_path / "a")["good0"]["code"] == "not_frozen"
+    assert cli.run(["freeze", str(frozen), "-q"]) == 0
+    assert readout(*common, "-o", tmp_path / "b", "--require-frozen") == 0
+    (frozen / "good0" / "labels.json").write_text('{"version": 1, "labels": []}')
+    assert readout(*common, "-o", tmp_path / "c") == 1
+    assert rows(tmp_path / "c")["good0"]["status"] == "changed"
+    (frozen / "good0" / "labels.json").unlink()
+    with (frozen / "good0" / "scene.blend").open("ab") as stream:
+        stream.write(b"x")
+    assert readout(*common, "-o", tmp_path / "d") == 1
+    assert rows(tmp_path / "d")["good0"]["status"] == "changed"
+
+
+def test_edited_labels_are_read_without_blender(scenes, tmp_path: Path, monkeypatch):
+    import shutil
+
+    folder = tmp_path / "scenes"
+    shutil.copytree(scenes / "good3", folder / "good3")
+    labels = {"version": 1, "labels": [{"object": "Wall", "category": "bed"}]}
+    (folder / "good3" / "labels.json").write_text(json.dumps(labels))
+    assert readout(folder, "--task", "coco", "-o", tmp_path / "run") == 0
+    predictions = json.loads((tmp_path / "run" / "predictions.json").read_text())
+    assert [p["category_id"] for p in predictions] == [18, 65]
