@@ -1,4 +1,4 @@
-"""Where the shipped cards, vocabularies, baselines and examples are: in a checkout or in a wheel."""
+"""Where the shipped cards, vocabularies, baselines and examples are, in a checkout or a wheel."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ class WorkerTimeoutError(LegoWorldError):
     status = "timeout"
 
 
-#: Errors a Blender worker may report by code, so that they keep their type across the process border.
+#: Errors a Blender worker may report by code: they keep their type across the process border.
 BY_CODE: dict[str, type[LegoWorldError]] = {
     cls.code: cls
     for cls in (

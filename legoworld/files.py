@@ -34,9 +34,7 @@ def canonical_json(value: Any) -> str:
 
 def readable_json(value: Any) -> str:
     """Indented JSON with sorted keys and a final newline, for files people open."""
-    return (
-        json.dumps(value, sort_keys=True, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
-    )
+    return json.dumps(value, sort_keys=True, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
 
 @contextmanager

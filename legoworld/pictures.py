@@ -76,9 +76,7 @@ def instance_picture(instance: NDArray[np.int32]) -> Rgb:
     return np.ascontiguousarray(colors[instance] // 2)
 
 
-def overlay(
-    ground: Rgb, instance: NDArray[np.int32], entries: Sequence[dict[str, Any]]
-) -> Rgb:
+def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[dict[str, Any]]) -> Rgb:
     """Outlines, boxes and names over a photo of the same size.
 
     entries: rows of instances.json; labelled ones get their box and name, others a thin outline.
@@ -123,7 +121,8 @@ def _edges(instance: NDArray[np.int32]) -> NDArray[np.bool_]:
     edges[:, :-1] |= across
     edges[1:] |= down
     edges[:-1] |= down
-    return edges & (instance != NO_INSTANCE)
+    edges &= instance != NO_INSTANCE
+    return edges
 
 
 def _color(number: int) -> tuple[int, int, int]:

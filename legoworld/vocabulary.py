@@ -94,9 +94,7 @@ def from_json(entries: object, source: str) -> Vocabulary:
         )
     categories.sort(key=lambda c: c.id)
     for attribute in ("id", "name"):
-        values = [
-            normal_name(c.name) if attribute == "name" else c.id for c in categories
-        ]
+        values = [normal_name(c.name) if attribute == "name" else c.id for c in categories]
         if len(set(values)) != len(values):
             twice = next(v for v in values if values.count(v) > 1)
             raise CatalogError(

@@ -42,7 +42,7 @@ def command(
     from legoworld.scene.execution import execute
 
     notice = options.notifier(quiet)
-    notice("warning: a program is code and runs with your rights; only its time and memory are limited")
+    notice("warning: a program is code and runs with your rights; only time and memory are limited")
     result = execute(
         program,
         output,

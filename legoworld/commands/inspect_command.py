@@ -22,9 +22,7 @@ if TYPE_CHECKING:
     type=click.Choice(["coco", "lvis"]),
     help="Resolve labels in this task's vocabulary [default: every label counts].",
 )
-@click.option(
-    "--source", type=click.Choice(["blend", "glb"]), default="blend", show_default=True
-)
+@click.option("--source", type=click.Choice(["blend", "glb"]), default="blend", show_default=True)
 @click.option("-o", "--output", type=options.FOLDER, help="Write buffers and pictures here.")
 @options.caching
 @options.limits

@@ -117,7 +117,7 @@ def command(
 
 def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunResult:
     if quiet or not options.on_terminal():
-        done: RunResult = run(request, progress=lambda row: None, notice=notice)
+        done: RunResult = run(request, progress=lambda _row: None, notice=notice)
         return done
     from tqdm import tqdm
 
@@ -147,7 +147,8 @@ def _print(result: RunResult, output: Path, *, verbose: bool) -> None:
         click.echo(options.table(header, cells) + "\n")
     failures = [row for row in result.rows if row["status"] != "ok"]
     for row in failures[:50]:
-        click.echo(f"{row['status']}: {row['file_name']} (image {row['image_id']}): {row['reason']}")
+        photo = f"{row['file_name']} (image {row['image_id']})"
+        click.echo(f"{row['status']}: {photo}: {row['reason']}")
     if len(failures) > 50:
         click.echo(f"... and {len(failures) - 50} more, in {output / 'per_image.jsonl'}")
     for name, count in result.summary.get("unmatched_labels", {}).items():

@@ -64,7 +64,7 @@ def bbox_xywh_px(view: View, instance_id: int) -> list[int]:
 
 
 def mask_rle(view: View, instance_id: int) -> dict[str, Any]:
-    """pycocotools' compressed RLE of an instance's visible pixels, counts as text."""
+    """Compressed RLE, as pycocotools makes it, of an instance's visible pixels; counts as text."""
     from pycocotools import mask as coco_mask
 
     width, height = view.size_wh

@@ -56,9 +56,7 @@ class Protocol:
 def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
     """A task's protocol; a track's own categories win over the shipped vocabulary."""
     if name not in TASKS:
-        raise UsageError(
-            "there is no such task", found=repr(name), expected=" or ".join(TASKS)
-        )
+        raise UsageError("there is no such task", found=repr(name), expected=" or ".join(TASKS))
     card = load_card(name)
     if "vocabulary" not in card.values:
         return Protocol(task=TASKS[name], card=card, vocabulary=None)

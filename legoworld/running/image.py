@@ -81,7 +81,7 @@ def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> boo
     if "depth" not in row:
         return True
     path = options.run / row["depth"]["file"]
-    return path.is_file() and path.stat().st_size == row["depth"]["bytes"]
+    return path.is_file() and path.stat().st_size == int(row["depth"]["bytes"])
 
 
 def _labels(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:
@@ -205,9 +205,7 @@ def _matched_names(labelled: list[Any]) -> dict[str, str]:
     return dict(
         sorted(
             {
-                i.label_text: i.category.name
-                for i in labelled
-                if i.label_text != i.category.name
+                i.label_text: i.category.name for i in labelled if i.label_text != i.category.name
             }.items()
         )
     )

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from legoworld import __version__
@@ -233,9 +232,7 @@ def _run_document(configuration: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _check_disk(
-    request: RunRequest, todo: list[TrackImage], notice: Callable[[str], None]
-) -> None:
+def _check_disk(request: RunRequest, todo: list[TrackImage], notice: Callable[[str], None]) -> None:
     """Say how large the depth files will be, and refuse when they do not fit."""
     options = request.image_options
     sizes = [i.size_wh for i in todo if i.size_wh is not None]

@@ -68,9 +68,7 @@ def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> 
         write_text(folder / _CONFIGURATION, readable_json(configuration))
         return []
     changed = sorted(
-        key
-        for key in {*earlier, *configuration}
-        if earlier.get(key) != configuration.get(key)
+        key for key in {*earlier, *configuration} if earlier.get(key) != configuration.get(key)
     )
     if changed:
         shown = "; ".join(

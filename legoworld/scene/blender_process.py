@@ -121,7 +121,8 @@ class BlenderProcess:
     def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
         self.start()
         process = self._process
-        assert process is not None and process.stdin is not None
+        assert process is not None
+        assert process.stdin is not None
         deadline = time.monotonic() + self._limits.time_s
         try:
             process.stdin.write(json.dumps(message) + "\n")

@@ -11,7 +11,13 @@ from typing import Any, Literal
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
-from legoworld.files import canonical_json, readable_json, sha256_of_file, sha256_of_text, write_text
+from legoworld.files import (
+    canonical_json,
+    readable_json,
+    sha256_of_file,
+    sha256_of_text,
+    write_text,
+)
 from legoworld.scene.folder import FROZEN, SceneFolder
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.

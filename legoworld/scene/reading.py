@@ -91,7 +91,7 @@ def _read_with_blender(
             }
         )
         dependencies = hash_files(scene.path, answer["dependencies"])
-        # The file may have been replaced while Blender had it: what was hashed must be what was read.
+        # The file may have been replaced meanwhile: what was hashed must be what was read.
         if hash_files(scene.path, [BLEND]) != {BLEND: files.artefacts[BLEND]}:
             checked_artefacts(scene, require_frozen=False)
             raise SceneInvalidError(

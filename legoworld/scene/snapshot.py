@@ -106,13 +106,17 @@ class RenderSettings:
         )
 
 
+Wrap = Literal["repeat", "extend", "clip", "mirror"]
+Interpolation = Literal["closest", "linear"]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Cutout:
     """An image whose alpha decides where a surface is there; see `visibility.kernel.Cutouts`."""
 
     name: str
-    wrap: str
-    interpolation: str
+    wrap: Wrap
+    interpolation: Interpolation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,6 +232,7 @@ def _from_parts(description: dict[str, Any], arrays: dict[str, NDArray[Any]]) ->
             "corner_uv": arrays["corner_uv"],
             "cutout_alphas": tuple(arrays[f"cutout_alpha_{i}"] for i in range(len(cutouts))),
         }
+    required: dict[str, Any] = {name: arrays[name] for name in ARRAYS}
     return Snapshot(
         objects=tuple(
             SceneObject(**{**o, "collections": tuple(o["collections"])})
@@ -243,6 +248,6 @@ def _from_parts(description: dict[str, Any], arrays: dict[str, NDArray[Any]]) ->
         render=RenderSettings(**description["render"]),
         warnings=tuple(description["warnings"]),
         cutouts=cutouts,
-        **{name: arrays[name] for name in ARRAYS},
+        **required,
         **optional,
     )

@@ -7,7 +7,7 @@ namespace lw {
 struct Sample {      // a pixel of the tile a small triangle covers
   float depth;       // as it will be stored
   int32_t id;
-  uint32_t pixel;    // row * kTile + column inside the tile
+  uint32_t pixel;    // offset into the tile's buffers
 };
 
 struct Candidate {        // a triangle that may cover pixels of the tile

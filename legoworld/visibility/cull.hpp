@@ -61,7 +61,7 @@ struct Few {  // triangles waiting for a full set of lanes
 
 static inline void put_sample(const Placed& p, int32_t column, int32_t row, float depth) {
   const int64_t tile = (row / kTile) * p.frame.tiles_x + column / kTile;
-  const auto pixel = static_cast<uint32_t>(row % kTile * kTile + column % kTile);
+  const auto pixel = static_cast<uint32_t>(row % kTile * kStride + column % kTile);
   p.worker.bins.data()[tile].samples.push(p.worker.arena, Sample{depth, p.id, pixel});
 }
 

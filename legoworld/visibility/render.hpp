@@ -159,7 +159,7 @@ static void draw_tile(Render& r, Worker& worker, Tile& tile, int64_t index) {
   for (const Worker& other : r.workers) {
     other.bins.data()[index].samples.each_block([&](const Sample* from, uint32_t count) {
       for (uint32_t i = 0; i < count; ++i) {
-        const uint32_t at = from[i].pixel / kTile * kStride + from[i].pixel % kTile;
+        const uint32_t at = from[i].pixel;
         const float old = tile.depth[at];
         const bool wins = from[i].depth < old || (from[i].depth == old && from[i].id < tile.id[at]);
         tile.depth[at] = wins ? from[i].depth : old;

@@ -46,6 +46,7 @@ enum Status : int32_t { kOk = 0, kNoMemory = 1, kVertexNotFinite = 2, kIndexOutO
 
 constexpr int kTile = 64;       // pixels along a side of a tile: its buffers stay in the L1 and L2 caches
 constexpr int kBlock = 8;       // pixels along a side of a block, the unit of rejection by depth
+constexpr int kStride = kTile + 8;  // floats from one row of a tile to the next
 constexpr int kPadding = 16;    // ray tables and tile rows may be read this far past their end
 constexpr int kMaxSide = 8192;  // bounds are int16
 

@@ -1,7 +1,6 @@
 // Second pass: one tile of the picture at a time, near triangles first. Included once per
 // instruction set.
 
-constexpr int kStride = kTile + kPadding / 2;
 constexpr int kBlocks = kTile / kBlock;
 
 struct Tile {
@@ -67,6 +66,8 @@ static inline Vm mask_of(unsigned mask) {
 }
 
 // Draws columns x0..x1 of rows y0..y1 (inside the tile). True when something may have been stored.
+// kCovered: every ray of the rectangle is known to hit the triangle.
+template <bool kCovered>
 static bool draw_rows(const Drawing& d, const Single& s, int x0, int x1, int y0, int y1) {
   const LwView& view = d.frame.view;
   const double* ray_x = d.frame.ray_x.data() + d.tile.left;
@@ -75,56 +76,91 @@ static bool draw_rows(const Drawing& d, const Single& s, int x0, int x1, int y0,
   const Vd z0 = spread(s.z[0]), z1 = spread(s.z[1]), z2 = spread(s.z[2]);
   const Vd low = spread(s.low), high = spread(s.high), scale = spread(view.depth_scale);
   const Vi id = s.id - Vi{};
-  unsigned drawn = 0;
+  bool drawn = kCovered;
   for (int y = y0; y <= y1; ++y) {
     const Vd r0 = spread(s.b[0] * ray_y[y] + s.c[0]);
     const Vd r1 = spread(s.b[1] * ray_y[y] + s.c[1]);
     const Vd r2 = spread(s.b[2] * ray_y[y] + s.c[2]);
+    float* row_depth = d.tile.depth + y * kStride;
+    int32_t* row_id = d.tile.id + y * kStride;
     for (int x = x0; x <= x1; x += kLanes) {
       const Vd rx = load<Vd>(ray_x + x);
       const Vd e0 = a0 * rx + r0, e1 = a1 * rx + r1, e2 = a2 * rx + r2;
       const Vd sum = (e0 + e1) + e2;
-      Vm hit = (e0 >= 0) & (e1 >= 0) & (e2 >= 0) & (sum > tiny);
-      unsigned mask = bits(hit);
-      if (mask == 0) continue;
+      Vm hit = Vm{} - 1;
+      if (!kCovered) {
+        hit = (e0 >= 0) & (e1 >= 0) & (e2 >= 0) & (sum > tiny);
+        if (bits(hit) == 0) continue;
+        drawn = true;
+      }
       const Vd z = sample_z(e0, e1, e2, sum, z0, z1, z2, low, high);
-      if (s.clip) hit &= (z >= view.z_near) & (z <= view.z_far);
-      if (s.cut >= 0) hit = mask_of(keep_opaque(d.frame, s, bits(hit), e0, e1, e2));
+      if (!kCovered) {
+        if (s.clip) hit &= (z >= view.z_near) & (z <= view.z_far);
+        if (s.cut >= 0) hit = mask_of(keep_opaque(d.frame, s, bits(hit), e0, e1, e2));
+      }
       const Vf depth = narrow(z * scale + 0.0);
-      float* to_depth = d.tile.depth + y * kStride + x;
-      int32_t* to_id = d.tile.id + y * kStride + x;
-      const Vf old_depth = load<Vf>(to_depth);
-      const Vi old_id = load<Vi>(to_id);
-      const Vi wins = __builtin_convertvector(hit, Vi) &
-                      ((depth < old_depth) | ((depth == old_depth) & (id < old_id)));
-      store(to_depth, wins ? depth : old_depth);
-      store(to_id, wins ? id : old_id);
-      drawn |= mask;
+      const Vf old_depth = load<Vf>(row_depth + x);
+      const Vi old_id = load<Vi>(row_id + x);
+      Vi wins = (depth < old_depth) | ((depth == old_depth) & (id < old_id));
+      if (!kCovered) wins &= __builtin_convertvector(hit, Vi);
+      store(row_depth + x, wins ? depth : old_depth);
+      store(row_id + x, wins ? id : old_id);
     }
   }
-  return drawn != 0;
+  return drawn;
+}
+
+// Whether every ray of the rectangle hits, and no sample of the triangle needs a look of its own.
+// Exact as may_hit is: rounding is monotone, so the sum is never below the sum of the least values.
+static inline bool all_hit(const Single& s, double x_low, double x_high, double y_low, double y_high) {
+  if (s.clip || s.cut >= 0) return false;
+  double least[3];
+  bool hit = true;
+  for (int k = 0; k < 3; ++k) {
+    const double x = s.a[k] >= 0 ? x_low : x_high;
+    const double y = s.b[k] >= 0 ? y_low : y_high;
+    least[k] = s.a[k] * x + (s.b[k] * y + s.c[k]);
+    hit &= least[k] >= 0;
+  }
+  return hit && (least[0] + least[1]) + least[2] > s.tiny;
+}
+
+// Blocks of one row of blocks; neighbours that are covered are drawn in one go.
+static void draw_blocks(const Drawing& d, const Single& s, int by, int x0, int x1, int y0, int y1) {
+  const double *rx = d.frame.ray_x.data() + d.tile.left, *ry = d.frame.ray_y.data() + d.tile.top;
+  int run_start = 0, run_end = -1;  // columns, waiting to be drawn
+  for (int bx = x0 / kBlock; bx <= x1 / kBlock; ++bx) {
+    const int left = bx * kBlock, c0 = x0 > left ? x0 : left;
+    const int c1 = x1 < left + kBlock - 1 ? x1 : left + kBlock - 1;
+    const int block = by * kBlocks + bx;
+    if (!may_hit(s.a, s.b, s.c, rx[c0], rx[c1], ry[y0], ry[y1])) continue;
+    if (s.nearest > d.tile.farthest_of(block)) continue;
+    // Whole vectors are written, so a covered run is made of whole blocks, tested to their ends.
+    const int right = left + kBlock - 1;
+    if (all_hit(s, rx[left], rx[right], ry[y0], ry[y1])) {
+      if (run_end != left - 1) {
+        if (run_end >= run_start) draw_rows<true>(d, s, run_start, run_end, y0, y1);
+        run_start = left;
+      }
+      run_end = right;
+      d.tile.stale[block] = true;
+    } else if (draw_rows<false>(d, s, c0, c1, y0, y1)) {
+      d.tile.stale[block] = true;
+    }
+  }
+  if (run_end >= run_start) draw_rows<true>(d, s, run_start, run_end, y0, y1);
 }
 
 static void draw(const Drawing& d, const Single& s, const Candidate& box) {
-  const double *rx = d.frame.ray_x.data() + d.tile.left, *ry = d.frame.ray_y.data() + d.tile.top;
   const bool narrow_box = box.x1 - box.x0 < kBlock;
   for (int by = box.y0 / kBlock; by <= box.y1 / kBlock; ++by) {
     const int top = by * kBlock, y0 = box.y0 > top ? box.y0 : top;
     const int y1 = box.y1 < top + kBlock - 1 ? box.y1 : top + kBlock - 1;
-    if (narrow_box) {
-      if (draw_rows(d, s, box.x0, box.x1, y0, y1)) {
-        d.tile.stale[by * kBlocks + box.x0 / kBlock] = true;
-        d.tile.stale[by * kBlocks + box.x1 / kBlock] = true;
-      }
-      continue;
-    }
-    for (int bx = box.x0 / kBlock; bx <= box.x1 / kBlock; ++bx) {
-      const int left = bx * kBlock, x0 = box.x0 > left ? box.x0 : left;
-      const int x1 = box.x1 < left + kBlock - 1 ? box.x1 : left + kBlock - 1;
-      if (!may_hit(s.a, s.b, s.c, rx[x0], rx[x1], ry[y0], ry[y1])) continue;
-      const int block = by * kBlocks + bx;
-      if (s.nearest > d.tile.farthest_of(block)) continue;
-      if (draw_rows(d, s, x0, x1, y0, y1)) d.tile.stale[block] = true;
+    if (!narrow_box) {
+      draw_blocks(d, s, by, box.x0, box.x1, y0, y1);
+    } else if (draw_rows<false>(d, s, box.x0, box.x1, y0, y1)) {
+      d.tile.stale[by * kBlocks + box.x0 / kBlock] = true;
+      d.tile.stale[by * kBlocks + box.x1 / kBlock] = true;
     }
   }
 }
@@ -193,17 +229,44 @@ static void draw_lanes(const Drawing& d, const Candidate* boxes, int used) {
   }
 }
 
+// Rows go to memory past the caches when they are whole cache lines of a picture that would not fit.
+static inline bool streams(const Frame& frame, const int32_t* instance, const float* depth) {
+#if defined(__x86_64__)
+  constexpr int64_t kInCache = int64_t{1} << 20;  // pixels
+  return static_cast<int64_t>(frame.width) * frame.height > kInCache && frame.width % 16 == 0 &&
+         reinterpret_cast<uintptr_t>(instance) % 64 == 0 && reinterpret_cast<uintptr_t>(depth) % 64 == 0;
+#else
+  return static_cast<void>(frame), static_cast<void>(instance), static_cast<void>(depth), false;
+#endif
+}
+
 static void write_tile(const Frame& frame, const Tile& tile, int32_t* instance, float* depth) {
   const int32_t columns = frame.width - tile.left < kTile ? frame.width - tile.left : kTile;
   const int32_t rows = frame.height - tile.top < kTile ? frame.height - tile.top : kTile;
+  const bool past_cache = streams(frame, instance, depth);
   for (int32_t r = 0; r < rows; ++r) {
     const int64_t at = static_cast<int64_t>(tile.top + r) * frame.width + tile.left;
     const float* from_depth = tile.depth + r * kStride;
     const int32_t* from_id = tile.id + r * kStride;
-    for (int32_t c = 0; c < columns; ++c) {
+    alignas(64) int32_t ids[kTile];
+    alignas(64) float depths[kTile];
+    for (int32_t c = 0; c < kTile; ++c) {
       const bool there = from_id[c] >= 0 && from_id[c] != INT32_MAX;
-      instance[at + c] = there ? from_id[c] : kNothing;
-      depth[at + c] = there ? from_depth[c] : INFINITY;
+      ids[c] = there ? from_id[c] : kNothing;
+      depths[c] = there ? from_depth[c] : INFINITY;
+    }
+    if (past_cache) {
+#if defined(__x86_64__)
+      for (int32_t c = 0; c < columns; c += 4) {
+        _mm_stream_si128(reinterpret_cast<__m128i*>(instance + at + c), load<__m128i>(ids + c));
+      }
+      for (int32_t c = 0; c < columns; c += 4) {
+        _mm_stream_si128(reinterpret_cast<__m128i*>(depth + at + c), load<__m128i>(depths + c));
+      }
+#endif
+    } else {
+      std::memcpy(instance + at, ids, static_cast<size_t>(columns) * sizeof(int32_t));
+      std::memcpy(depth + at, depths, static_cast<size_t>(columns) * sizeof(float));
     }
   }
 }

@@ -22,7 +22,8 @@ for i in range(6):
     quad("Dog", x=i - 3, category="dog")
     quad("Wall", z=-2, half=9)
     save(f"good{i}")
-fresh(); camera(); quad("Thing", category="unicorn"); quad("Lap", x=2, category="lap_top"); save("odd_label")
+fresh(); camera(); quad("Thing", category="unicorn"); quad("Lap", x=2, category="lap_top")
+save("odd_label")
 fresh(); quad("Dog", category="dog"); save("no_camera")
 fresh(); camera(); save("no_mesh")
 """
@@ -194,7 +195,7 @@ def test_another_configuration_is_refused_by_name(scenes, track, run, capsys):
     code = readout(scenes, "--task", "lvis", "--track", track, "-o", run)
     assert code == 1
     message = capsys.readouterr().err
-    assert "task: \"coco\" -> \"lvis\"" in message
+    assert 'task: "coco" -> "lvis"' in message
     assert "--overwrite" in message
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import traceback
 from pathlib import Path
@@ -153,7 +152,7 @@ def _pack() -> list[str]:
     warnings = []
     for image in bpy.data.images:
         if image.packed_file is None and image.source in ("FILE", "GENERATED") and image.users:
-            if image.source == "FILE" and not os.path.exists(bpy.path.abspath(image.filepath)):
+            if image.source == "FILE" and not Path(bpy.path.abspath(image.filepath)).exists():
                 warnings.append(f"image {image.name!r} has no file and is not packed")
                 continue
             try:

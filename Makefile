@@ -1,0 +1,61 @@
+# The two commands: `make demo` and `make test`. Both make their own .venv first.
+.DELETE_ON_ERROR:
+.PHONY: demo test check format clean
+
+VENV := .venv
+PYTHON := $(VENV)/bin/python
+KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp)
+DEMO := legoworld-demo
+
+demo: $(VENV)/examples-installed
+	$(PYTHON) -m legoworld readout --task coco
+	$(PYTHON) examples/look.py -o $(DEMO)
+
+test: $(VENV)/tests-installed
+	$(PYTHON) -m pytest $(PYTEST_ARGS)
+
+check: $(VENV)/dev-installed
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/pyright
+
+format: $(VENV)/dev-installed
+	$(VENV)/bin/ruff check --fix .
+	$(VENV)/bin/ruff format .
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info legoworld/visibility/_kernel.* $(DEMO) legoworld-runs
+
+# Python 3.11 is asked for because bpy 5.0's wheel exists for no other.
+$(VENV)/made:
+	@for python in python3.11 python3 python; do \
+	  $$python -c 'import sys, ensurepip, venv; sys.exit(sys.version_info[:2] != (3, 11))' \
+	    >/dev/null 2>&1 && exec sh -c "$$python -m venv $(VENV) && touch $@"; \
+	done; \
+	if command -v uv >/dev/null 2>&1; then \
+	  uv venv --quiet --seed --python 3.11 $(VENV) && touch $@ && exit 0; \
+	fi; \
+	echo "legoworld needs Python 3.11, which is not here and which uv could not get: install" \
+	  "python3.11 with its venv module (Debian, Ubuntu: apt-get install python3.11-venv)," \
+	  "or uv (pip install uv) and run make again" >&2; exit 1
+
+$(VENV)/libraries-checked: $(VENV)/made legoworld/system_libraries.py
+	@$(PYTHON) legoworld/system_libraries.py && touch $@
+
+# lvis is installed without its dependencies: it asks for opencv-python, which overwrites
+# opencv-python-headless, and needs neither for scoring.
+INSTALL = $(PYTHON) -m pip install --disable-pip-version-check --quiet
+$(VENV)/examples-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KERNEL)
+	$(INSTALL) -e '.[examples]'
+	$(INSTALL) --no-deps lvis==0.5.3
+	@touch $@
+
+$(VENV)/tests-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KERNEL)
+	$(INSTALL) -e '.[examples,test]'
+	$(INSTALL) --no-deps lvis==0.5.3
+	@touch $@
+
+$(VENV)/dev-installed: $(VENV)/tests-installed
+	$(INSTALL) -e '.[examples,test,dev]'
+	@touch $@
