@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,6 +33,8 @@ class Vocabulary:
 
     def nearest(self, text: str, n: int = 3) -> list[str]:
         """The names most like `text`, for messages."""
+        import difflib  # only needed for a message
+
         close = difflib.get_close_matches(normal_name(text), list(self._by_name), n=n, cutoff=0.6)
         return [self._by_name[name].name for name in close]
 

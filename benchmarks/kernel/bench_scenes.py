@@ -100,7 +100,9 @@ def primitives() -> Surfaces:
     chosen = [i % 5 == 0 for i in range(30)]
     matrices = scatter(rng, 30, (3.5, 2.2, 3.0), 11.0, 0.8)
     identity = np.eye(4)[None, :3]
-    return placed(meshes, [0 if c else 1 for c in chosen] + [2], np.concatenate([matrices, identity]))
+    return placed(
+        meshes, [0 if c else 1 for c in chosen] + [2], np.concatenate([matrices, identity])
+    )
 
 
 def spheres() -> Surfaces:

@@ -73,8 +73,8 @@ class BlenderProcess:
             stderr=self._stderr,
             text=True,
             encoding="utf-8",
-            cwd=self._home,
-            env=_environment(self._home),
+            cwd=_made(self._home, "empty"),
+            env=_environment(_made(self._home, "blender")),
         )
         self._served = 0
 
@@ -220,6 +220,12 @@ def resident_bytes(pid: int) -> int:
         return int(out.stdout or 0) * 1024
     except (OSError, ValueError, IndexError):
         return 0
+
+
+def _made(folder: str, name: str) -> str:
+    path = Path(folder) / name
+    path.mkdir()
+    return str(path)
 
 
 def _environment(home: str) -> dict[str, str]:

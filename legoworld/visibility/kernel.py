@@ -74,8 +74,8 @@ def render(
     """
     call = _prepare(surfaces, projection, size_wh, depth_scale, threads)
     width, height = size_wh
-    instance = np.empty((height, width), np.int32)
-    depth_z_m = np.empty((height, width), np.float32)
+    instance = _on_cache_lines(height, width).view(np.int32)
+    depth_z_m = _on_cache_lines(height, width).view(np.float32)
     status = library().lw_render(
         ctypes.byref(call.surfaces),
         ctypes.byref(call.view),
@@ -140,9 +140,7 @@ def _prepare(
         orthographic=int(projection.orthographic),
     )
     struct, keep_alive = _surfaces_struct(surfaces)
-    return _Call(
-        surfaces=struct, view=view, threads=min(count, MAX_THREADS), keep_alive=keep_alive
-    )
+    return _Call(surfaces=struct, view=view, threads=min(count, MAX_THREADS), keep_alive=keep_alive)
 
 
 def _surfaces_struct(surfaces: Surfaces) -> tuple[SurfacesStruct, Any]:
@@ -211,6 +209,14 @@ def _check_view(projection: Projection, size_wh: tuple[int, int], depth_scale: f
             expected="finite numbers, fx and fy in 1e-9..1e12, z_near < z_far, z_near > 0 in "
             "perspective, depth_scale > 0, z_far * depth_scale within float32",
         )
+
+
+def _on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
+    """An array without initial values that begins on a cache line: rows can be written past it."""
+    line = 64
+    memory = np.empty(height * width * 4 + line, np.uint8)
+    start = -memory.ctypes.data % line
+    return memory[start : start + height * width * 4].view(np.uint32).reshape(height, width)
 
 
 def _level() -> int:

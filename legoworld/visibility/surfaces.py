@@ -99,7 +99,9 @@ def check_surfaces(surfaces: Surfaces) -> None:
             expected=f"an instance id >= 0, or {HOLDOUT} for a holdout",
         )
     if np.any(ident == np.iinfo(np.int32).max):
-        raise ShapeError("placement_id is out of range", found="2147483647", expected="a smaller id")
+        raise ShapeError(
+            "placement_id is out of range", found="2147483647", expected="a smaller id"
+        )
     if surfaces.cutouts is not None:
         _check_cutouts(surfaces.cutouts, len(triangles))
 
@@ -133,7 +135,9 @@ def _check_cutouts(cutouts: Cutouts, triangles: int) -> None:
 
 def _array(name: str, array: Any, dtype: DTypeLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
     wanted = np.dtype(dtype)
-    expected = f"{wanted.name} of shape ({', '.join('any' if n is None else str(n) for n in shape)})"
+    expected = (
+        f"{wanted.name} of shape ({', '.join('any' if n is None else str(n) for n in shape)})"
+    )
     if not isinstance(array, np.ndarray):
         raise ShapeError(f"{name} is not an array", found=type(array).__name__, expected=expected)
     fits = array.ndim == len(shape) and all(

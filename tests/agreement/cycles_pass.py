@@ -6,6 +6,12 @@ file is opened, its settings are turned into one sample at each pixel centre, an
 
 The output .npz holds object_index (H, W) int32 into names (-1: nothing), depth_z (H, W) float32 in
 scene units (+inf: nothing), unit_scale, and names, "name|library path" of every object of the file.
+
+Transparency needs more than one render. Cycles' threshold is sharp on one side only: from a surface
+of alpha 0.5 and more the first sample is final, but below it a path still ends there with the
+probability alpha, or is scattered inside a volume, and then what it met last stays written. The
+surface behind is what the farthest of several renders with different seeds shows; and so that there
+always is one behind, a backdrop stands just before the far clip plane, and is nothing.
 """
 
 from __future__ import annotations
@@ -14,6 +20,7 @@ import json
 import os
 import sys
 import traceback
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +30,40 @@ import numpy as np
 
 #: Cycles stores an object's pass index in 15 bits.
 MOST_OBJECTS = 32767
-#: What Cycles writes into the depth pass where a ray meets nothing.
-NOTHING_Z = 1e9
+#: Renders in a row that must change nothing before transparency is taken as settled, and in all.
+CALM_RENDERS = 6
+MOST_RENDERS = 96
 
 WANTED = ("Object Index", "Depth")
 
+
+@dataclass(frozen=True, kw_only=True)
+class UsedCamera:
+    """The camera of a render as it was evaluated; world_from_camera has no scale."""
+
+    world_from_camera: Any
+    clip_end: float
+    ortho_scale: float
+
+
 _passes: dict[str, np.ndarray] = {}
+_cameras: list[UsedCamera] = []
 _cycles_render = cycles.CyclesRender.render
 
 
 def _render_and_keep_passes(engine: Any, depsgraph: Any) -> None:
     """Cycles' render(), then a copy of its passes while they can be reached from Python."""
+    shown = depsgraph.scene_eval.camera
+    _cameras.append(
+        UsedCamera(
+            world_from_camera=shown.matrix_world.normalized(),
+            clip_end=shown.data.clip_end,
+            ortho_scale=shown.data.ortho_scale,
+        )
+    )
+    name = depsgraph.view_layer.name  # Cycles frees what it has copied: read before
     _cycles_render(engine, depsgraph)
-    layer = engine.get_result().layers[depsgraph.view_layer.name]
+    layer = engine.get_result().layers[name]
     for name in WANTED:
         rect = layer.passes[name].rect
         _passes[name] = np.empty(len(rect), np.float32)
@@ -53,29 +81,24 @@ def judge(blend: str, size_wh: tuple[int, int], output: str) -> dict[str, Any]:
         print(f"opened with complaints: {error}", file=sys.stderr)
     scene = bpy.context.scene
     layer = _saved_layer(scene)
-    overridden = _set_up(scene, layer, size_wh)
+    plain = _set_up(scene, layer, size_wh)
     objects = list(bpy.data.objects)
     if len(objects) > MOST_OBJECTS:
         raise RuntimeError(f"{len(objects)} objects, Cycles tells {MOST_OBJECTS} apart")
     for index, block in enumerate(objects):
         block.pass_index = index + 1
     names = [f"{o.name}|{o.library.filepath if o.library else ''}" for o in objects]
-    _passes.clear()
-    bpy.ops.render.render(write_still=False, use_viewport=False)
-    width, height = size_wh
-    index = _picture(_passes["Object Index"], width, height)
-    depth = _picture(_passes["Depth"], width, height)
-    rounded = np.rint(index).astype(np.int32) - 1
-    if np.abs(index - np.rint(index)).max() > 0:
-        raise RuntimeError("an object index is a mean of several: not one sample a pixel")
+    backdrop = None if plain else _add_backdrop(scene, len(objects) + 1)
+    index, depth, renders = _first_render(scene) if plain else _farthest(scene)
+    nothing = (index == 0) | (index == (backdrop or 0))
     np.savez(
         output,
-        object_index=rounded,
-        depth_z=np.where(depth >= NOTHING_Z, np.float32(np.inf), depth),
+        object_index=np.where(nothing, -1, index - 1).astype(np.int32),
+        depth_z=np.where(nothing, np.float32(np.inf), depth),
         unit_scale=scene.unit_settings.scale_length,
         names=np.array(names),
     )
-    return {"view_layer": layer.name, "material_override": overridden}
+    return {"view_layer": layer.name, "plain": plain, "renders": renders}
 
 
 def _saved_layer(scene: Any) -> Any:
@@ -85,13 +108,59 @@ def _saved_layer(scene: Any) -> Any:
     return next(layer for layer in scene.view_layers if layer.use)
 
 
-def _picture(rect: np.ndarray, width: int, height: int) -> np.ndarray:
-    """A pass, stored bottom row first, as (H, W), top row first."""
-    return rect.reshape(height, width)[::-1]
+def _render(scene: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Object index (H, W) int32, 0 where nothing was written, and depth (H, W) float32."""
+    scene.cycles.seed = seed
+    _passes.clear()
+    bpy.ops.render.render(write_still=False, use_viewport=False)
+    size = (scene.render.resolution_y, scene.render.resolution_x)
+    # Passes are stored bottom row first.
+    index, depth = (_passes[name].reshape(size)[::-1] for name in WANTED)
+    if np.any(index != np.rint(index)):
+        raise RuntimeError("an object index is a mean of several: not one sample a pixel")
+    return index.astype(np.int32), depth
+
+
+def _first_render(scene: Any) -> tuple[np.ndarray, np.ndarray, int]:
+    return (*_render(scene, 0), 1)
+
+
+def _farthest(scene: Any) -> tuple[np.ndarray, np.ndarray, int]:
+    """What the farthest of enough renders shows; what none has written stays so."""
+    index, depth = _render(scene, 0)
+    depth = np.where(index == 0, -np.inf, depth)
+    unchanged = renders = 0
+    while unchanged < CALM_RENDERS:
+        renders += 1
+        if renders > MOST_RENDERS:
+            raise RuntimeError(f"transparency did not settle in {MOST_RENDERS} renders")
+        again, farther = _render(scene, renders)
+        farther = np.where(again == 0, -np.inf, farther)
+        # Another seed moves the sample by a thousandth of a pixel: the same surface is not farther.
+        changed = farther > np.where(again == index, depth + 1e-3 * np.abs(depth), depth)
+        unchanged = 0 if changed.any() else unchanged + 1
+        index, depth = np.where(changed, again, index), np.where(changed, farther, depth)
+    return index, depth, renders + 1
+
+
+def _add_backdrop(scene: Any, pass_index: int) -> int:
+    """A plane across the view just before the far clip plane; returns its pass index."""
+    _render(scene, 0)  # tells which camera a render uses, markers and constraints applied
+    camera = _cameras[-1]
+    half = 50 * max(camera.clip_end, camera.ortho_scale)
+    z = camera.clip_end * (1 - 1e-5)
+    mesh = bpy.data.meshes.new("judge backdrop")
+    corners = [(x * half, y * half, -z) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    backdrop = bpy.data.objects.new("judge backdrop", mesh)
+    backdrop.matrix_world = camera.world_from_camera
+    backdrop.pass_index = pass_index
+    scene.collection.objects.link(backdrop)
+    return pass_index
 
 
 def _set_up(scene: Any, layer: Any, size_wh: tuple[int, int]) -> bool:
-    """One sample per pixel, at its centre, of the first surface; True with a plain material."""
+    """One sample at each pixel's centre; True when one plain material serves for all."""
     render = scene.render
     render.engine = "CYCLES"
     render.resolution_x, render.resolution_y = size_wh
@@ -111,7 +180,6 @@ def _set_up(scene: Any, layer: Any, size_wh: tuple[int, int]) -> bool:
         "time_limit": 0.0,
         "use_adaptive_sampling": False,
         "use_denoising": False,
-        "seed": 0,
         "use_animated_seed": False,
         "pixel_filter_type": "GAUSSIAN",
         "filter_width": 0.01,

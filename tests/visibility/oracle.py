@@ -69,7 +69,8 @@ def intersect(
         turned = np.cross(offset, edge1)
         b2 = np.sum(directions * turned, axis=-1) * inverse
         depth = (turned @ edge2) * inverse
-    return np.stack([1 - b1 - b2, b1, b2], axis=-1), depth
+        b0 = 1 - b1 - b2
+    return np.stack([b0, b1, b2], axis=-1), depth
 
 
 def _wrapped(index: NDArray[np.int64], size: int, wrap: str) -> NDArray[np.int64]:
@@ -108,7 +109,9 @@ def sample_alpha(
     return np.where(outside, Real(0), value) if wrap == "clip" else value
 
 
-def _there(cutouts: Cutouts | None, triangle: int, weights: NDArray[np.longdouble]) -> NDArray[np.bool_]:
+def _there(
+    cutouts: Cutouts | None, triangle: int, weights: NDArray[np.longdouble]
+) -> NDArray[np.bool_]:
     index = -1 if cutouts is None else int(cutouts.triangle_cutout[triangle])
     if cutouts is None or index < 0:
         return np.ones(weights.shape[:-1], bool)
@@ -140,9 +143,9 @@ def render(
         for local, corners in enumerate(camera_triangles(surfaces, placement)):
             weights, depth = intersect(corners, origins, directions)
             least = weights.min(axis=-1)
-            valid = np.isfinite(depth) & (depth >= projection.z_near) & (depth <= projection.z_far)
-            valid &= _there(surfaces.cutouts, int(first) + local, weights)
-            edge = np.isfinite(depth) & (np.abs(least) <= edge_tolerance)
+            in_range = (depth >= projection.z_near) & (depth <= projection.z_far)
+            valid = in_range & _there(surfaces.cutouts, int(first) + local, weights)
+            edge = in_range & (np.abs(least) <= edge_tolerance)
             grazed = np.where(edge, np.minimum(grazed, depth), grazed)
             hit = valid & (least >= 0)
             nearer = hit & ((depth < best) | ((depth == best) & (ident < best_id)))
@@ -151,9 +154,9 @@ def render(
             second = np.where(hit & ~nearer & other, np.minimum(second, depth), second)
             best = np.where(nearer, depth, best)
             best_id = np.where(nearer, ident, best_id).astype(np.int32)
-    with np.errstate(invalid="ignore"):
-        near_tie = np.isfinite(best) & (second - best <= depth_tolerance * np.abs(best))
-    doubtful = (grazed <= best * (1 + depth_tolerance)) | near_tie
+    reach = np.where(np.isfinite(best), best + depth_tolerance * np.abs(best), np.inf)
+    doubtful = np.isfinite(second) & (second <= reach)
+    doubtful |= np.isfinite(grazed) & (grazed <= reach)
     shown = np.isfinite(best) & (best_id != HOLDOUT)
     return Truth(
         instance=np.where(shown, best_id, -1).astype(np.int32),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import Any
 
 import bpy
@@ -42,6 +42,10 @@ class AlphaTable:
         return np.where(numbers >= _FIRST_IMAGE, numbers - _FIRST_IMAGE, -1).astype(
             np.int32
         ), numbers == _GONE
+
+    def sort_key(self, image: int) -> tuple[str, ...]:
+        """Orders the entries of `images` without regard to the order they were met in."""
+        return tuple(str(value) for value in astuple(self.images[image]))
 
     def _number(self, alpha: float | ImageAlpha, material: str, warnings: set[str]) -> int:
         if isinstance(alpha, float):

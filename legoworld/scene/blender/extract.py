@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
-from legoworld.conventions import CV_FROM_BLENDER_CAMERA
-from legoworld.errors import (
-    NoCameraError,
-    NoMeshError,
-    NonFiniteGeometryError,
-    UnsupportedCameraError,
-)
+from legoworld.errors import NoMeshError
+from legoworld.scene.blender.alpha_table import AlphaTable
+from legoworld.scene.blender.cameras import refuse_missing_camera, scene_camera
+from legoworld.scene.blender.occurrences import CopiedMesh, Walk, walk
 from legoworld.scene.blender.opening import open_blend
+from legoworld.scene.blender.placements import resolve_placements
 from legoworld.scene.blender.render_state import rendered_view_layer, visit_render_state
-from legoworld.scene.blender.tree import occurrence_arrays, scene_tree
-from legoworld.scene.blender.occurrences import Walk, walk
+from legoworld.scene.blender.tree import scene_tree
 from legoworld.scene.snapshot import Cutout, RenderSettings, SceneCamera, Snapshot
 
 
@@ -33,18 +28,12 @@ def snapshot_of_blend(path: Path) -> Snapshot:
         if len(local) > 1:
             warnings.append(f"the file holds {len(local)} scenes; read: {scene.name!r}")
     render = _render_settings(scene)
-    if scene.camera is None and not any(m.camera for m in scene.timeline_markers):
-        cameras = sorted(o.name for o in scene.objects if o.type == "CAMERA")
-        raise NoCameraError(
-            "the scene has no active camera",
-            found=f"{len(cameras)} camera objects, none active: {', '.join(cameras[:5])}"
-            if cameras
-            else "no camera object",
-            expected="scene.camera set to the camera that matches the photo",
-            next_step="set bpy.context.scene.camera in the scene program",
-        )
+    layers = [layer.name for layer in scene.view_layers if layer.use]
+    if len(layers) > 1:
+        warnings.append(f"the scene renders {len(layers)} view layers; read: {render.view_layer!r}")
+    refuse_missing_camera(scene)
     copied: list[tuple[Walk, SceneCamera]] = []
-    visit_render_state(lambda graph: copied.append((walk(graph), _camera(graph.scene_eval))))
+    visit_render_state(lambda graph: copied.append((walk(graph), scene_camera(graph.scene_eval))))
     walked, camera = copied[0]
     return _assemble(walked, camera, render, scene, warnings)
 
@@ -59,43 +48,48 @@ def _assemble(
             expected="at least one mesh that is not hidden from rendering",
             next_step="check hide_render, collection exclusion and material alpha",
         )
-    objects, collections, object_index = scene_tree(scene, walked.seen)
-    occurrences, mesh_order = occurrence_arrays(walked.seen, objects, object_index)
-    meshes = [walked.meshes[i] for i in mesh_order]
-    cutouts: dict[str, Any] = {}
-    if walked.alphas.images:
-        cutouts = _cutouts(walked, mesh_order)
+    met = {s.object for s in walked.seen} | {s.top for s in walked.seen}
+    objects, collections, object_index = scene_tree(scene, met, walked.warnings)
+    placements = resolve_placements(walked.seen, walked.generators, object_index)
+    meshes = [walked.meshes[i] for i in placements.mesh_order]
     return Snapshot(
         objects=objects,
         collections=collections,
         camera=camera,
         render=render,
-        warnings=tuple(warnings) + tuple(sorted(walked.warnings)),
+        warnings=(*warnings, *sorted(walked.warnings)),
         vertices=np.concatenate([m.vertices for m in meshes]),
         triangles=np.concatenate([m.triangles for m in meshes]),
         vertex_start=np.cumsum([0] + [len(m.vertices) for m in meshes], dtype=np.int64),
         triangle_start=np.cumsum([0] + [len(m.triangles) for m in meshes], dtype=np.int64),
-        **occurrences,
-        **cutouts,
+        **placements.arrays,
+        **_cutouts(walked.alphas, meshes),
     )
 
 
-def _cutouts(walked: Walk, mesh_order: list[int]) -> dict[str, Any]:
+def _cutouts(alphas: AlphaTable, meshes: list[CopiedMesh]) -> dict[str, Any]:
+    """The cut-out fields of a Snapshot, images in an order that only their content decides."""
+    if all(mesh.cutout is None for mesh in meshes):
+        return {}
+    used = np.unique(np.concatenate([m.cutout[0] for m in meshes if m.cutout is not None]))
+    order = sorted((int(i) for i in used if i >= 0), key=alphas.sort_key)
+    number = np.full(len(alphas.images) + 1, -1, np.int32)  # the last one: -1 stays -1
+    number[order] = np.arange(len(order), dtype=np.int32)
     triangle_cutout, uv = [], []
-    for i in mesh_order:
-        n_triangles = len(walked.meshes[i].triangles)
-        per_mesh = walked.mesh_cutouts[i] or (
+    for mesh in meshes:
+        n_triangles = len(mesh.triangles)
+        image, coordinates = mesh.cutout or (
             np.full(n_triangles, -1, np.int32),
             np.zeros((n_triangles, 3, 2), np.float32),
         )
-        triangle_cutout.append(per_mesh[0])
-        uv.append(per_mesh[1])
+        triangle_cutout.append(number[image])
+        uv.append(coordinates)
+    images = [alphas.images[i] for i in order]
     return {
         "cutouts": tuple(
-            Cutout(name=a.image, wrap=a.wrap, interpolation=a.interpolation)
-            for a in walked.alphas.images
+            Cutout(name=a.image, wrap=a.wrap, interpolation=a.interpolation) for a in images
         ),
-        "cutout_alphas": tuple(walked.alphas.pictures),
+        "cutout_alphas": tuple(alphas.pictures[i] for i in order),
         "triangle_cutout": np.concatenate(triangle_cutout),
         "corner_uv": np.concatenate(uv),
     }
@@ -116,63 +110,4 @@ def _render_settings(scene: Any) -> RenderSettings:
         unit_scale=units.scale_length,
         scene_name=scene.name,
         view_layer=rendered_view_layer().name,
-    )
-
-
-def _camera(scene: Any) -> SceneCamera:
-    camera_object = scene.camera
-    if camera_object is None or camera_object.type != "CAMERA":
-        kind = "nothing" if camera_object is None else f"a {camera_object.type.lower()} object"
-        raise NoCameraError(
-            "the scene's active camera is not a camera",
-            found=kind,
-            expected="a camera object",
-            next_step="set bpy.context.scene.camera in the scene program",
-        )
-    camera = camera_object.data
-    if camera.type not in ("PERSP", "ORTHO"):
-        raise UnsupportedCameraError(
-            f"camera {camera_object.name!r} cannot be read out",
-            found=f"camera type {camera.type}",
-            expected="PERSP or ORTHO",
-            next_step="use a perspective camera that matches the photo",
-        )
-    pose = _rigid_pose(camera_object.matrix_world)
-    numbers = {
-        "lens_mm": camera.lens,
-        "sensor_width_mm": camera.sensor_width,
-        "sensor_height_mm": camera.sensor_height,
-        "shift_x": camera.shift_x,
-        "shift_y": camera.shift_y,
-        "ortho_scale": camera.ortho_scale,
-        "clip_start": camera.clip_start,
-        "clip_end": camera.clip_end,
-    }
-    flat = [*numbers.values(), *(x for row in pose for x in row)]
-    if not all(math.isfinite(x) for x in flat):
-        raise NonFiniteGeometryError(
-            f"camera {camera_object.name!r} is broken",
-            found="NaN or infinity in its matrix or settings",
-            expected="finite numbers",
-            next_step="correct the camera's transform and lens",
-        )
-    return SceneCamera(
-        name=camera_object.original.name,
-        type=camera.type,
-        world_from_camera=pose,
-        sensor_fit=camera.sensor_fit,
-        **numbers,
-    )
-
-
-def _rigid_pose(world_from_object: Any) -> tuple[tuple[float, float, float, float], ...]:
-    """The camera's pose in OpenCV axes, scale and shear removed as a Blender render removes them."""
-    rigid: Matrix = world_from_object.normalized()
-    return cast(
-        "tuple[tuple[float, float, float, float], ...]",
-        tuple(
-            tuple(float(rigid[r][c]) * CV_FROM_BLENDER_CAMERA[c] for c in range(3))
-            + (float(rigid[r][3]),)
-            for r in range(3)
-        ),
     )

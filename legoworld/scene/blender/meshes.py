@@ -3,53 +3,63 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeshArrays:
-    """One evaluated mesh, in its own frame.
+class Triangles:
+    """The triangles of one mesh.
 
-    vertices: (V, 3) float32. triangles: (T, 3) int32. corners: (T, 3) int32, the face corners the
-    triangles use, for reading what is stored per corner. material: (T,) int32, slot of each
-    triangle's material.
+    vertices: (T, 3) int32. corners: (T, 3) int32, the face corners they use, for reading what is
+    stored per corner. material: (T,) int32, the slot of each triangle's material.
     """
 
-    vertices: NDArray[np.float32]
-    triangles: NDArray[np.int32]
+    vertices: NDArray[np.int32]
     corners: NDArray[np.int32]
     material: NDArray[np.int32]
 
+    def chosen(self, keep: NDArray[np.bool_]) -> Self:
+        """Those triangles only."""
+        if keep.all():
+            return self
+        return type(self)(
+            vertices=self.vertices[keep], corners=self.corners[keep], material=self.material[keep]
+        )
 
-def mesh_arrays(mesh: Any) -> MeshArrays:
-    """Copy an evaluated bpy.types.Mesh; n-gons are triangulated as Blender draws them."""
+
+def mesh_vertices(mesh: Any) -> NDArray[np.float32]:
+    """(V, 3) float32 positions of an evaluated bpy.types.Mesh, in its own frame."""
     vertices = np.empty((len(mesh.vertices), 3), np.float32)
     if len(vertices):
         mesh.attributes["position"].data.foreach_get("vector", vertices.ravel())
+    return vertices
+
+
+def mesh_triangles(mesh: Any) -> Triangles:
+    """The triangles of an evaluated bpy.types.Mesh; n-gons are divided as Blender draws them."""
     n_faces, n_corners = len(mesh.polygons), len(mesh.loops)
     corner_vertex = np.empty(n_corners, np.int32)
-    if n_corners:
-        mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
     face_material = _face_material(mesh, n_faces)
     if n_corners == 3 * n_faces:
-        corners = np.arange(n_corners, dtype=np.int32).reshape(-1, 3)
-        material = face_material
-    else:
-        mesh.calc_loop_triangles()
-        n_triangles = len(mesh.loop_triangles)
-        corners = np.empty((n_triangles, 3), np.int32)
-        mesh.loop_triangles.foreach_get("loops", corners.ravel())
-        material = np.zeros(n_triangles, np.int32)
-        if face_material.any():
-            polygon = np.empty(n_triangles, np.int32)
-            mesh.loop_triangles.foreach_get("polygon_index", polygon)
-            material = face_material[polygon]
-    return MeshArrays(
-        vertices=vertices, triangles=corner_vertex[corners], corners=corners, material=material
-    )
+        return Triangles(
+            vertices=corner_vertex.reshape(-1, 3),
+            corners=np.arange(n_corners, dtype=np.int32).reshape(-1, 3),
+            material=face_material,
+        )
+    mesh.calc_loop_triangles()
+    n_triangles = len(mesh.loop_triangles)
+    corners = np.empty((n_triangles, 3), np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners.ravel())
+    material = np.zeros(n_triangles, np.int32)
+    if face_material.any():
+        polygon = np.empty(n_triangles, np.int32)
+        mesh.loop_triangles.foreach_get("polygon_index", polygon)
+        material = face_material[polygon]
+    return Triangles(vertices=corner_vertex[corners], corners=corners, material=material)
 
 
 def corner_uv(mesh: Any, name: str | None, corners: NDArray[np.int32]) -> NDArray[np.float32] | None:

@@ -10,30 +10,27 @@ from numpy.typing import NDArray
 
 from legoworld.errors import NonFiniteGeometryError
 from legoworld.scene.blender.alpha_table import AlphaTable
-from legoworld.scene.blender.meshes import MeshArrays, corner_uv, mesh_arrays
+from legoworld.scene.blender.meshes import Triangles, corner_uv, mesh_triangles, mesh_vertices
+from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
+from legoworld.scene.blender.placements import Generator, Identity, Seen
 
 _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
-#: Blender renders these through a mesh that it reports as an occurrence of its own.
-_MESHED_ELSEWHERE: Final = ("CURVE", "FONT", "META", "SURFACE")
-_NOT_A_SURFACE: Final = ("EMPTY", "CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER", "ARMATURE",
-                         "LATTICE", "VOLUME")  # fmt: skip
-
-Identity = tuple[str, str]  # name, library
+#: Far beyond any scene, and small enough that a product of two such numbers is finite.
+_LARGEST_ENTRY: Final = 1e15
 
 
-@dataclass(frozen=True, kw_only=True)
-class Seen:
-    """One entry of the dependency graph, copied.
+@dataclass(kw_only=True)
+class CopiedMesh:
+    """One mesh as it shows, in its own frame: faces that alpha removes are left out.
 
-    path: outermost index first, empty for an object that no instancer made.
+    vertices: (V, 3) float32; triangles: (T, 3) int32. cutout: (T,) int32 index into the walk's
+    alpha images, -1 for none, with (T, 3, 2) float32 texture coordinates; None where no triangle
+    has one.
     """
 
-    top: Identity
-    path: tuple[int, ...]
-    object: Identity
-    mesh: int  # -1: shows nothing
-    holdout: bool
-    world_from_mesh: tuple[float, ...]  # 12 numbers, row major
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    cutout: tuple[NDArray[np.int32], NDArray[np.float32]] | None
 
 
 @dataclass(kw_only=True)
@@ -41,152 +38,147 @@ class Walk:
     """Everything one walk over the dependency graph copied."""
 
     seen: list[Seen] = field(default_factory=list)
-    meshes: list[MeshArrays] = field(default_factory=list)
-    mesh_cutouts: list[tuple[NDArray[np.int32], NDArray[np.float32]] | None] = field(
-        default_factory=list
-    )
+    meshes: list[CopiedMesh] = field(default_factory=list)
     alphas: AlphaTable = field(default_factory=AlphaTable)
+    generators: dict[Identity, Generator] = field(default_factory=dict)
     warnings: set[str] = field(default_factory=set)
-
-
-def identity(block: Any) -> Identity:
-    """A datablock's name and the path of the library it comes from ("" for none)."""
-    return (block.name, block.library.filepath if block.library else "")
 
 
 def walk(depsgraph: Any) -> Walk:
     """Copy all occurrences and every mesh they show. Raises NonFiniteGeometryError."""
-    result = Walk()
-    known: dict[tuple[int, tuple[int, ...]], int] = {}
-    for instance in depsgraph.object_instances:
+    return _Walker(depsgraph).walk()
+
+
+class _Walker:
+    def __init__(self, depsgraph: Any) -> None:
+        self.depsgraph = depsgraph
+        self.result = Walk()
+        self.objects = ObjectTable(
+            view_layer=depsgraph.view_layer, warnings=self.result.warnings
+        )
+        self.override = depsgraph.view_layer_eval.material_override
+        self._mesh_of: dict[tuple[int, int], int] = {}
+        self._mesh_by_rule: dict[tuple[int, tuple[int, ...]], int] = {}
+
+    def walk(self) -> Walk:
+        for instance in self.depsgraph.object_instances:
+            self.result.seen.append(self._seen(instance))
+        self.result.generators = self.objects.generators
+        _refuse_broken_matrices(self.result.seen)
+        return self.result
+
+    def _seen(self, instance: Any) -> Seen:
         shown = instance.object
-        original = shown.original
-        parent = instance.parent if instance.is_instance else None
+        facts = self.objects.facts(instance.instance_object or shown)
+        holder, path, by_particles = facts, (), False
+        if instance.is_instance:
+            holder = self.objects.facts(instance.parent)
+            path = tuple(i for i in instance.persistent_id if i != _UNUSED)[::-1]
+            by_particles = instance.particle_system is not None
         mesh = -1
-        if shown.type == "MESH":
-            if _camera_sees(instance, shown, parent, depsgraph):
-                mesh = _mesh_index(result, known, instance, shown)
-        elif shown.type not in _NOT_A_SURFACE and shown.type not in _MESHED_ELSEWHERE:
-            result.warnings.add(
-                f"{shown.type.lower()} object {original.name!r} is not read: it has no mesh"
-            )
-        _note_hair(result, shown, original)
-        path = tuple(i for i in instance.persistent_id if i != _UNUSED) if parent else ()
-        result.seen.append(
-            Seen(
-                top=identity((parent or shown).original),
-                path=path[::-1],
-                object=identity(original),
-                mesh=mesh,
-                holdout=mesh >= 0 and _is_holdout(shown, parent, depsgraph),
-                world_from_mesh=_matrix(instance, original) if mesh >= 0 else (0.0,) * 12,
-            )
+        if shown.type != "MESH":
+            self.objects.note_type(shown)
+        elif instance.show_self and _camera_sees(facts, holder):
+            mesh = self._mesh(shown)
+        matrix = instance.matrix_world
+        return Seen(
+            top=holder.identity,
+            path=path,
+            object=facts.identity,
+            mesh=mesh,
+            holdout=mesh >= 0 and holder.holdout,
+            by_particles=by_particles,
+            world_from_mesh=(*matrix[0], *matrix[1], *matrix[2]),
         )
-    return result
 
+    def _mesh(self, shown: Any) -> int:
+        """The index of the mesh an entry shows, copied on first sight; -1 when it has no face."""
+        mesh = shown.data
+        pointer = mesh.as_pointer()
+        key = (pointer, shown.original.as_pointer())
+        if key not in self._mesh_of:
+            if not len(mesh.polygons):
+                self._mesh_of[key] = -1
+                return -1
+            rules = self._rules(shown)
+            by_rule = (pointer, rules if any(rules) else ())
+            if by_rule not in self._mesh_by_rule:
+                self._mesh_by_rule[by_rule] = self._copy(shown, mesh, rules)
+            self._mesh_of[key] = self._mesh_by_rule[by_rule]
+        return self._mesh_of[key]
 
-def _camera_sees(instance: Any, shown: Any, parent: Any, depsgraph: Any) -> bool:
-    """Cycles' rule: the object's own camera visibility and its instancer's both count."""
-    if not instance.show_self or not shown.visible_camera:
-        return False
-    if parent is not None and not parent.visible_camera:
-        return False
-    return not (parent or shown).original.indirect_only_get(
-        view_layer=depsgraph.view_layer_eval
-    )
+    def _rules(self, shown: Any) -> tuple[int, ...]:
+        """The alpha rule of each material slot; evaluated slots are what Cycles asks for, too."""
+        materials = [slot.material for slot in shown.material_slots] or [None]
+        if self.override is not None:
+            materials = [self.override] * len(materials)
+        return tuple(self.result.alphas.index(m, self.result.warnings) for m in materials)
 
-
-def _is_holdout(shown: Any, parent: Any, depsgraph: Any) -> bool:
-    holder = (parent or shown).original
-    return bool(holder.holdout_get(view_layer=depsgraph.view_layer_eval) or shown.is_holdout)
-
-
-def _matrix(instance: Any, original: Any) -> tuple[float, ...]:
-    rows = tuple(x for row in instance.matrix_world[:3] for x in row)
-    if not np.isfinite(rows).all():
-        raise NonFiniteGeometryError(
-            f"object {original.name!r} stands nowhere",
-            found="its world matrix holds NaN or infinity",
-            expected="finite numbers",
-            next_step="correct its location, rotation, scale, constraints or drivers",
-        )
-    return rows
-
-
-def _mesh_index(
-    result: Walk, known: dict[tuple[int, tuple[int, ...]], int], instance: Any, shown: Any
-) -> int:
-    """The index of the mesh an occurrence shows, copied on first sight; -1 when it has no face."""
-    mesh = shown.data
-    if not len(mesh.polygons):
-        return -1
-    materials = _materials(instance, shown, mesh)
-    slots = tuple(result.alphas.index(material, result.warnings) for material in materials)
-    key = (mesh.as_pointer(), slots if any(slots) else ())
-    if key not in known:
-        arrays = mesh_arrays(mesh)
-        if not np.isfinite(arrays.vertices).all():
+    def _copy(self, shown: Any, mesh: Any, rules: tuple[int, ...]) -> int:
+        vertices = mesh_vertices(mesh)
+        if not np.isfinite(vertices).all():
             raise NonFiniteGeometryError(
                 f"mesh of object {shown.original.name!r} has broken vertices",
-                found=f"{int((~np.isfinite(arrays.vertices)).any(1).sum())} of "
-                f"{len(arrays.vertices)} vertices hold NaN or infinity",
+                found=f"{int((~np.isfinite(vertices)).any(1).sum())} of {len(vertices)} vertices "
+                "hold NaN or infinity",
                 expected="finite coordinates",
                 next_step="remove those vertices, or the modifier that makes them",
             )
-        known[key] = _add_mesh(result, mesh, arrays, slots)
-    return known[key]
-
-
-def _add_mesh(result: Walk, mesh: Any, arrays: MeshArrays, slots: tuple[int, ...]) -> int:
-    cutout = None
-    if any(slots):
-        slot = np.minimum(arrays.material, len(slots) - 1)
-        slot_cutout, slot_gone = result.alphas.per_slot(slots)
-        keep = ~slot_gone[np.maximum(slot, 0)]
-        triangle_cutout = slot_cutout[np.maximum(slot, 0)][keep]
-        corners = arrays.corners[keep]
-        arrays = MeshArrays(
-            vertices=arrays.vertices,
-            triangles=np.ascontiguousarray(arrays.triangles[keep]),
-            corners=corners,
-            material=arrays.material[keep],
+        triangles = mesh_triangles(mesh)
+        cutout = None
+        if any(rules):
+            triangles, cutout = self._cut(mesh, triangles, rules)
+        if not len(triangles.vertices):
+            return -1
+        self.result.meshes.append(
+            CopiedMesh(vertices=vertices, triangles=triangles.vertices, cutout=cutout)
         )
-        if (triangle_cutout >= 0).any():
-            cutout = _with_uv(result, mesh, corners, triangle_cutout)
-    if not len(arrays.triangles):
-        return -1
-    result.meshes.append(arrays)
-    result.mesh_cutouts.append(cutout)
-    return len(result.meshes) - 1
+        return len(self.result.meshes) - 1
+
+    def _cut(
+        self, mesh: Any, triangles: Triangles, rules: tuple[int, ...]
+    ) -> tuple[Triangles, tuple[NDArray[np.int32], NDArray[np.float32]] | None]:
+        """Without the faces whose alpha removes them; with the images that cut the others."""
+        slot = np.clip(triangles.material, 0, len(rules) - 1)
+        slot_image, slot_gone = self.result.alphas.per_slot(rules)
+        keep = ~slot_gone[slot]
+        image, triangles = slot_image[slot][keep], triangles.chosen(keep)
+        if not (image >= 0).any():
+            return triangles, None
+        uv = np.zeros((len(image), 3, 2), np.float32)
+        for index in np.unique(image[image >= 0]):
+            values = corner_uv(mesh, self.result.alphas.images[index].uv_map, triangles.corners)
+            # Without that UV map Cycles reads (0, 0) everywhere: the picture's lower left corner.
+            if values is not None:
+                uv[image == index] = values[image == index]
+        if not np.isfinite(uv).all():
+            self.result.warnings.add(
+                f"mesh {mesh.name!r} has texture coordinates that are NaN or infinite: read as 0"
+            )
+            uv[~np.isfinite(uv)] = 0.0
+        return triangles, (image, uv)
 
 
-def _with_uv(
-    result: Walk, mesh: Any, corners: NDArray[np.int32], triangle_cutout: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[np.float32]] | None:
-    """Each cut-out triangle's texture coordinates; opaque where the UV map is not there."""
-    uv = np.zeros((len(corners), 3, 2), np.float32)
-    final = np.full(len(corners), -1, np.int32)
-    for index in np.unique(triangle_cutout[triangle_cutout >= 0]):
-        rule = result.alphas.images[index]
-        values = corner_uv(mesh, rule.uv_map, corners)
-        if values is None:
-            # Cycles then reads (0, 0, 0) everywhere: the picture's lower left corner.
-            values = uv
-        chosen = triangle_cutout == index
-        uv[chosen], final[chosen] = values[chosen], index
-    return final, uv
+def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
+    """Cycles' rule: the object's and its outermost instancer's camera visibility both count.
+
+    Only the outermost instancer's collections count, and a holdout is never indirect only.
+    """
+    if not facts.camera_sees or not holder.camera_sees:
+        return False
+    return holder.holdout or not holder.indirect
 
 
-def _materials(instance: Any, shown: Any, mesh: Any) -> list[Any]:
-    """Materials by slot as Cycles finds them: a generated mesh has only the mesh's own."""
-    generated = instance.is_instance and instance.parent.original == shown.original
-    if generated:
-        return list(mesh.materials)
-    return [slot.material for slot in shown.material_slots] or list(mesh.materials)
-
-
-def _note_hair(result: Walk, shown: Any, original: Any) -> None:
-    for system in getattr(shown, "particle_systems", ()):
-        settings = system.settings
-        if settings.type == "HAIR" and settings.render_type == "PATH":
-            result.warnings.add(f"hair of object {original.name!r} is not read: it has no mesh")
+def _refuse_broken_matrices(seen: list[Seen]) -> None:
+    shows = [s for s in seen if s.mesh >= 0]
+    rows: NDArray[np.float64] = np.array([s.world_from_mesh for s in shows], np.float64).reshape(-1, 12)
+    broken = np.flatnonzero(~(np.abs(rows) <= _LARGEST_ENTRY).all(1))
+    if not len(broken):
+        return
+    first = min((shows[i] for i in broken), key=lambda s: (s.object, s.top, s.path))
+    raise NonFiniteGeometryError(
+        f"object {first.object[0]!r} stands nowhere",
+        found=f"its world matrix holds NaN, infinity or more than {_LARGEST_ENTRY:g}",
+        expected="finite numbers",
+        next_step="correct its location, rotation, scale, constraints or drivers",
+    )

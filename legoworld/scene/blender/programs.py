@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,6 +25,20 @@ class ProgramBuiltNothingError(LegoWorldError):
 
 class _BlenderQuitError(BaseException):
     """Stands for the program's own call to quit Blender."""
+
+
+class _Replaced:
+    """A group of operators with one of them replaced.
+
+    bpy.ops makes its groups anew at every access, so the replacement has to stand for the group.
+    """
+
+    def __init__(self, operators: Any, name: str, replacement: Callable[..., set[str]]) -> None:
+        self._operators = operators
+        setattr(self, name, replacement)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._operators, name)
 
 
 def execute_program(program: Path, output: Path) -> dict[str, Any]:
@@ -73,8 +88,6 @@ def render_picture(output: Path) -> dict[str, Any]:
 
 def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
     """Run the program's text; the error that stopped it, None when it came to its end."""
-    original = bpy.ops.render.render, bpy.ops.wm.quit_blender
-
     def no_render(*_args: Any, **_kwargs: Any) -> set[str]:
         skipped.append("render")
         return {"FINISHED"}
@@ -82,7 +95,8 @@ def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
     def no_quit(*_args: Any, **_kwargs: Any) -> set[str]:
         raise _BlenderQuitError
 
-    bpy.ops.render.render, bpy.ops.wm.quit_blender = no_render, no_quit
+    bpy.ops.render = _Replaced(bpy.ops.render, "render", no_render)
+    bpy.ops.wm = _Replaced(bpy.ops.wm, "quit_blender", no_quit)
     arguments, sys.argv = sys.argv, ["blender", "--background", "--python", str(program)]
     sys.path.insert(0, str(program.parent))
     try:
@@ -98,7 +112,7 @@ def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
     except BaseException as error:  # noqa: BLE001  any error of a foreign program is its verdict
         return _error(error, program)
     finally:
-        bpy.ops.render.render, bpy.ops.wm.quit_blender = original
+        del bpy.ops.render, bpy.ops.wm
         sys.argv = arguments
         sys.path.remove(str(program.parent))
     return None

@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 
 import bpy
 
+from legoworld.errors import SceneInvalidError
+
 _ENGINE = "LEGOWORLD_SNAPSHOT"
 
 
@@ -39,7 +41,7 @@ class SnapshotEngine(bpy.types.RenderEngine):  # type: ignore[misc]
 
 
 def visit_render_state(visit: Callable[[Any], None]) -> None:
-    """Call `visit` once with the render depsgraph of the active scene and view layer.
+    """Call `visit` once with the render depsgraph of the active scene's first view layer that renders.
 
     Evaluated data is gone when `visit` returns: it must copy what it keeps. Changes the open
     file's render settings, so read them before.
@@ -56,20 +58,27 @@ def visit_render_state(visit: Callable[[Any], None]) -> None:
     for switch in ("use_compositing", "use_sequencer", "use_border", "use_multiview",
                    "use_freestyle", "use_persistent_data", "use_stamp"):  # fmt: skip
         setattr(render, switch, False)
-    bpy.ops.render.render(write_still=False)
+    render.use_single_layer = False
+    try:
+        bpy.ops.render.render(write_still=False)
+    except RuntimeError as error:
+        raise SceneInvalidError(
+            "Blender refuses to render the scene",
+            found=str(error).removeprefix("Error: "),
+            expected="a scene that renders",
+            next_step="render it in Blender and correct what it complains about",
+        ) from error
     if SnapshotEngine.error is not None:
         raise SnapshotEngine.error
     if SnapshotEngine.visit is not None:
-        raise RuntimeError("Blender did not render the active view layer")
+        raise RuntimeError("Blender did not render the view layer")
 
 
 def rendered_view_layer() -> Any:
-    """The view layer a render shows: the active one, or the first that renders at all."""
-    active = bpy.context.view_layer
-    if active.use:
-        return active
-    for layer in bpy.context.scene.view_layers:
+    """The view layer a render's picture shows: the first that renders at all."""
+    layers = bpy.context.scene.view_layers
+    for layer in layers:
         if layer.use:
             return layer
-    active.use = True
-    return active
+    layers[0].use = True
+    return layers[0]

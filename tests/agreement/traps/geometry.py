@@ -18,7 +18,7 @@ def mixed_primitives() -> Expect:
     wall()
     for i, kind in enumerate(EVERYDAY):
         solid(kind, kind, (1.6 * (i - 3), (i % 3) - 1.0, 0.8), turn=(20 * i, 35 * i, 10))
-    camera()
+    camera(lens=30)
     return Expect(seen=(*EVERYDAY, "Floor", "Wall"))
 
 

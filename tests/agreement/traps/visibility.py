@@ -112,7 +112,7 @@ def display_types() -> Expect:
     wall()
     for i, display in enumerate(("BOUNDS", "WIRE", "SOLID", "TEXTURED")):
         solid("monkey", display, (2.4 * (i - 1.5), 0, 1)).display_type = display
-    solid("cube", "in front", (0, 7, 1)).show_in_front = True
+    solid("cube", "in front", (0, 9, 1)).show_in_front = True
     camera()
     return Expect(seen=("BOUNDS", "WIRE", "SOLID", "TEXTURED"), unseen=("in front",))
 

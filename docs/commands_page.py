@@ -1,0 +1,41 @@
+"""Writes docs/commands.md from the commands' own help; --check only says whether it is current."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from legoworld.cli import main
+
+PAGE = Path(__file__).with_name("commands.md")
+
+
+def render() -> str:
+    """The whole page."""
+    context = click.Context(main, info_name="legoworld", terminal_width=96, max_content_width=96)
+    parts = [
+        "# Commands\n\nMade from the program's own help by `python docs/commands_page.py`. Exit codes: 0"
+        " done; 1 failed, or some\nscenes could not be read; 2 wrong usage; 130 stopped with"
+        " Ctrl-C.\n"
+    ]
+    for name in main.list_commands(context):
+        command = main.get_command(context, name)
+        assert command is not None
+        own = click.Context(
+            command,
+            info_name=name,
+            parent=context,
+            terminal_width=96,
+            max_content_width=96,
+            help_option_names=["-h", "--help"],
+        )
+        parts.append(f"## legoworld {name}\n\n```\n{command.get_help(own)}\n```\n")
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    if "--check" in sys.argv:
+        sys.exit(PAGE.read_text(encoding="utf-8") != render())
+    PAGE.write_text(render(), encoding="utf-8")

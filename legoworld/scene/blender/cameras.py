@@ -1,0 +1,116 @@
+"""The active camera of an evaluated scene, in Blender's own terms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, cast
+
+from legoworld.conventions import CV_FROM_BLENDER_CAMERA
+from legoworld.errors import NoCameraError, NonFiniteGeometryError, UnsupportedCameraError
+from legoworld.scene.snapshot import SceneCamera
+
+_Pose = tuple[tuple[float, float, float, float], ...]
+
+
+def refuse_missing_camera(scene: Any) -> None:
+    """Raises NoCameraError when no object is the scene's camera and no marker brings one."""
+    if scene.camera is not None or any(m.camera for m in scene.timeline_markers):
+        return
+    names = sorted(o.name for o in scene.objects if o.type == "CAMERA")
+    raise NoCameraError(
+        "the scene has no active camera",
+        found=f"{len(names)} camera objects, none active: {', '.join(names[:5])}"
+        if names
+        else "no camera object",
+        expected="scene.camera set to the camera that matches the photo",
+        next_step="set bpy.context.scene.camera in the scene program",
+    )
+
+
+def scene_camera(scene: Any) -> SceneCamera:
+    """The camera a render of an evaluated scene uses.
+
+    Raises NoCameraError, UnsupportedCameraError or NonFiniteGeometryError.
+    """
+    holder = scene.camera
+    if holder is None or holder.type != "CAMERA":
+        kind = "nothing" if holder is None else f"{holder.type.lower()} object {holder.name!r}"
+        raise NoCameraError(
+            "the scene's active camera is not a camera",
+            found=kind,
+            expected="a camera object",
+            next_step="set bpy.context.scene.camera in the scene program",
+        )
+    camera = holder.data
+    if camera.type not in ("PERSP", "ORTHO"):
+        raise UnsupportedCameraError(
+            f"camera {holder.name!r} cannot be read out",
+            found=f"camera type {camera.type}",
+            expected="PERSP or ORTHO",
+            next_step="use a perspective camera that matches the photo",
+        )
+    pose = _pose(holder.matrix_world)
+    numbers = {
+        "lens_mm": camera.lens,
+        "sensor_width_mm": camera.sensor_width,
+        "sensor_height_mm": camera.sensor_height,
+        "shift_x": camera.shift_x,
+        "shift_y": camera.shift_y,
+        "ortho_scale": camera.ortho_scale,
+        "clip_start": camera.clip_start,
+        "clip_end": camera.clip_end,
+    }
+    _refuse_broken(holder.name, camera.type, numbers, pose)
+    return SceneCamera(
+        name=holder.original.name,
+        type=camera.type,
+        world_from_camera=pose,
+        sensor_fit=camera.sensor_fit,
+        **numbers,
+    )
+
+
+def _refuse_broken(name: str, kind: str, numbers: dict[str, float], pose: _Pose) -> None:
+    if not all(math.isfinite(x) for x in (*numbers.values(), *(x for row in pose for x in row))):
+        raise NonFiniteGeometryError(
+            f"camera {name!r} is broken",
+            found="NaN or infinity in its matrix or settings",
+            expected="finite numbers",
+            next_step="correct the camera's transform and lens",
+        )
+    positive = ["lens_mm", "sensor_width_mm", "sensor_height_mm"]
+    positive = [*positive, "clip_start"] if kind == "PERSP" else ["ortho_scale"]
+    wrong = [f"{key} {numbers[key]:g}" for key in positive if not numbers[key] > 0.0]
+    if not numbers["clip_start"] < numbers["clip_end"]:
+        wrong.append(f"clip_start {numbers['clip_start']:g}, clip_end {numbers['clip_end']:g}")
+    if _flat(pose):
+        wrong.append("a scale of 0")
+    if wrong:
+        raise UnsupportedCameraError(
+            f"camera {name!r} sees nothing",
+            found=", ".join(wrong),
+            expected="a scale other than 0, positive lens and sensor, clip_start below clip_end",
+            next_step="correct the camera's transform and settings",
+        )
+
+
+def _pose(world_from_object: Any) -> _Pose:
+    """The camera's pose in OpenCV axes.
+
+    The scale of each axis is removed, as a Blender render removes it; axes that are not at right
+    angles, or left-handed, stay so.
+    """
+    unscaled = world_from_object.normalized()
+    return cast(
+        "_Pose",
+        tuple(
+            tuple(float(unscaled[r][c]) * CV_FROM_BLENDER_CAMERA[c] for c in range(3))
+            + (float(unscaled[r][3]),)
+            for r in range(3)
+        ),
+    )
+
+
+def _flat(pose: _Pose) -> bool:
+    (a, b, c, _), (d, e, f, _), (g, h, i, _) = pose
+    return abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) < 1e-6

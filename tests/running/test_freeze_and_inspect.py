@@ -1,0 +1,102 @@
+"""`legoworld freeze` and `legoworld inspect`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from legoworld import cli
+
+pytestmark = pytest.mark.blender
+
+SCENES = """
+fresh(); camera()
+quad("Dog", category="dog")
+quad("Far dog", x=100, category="dog")
+quad("Wall", z=-2, half=9)
+save("good")
+fresh(); quad("Dog"); save("no_camera")
+"""
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+    folder = tmp_path_factory.mktemp("scenes")
+    build_scenes(SCENES, folder)
+    return folder
+
+
+def frozen(scene: Path) -> dict:
+    return json.loads((scene / "frozen.json").read_text())
+
+
+def write_picture(path: Path, picture: np.ndarray) -> None:
+    assert cv2.imwrite(str(path), picture)
+
+
+def test_freeze_checks_every_artefact(scenes, capsys):
+    noise = np.random.default_rng(0).integers(0, 255, (8, 8, 3), np.uint8)
+    write_picture(scenes / "good" / "final.png", noise)
+    (scenes / "good" / "scene.py").write_text("# the program")
+    assert cli.run(["freeze", str(scenes), "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    found = {row["scene"]: row["status"] for row in document["scenes"]}
+    assert found == {"good": "ok", "no_camera": "invalid"}
+    record = frozen(scenes / "good")
+    assert set(record["files"]) == {"scene.blend", "final.png", "scene.py"}
+    blend = scenes / "good" / "scene.blend"
+    assert record["files"]["scene.blend"]["bytes"] == blend.stat().st_size
+    assert frozen(scenes / "no_camera")["checks"]["scene.blend"]["code"] == "no_camera"
+
+
+@pytest.mark.parametrize("content", [b"", b"not a picture", "flat"])
+def test_freeze_refuses_a_picture_that_shows_nothing(content, scenes, tmp_path, capsys):
+    scene = tmp_path / "s"
+    scene.mkdir()
+    (scene / "scene.blend").write_bytes((scenes / "good" / "scene.blend").read_bytes())
+    if content == "flat":
+        write_picture(scene / "final.png", np.full((8, 8, 3), 7, np.uint8))
+    else:
+        (scene / "final.png").write_bytes(content)
+    assert cli.run(["freeze", str(tmp_path)]) == 1
+    assert "final.png" in capsys.readouterr().out
+    assert frozen(scene)["status"] == "invalid"
+
+
+def test_inspect_writes_buffers_that_agree_with_its_table(scenes, tmp_path):
+    arguments = ["inspect", str(scenes / "good"), "--size", "64x48", "-q", "-o", str(tmp_path)]
+    assert cli.run(arguments) == 0
+    buffers = np.load(tmp_path / "buffers.npz")
+    instance, depth = buffers["instance"], buffers["depth_z_m"]
+    assert (instance.dtype, depth.dtype) == (np.int32, np.float32)
+    assert instance.shape == depth.shape == (48, 64)
+    np.testing.assert_array_equal(np.isinf(depth), instance == -1)
+    document = json.loads((tmp_path / "instances.json").read_text())
+    entries = {e["objects"][0]: e for e in document["instances"]}
+    assert entries["Dog"]["area_px"] == 144
+    assert entries["Dog"]["bbox_xywh_px"] == [26, 18, 12, 12]
+    assert entries["Far dog"]["reason"] == "outside_view"
+    assert entries["Wall"]["labelled"] is False
+    for entry in entries.values():
+        assert entry["area_px"] == (instance == entry["id"]).sum()
+    assert set(depth[instance == entries["Dog"]["id"]]) == {np.float32(10)}
+    for name in ("overlay.png", "depth.png"):
+        assert cv2.imread(str(tmp_path / name)).shape == (48, 64, 3)
+
+
+def test_inspect_draws_over_a_photo_of_its_size_only(scenes, tmp_path, capsys):
+    photo = tmp_path / "photo.png"
+    write_picture(photo, np.full((48, 64, 3), 90, np.uint8))
+    good = ["inspect", str(scenes / "good"), "--photo", str(photo), "-q", "-o", str(tmp_path / "a")]
+    assert cli.run(good) == 0
+    assert cli.run([*good, "--size", "32x24"]) == 1
+    assert "another size" in capsys.readouterr().err
+
+
+def test_inspect_of_a_broken_scene_is_one_line(scenes, capsys):
+    assert cli.run(["inspect", str(scenes / "no_camera")]) == 1
+    assert capsys.readouterr().err.count("\n") == 1

@@ -1,0 +1,65 @@
+"""Imports point one way, and only one corner imports bpy."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "legoworld"
+
+#: From the ground up: a room may import rooms before it, and itself.
+ROOMS = [
+    ("errors", "conventions", "files", "catalog", "system_libraries"),
+    ("cards", "vocabulary", "track"),
+    ("scene",),
+    ("visibility",),
+    ("readouts", "pictures"),
+    ("running", "inspection", "source_comparison"),
+    ("commands",),
+    ("cli", "__main__"),
+]
+LEVEL = {name: level for level, names in enumerate(ROOMS) for name in names}
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def imported(path: Path) -> set[str]:
+    """Full names of everything a file imports, inside functions, too."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def room(module: str) -> str:
+    return module.split(".")[1]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_point_one_way(path):
+    own = path.relative_to(PACKAGE).with_suffix("").parts[0]
+    if own == "__init__":
+        return
+    assert own in LEVEL, f"{own} has no place in ROOMS"
+    for module in imported(path):
+        if module.startswith("legoworld.") and room(module) in LEVEL:
+            assert LEVEL[room(module)] <= LEVEL[own], f"{own} imports {module}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_only_the_blender_corner_imports_bpy_and_nothing_imports_torch(path):
+    tops = {name.split(".")[0] for name in imported(path)}
+    assert "torch" not in tops
+    if "blender" not in path.relative_to(PACKAGE).parts:
+        assert not tops & {"bpy", "mathutils", "bmesh"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_the_blender_corner_is_only_named_across_the_process_border(path):
+    if "blender" in path.relative_to(PACKAGE).parts:
+        return
+    assert not any(name.startswith("legoworld.scene.blender.") for name in imported(path))

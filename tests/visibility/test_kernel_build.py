@@ -1,0 +1,96 @@
+"""The compiled kernel belongs to the sources beside it, and a missing compiler is explained."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+import legoworld.visibility
+from legoworld.errors import KernelBuildError
+from legoworld.visibility import compilation, library
+
+FOLDER = Path(legoworld.visibility.__file__).parent
+
+
+@pytest.fixture
+def copy(tmp_path):
+    for path in [*compilation.sources(FOLDER), FOLDER / compilation.LIBRARY_NAME]:
+        shutil.copy(path, tmp_path)
+    return tmp_path
+
+
+def test_the_sources_are_there():
+    assert (FOLDER / "kernel.cpp") in compilation.sources(FOLDER)
+    assert len(compilation.sources(FOLDER)) > 5
+
+
+def test_a_library_of_these_sources_loads(copy):
+    assert library.load_library(copy).lw_source_hash().decode() == compilation.source_hash(copy)
+
+
+def test_a_library_without_sources_loads(copy):
+    for path in compilation.sources(copy):
+        path.unlink()
+    library.load_library(copy)
+
+
+def test_a_changed_source_makes_the_library_stale(copy):
+    with (copy / "tile.hpp").open("a") as source:
+        source.write("// changed\n")
+    with pytest.raises(KernelBuildError, match=r"older than its sources.*pip install -e \."):
+        library.load_library(copy)
+
+
+def test_line_ends_do_not_make_it_stale(copy):
+    for path in compilation.sources(copy):
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    library.load_library(copy)
+
+
+def test_a_missing_library_says_what_to_do(tmp_path):
+    with pytest.raises(KernelBuildError, match=r"was not compiled.*pip install"):
+        library.load_library(tmp_path)
+
+
+def test_a_broken_library_says_what_to_do(tmp_path):
+    (tmp_path / compilation.LIBRARY_NAME).write_bytes(b"not a library")
+    with pytest.raises(KernelBuildError, match="cannot be loaded"):
+        library.load_library(tmp_path)
+
+
+def test_no_compiler_names_what_to_install(monkeypatch):
+    monkeypatch.delenv("CXX", raising=False)
+    monkeypatch.setattr(compilation.shutil, "which", lambda name: None)
+    monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(compilation.CompilationError, match="apt install g.*pip install ziglang"):
+        compilation.compiler()
+
+
+def test_ziglang_is_the_last_resort(monkeypatch):
+    monkeypatch.delenv("CXX", raising=False)
+    monkeypatch.setattr(compilation.shutil, "which", lambda name: None)
+    monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda name: object())
+    assert compilation.compiler() == [sys.executable, "-m", "ziglang", "c++"]
+
+
+def test_cxx_is_obeyed_and_checked(monkeypatch):
+    monkeypatch.setenv("CXX", f"{sys.executable} -m something")
+    assert compilation.compiler() == [sys.executable, "-m", "something"]
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    with pytest.raises(compilation.CompilationError, match="no-such-compiler"):
+        compilation.compiler()
+
+
+def test_a_failed_compilation_leaves_no_library_and_shows_why(monkeypatch, tmp_path):
+    (tmp_path / "kernel.cpp").write_text("this is not C++\n")
+    monkeypatch.delenv("CXX", raising=False)
+    try:
+        compilation.compiler()
+    except compilation.CompilationError:
+        pytest.skip("no compiler here")
+    with pytest.raises(compilation.CompilationError, match="(?s)could not be compiled.*error"):
+        compilation.compile_kernel(tmp_path, tmp_path / "out" / "library.so")
+    assert list((tmp_path / "out").iterdir()) == []
