@@ -1,4 +1,4 @@
-"""Build hook: compiles the visibility kernel into the package. Everything else is in pyproject.toml."""
+"""Build hook: compiles the visibility kernel. Everything else is in pyproject.toml."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def compilation() -> ModuleType:
     spec = importlib.util.spec_from_file_location(
         "compilation", ROOT / PACKAGE_FOLDER / "compilation.py"
     )
-    assert spec is not None and spec.loader is not None
+    if spec is None or spec.loader is None:
+        raise CompileError("legoworld/visibility/compilation.py is missing")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -42,14 +43,17 @@ class BuildKernel(Command):
     boolean_options: ClassVar[list[str]] = ["inplace"]
 
     def initialize_options(self) -> None:
+        """Sets the defaults (asked for by setuptools)."""
         self.build_lib: str | None = None
         self.inplace = False
         self.editable_mode = False
 
     def finalize_options(self) -> None:
+        """Takes the build folder from `build` (asked for by setuptools)."""
         self.set_undefined_options("build", ("build_lib", "build_lib"))
 
     def run(self) -> None:
+        """Compiles; a failure ends the installation with its reason."""
         module = compilation()
         try:
             command = module.compile_kernel(ROOT / PACKAGE_FOLDER, self._library(module))
@@ -86,6 +90,7 @@ class BinaryDistribution(Distribution):
     """Not pure Python: the wheel carries a library for one platform."""
 
     def has_ext_modules(self) -> bool:
+        """Yes, so that setuptools treats the wheel as one for a platform."""
         return True
 
 
@@ -93,6 +98,7 @@ class PlatformWheel(bdist_wheel):
     """The library is loaded with ctypes, so one wheel serves every Python 3 of the platform."""
 
     def get_tag(self) -> tuple[str, str, str]:
+        """Any Python 3, no ABI, this platform."""
         return "py3", "none", super().get_tag()[2]
 
 

@@ -61,10 +61,7 @@ def run(arguments: list[str] | None = None) -> int:
         result: Any = main.main(arguments, prog_name="legoworld", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
-    except click.Abort:
-        click.echo("legoworld: stopped", err=True)
-        return 130
-    except KeyboardInterrupt:
+    except (click.Abort, KeyboardInterrupt):
         click.echo("legoworld: stopped; the same command goes on from here", err=True)
         return 130
     except click.ClickException as error:

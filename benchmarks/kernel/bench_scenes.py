@@ -1,4 +1,4 @@
-"""The scenes the kernel is timed on, as the kernel takes them; made from formulas and a fixed seed."""
+"""The scenes the kernel is timed on, as it takes them; made from formulas and a fixed seed."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @click.option("--require-frozen", is_flag=True, help="Refuse scenes without a frozen.json.")
 @click.option("--limit", type=click.IntRange(min=1), help="Only the first N images (partial run).")
 @click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
-@click.option("--max-side", type=click.IntRange(min=1), help="Render no side longer than this.")
+@click.option("--max-side", type=click.IntRange(min=1), help="Depth only: render smaller.")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first scene that cannot be read.")
 @options.limits
@@ -81,12 +81,16 @@ def command(
     from legoworld.track import load_track, track_of_folder
 
     notice = options.notifier(quiet)
+    if max_side is not None and task != "eth3d":
+        raise click.UsageError(
+            "--max-side is for depth: boxes and masks are read at the image's own size"
+        )
     if scenes is None:
         scenes, shipped_track = shipped_examples(task)
         track = track or shipped_track
         output = output or Path("legoworld-runs") / f"examples-{task}"
         notice(f"no SCENES given: reading the {task} examples that ship with legoworld")
-    output = output or Path("legoworld-runs") / f"{scenes.resolve().name}-{task}"
+    output = output or Path("legoworld-runs") / f"{scenes.resolve().name or 'scenes'}-{task}"
     images = load_track(track) if track else track_of_folder(scenes)
     request = RunRequest(
         image_options=ImageOptions(

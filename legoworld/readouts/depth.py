@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.files import atomic_path
-from legoworld.track import scene_name
 
 #: Bytes of one .npz besides the depth values: zip headers and the space's name, rounded up.
 _CONTAINER_BYTES = 4096
 
 
-def depth_file(file_name: str) -> str:
-    """A photo's depth file, relative to the run folder."""
-    return f"depth/{scene_name(file_name)}.npz"
+def depth_file(scene: str) -> str:
+    """The depth file of a photo (`scene` is its path without extension), relative to the run."""
+    return f"depth/{scene}.npz"
 
 
 def write_depth(path: Path, depth_z_m: NDArray[np.float32]) -> None:

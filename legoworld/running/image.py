@@ -148,7 +148,7 @@ def _record(
 
 
 def _write_depth_file(image: TrackImage, seen: View, options: ImageOptions) -> dict[str, Any]:
-    name = depth_file(image.file_name)
+    name = depth_file(image.scene)
     path = options.run / name
     write_depth(path, seen.buffers.depth_z_m)
     return {

@@ -130,7 +130,7 @@ def summarise(
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "task": request.image_options.protocol.task.name,
-        "partial": request.limit is not None or bool(request.image_ids),
+        "partial": request.limit is not None or bool(request.image_ids) or len(rows) < len(images),
         "coverage": {
             "attempted": len(images),
             "ok": len(ok),
@@ -154,7 +154,10 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
     workers = max(1, min(request.workers, len(todo)))
     threads = max(1, (os.cpu_count() or 1) // workers)
     options = replace(request.image_options, threads=threads)
-    with _processes(workers, request.limits) as idle, ThreadPoolExecutor(workers) as pool:
+    with (
+        _processes(workers, request.limits) as (processes, idle),
+        ThreadPoolExecutor(workers) as pool,
+    ):
 
         def read(image: TrackImage) -> Record:
             process = idle.get()
@@ -171,19 +174,24 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
                 if request.fail_fast and record["row"]["status"] != "ok":
                     return
         finally:
+            # Stopped early (Ctrl-C, a full disk, --fail-fast): what Blender still does is in vain.
             for future in pending:
                 future.cancel()
+            for process in processes:
+                process.abort()
 
 
 @contextmanager
-def _processes(workers: int, limits: Limits) -> Iterator[queue.LifoQueue[BlenderProcess]]:
+def _processes(
+    workers: int, limits: Limits
+) -> Iterator[tuple[list[BlenderProcess], queue.LifoQueue[BlenderProcess]]]:
     """As many Blender processes as workers, each started when a scene first needs it."""
     processes = [BlenderProcess(limits) for _ in range(workers)]
     idle: queue.LifoQueue[BlenderProcess] = queue.LifoQueue()
     for process in processes:
         idle.put(process)
     try:
-        yield idle
+        yield processes, idle
     finally:
         for process in processes:
             process.close()

@@ -48,6 +48,7 @@ class BlenderProcess:
         self._stderr: IO[bytes] | None = None
         self._home: str | None = None
         self._served = 0
+        self._aborted = False
 
     def __enter__(self) -> Self:
         return self
@@ -85,11 +86,15 @@ class BlenderProcess:
         WorkerMemoryError. A process that has served other files before and fails is replaced and
         asked once more, so that no scene is judged by what came before it.
         """
+        if self._aborted:
+            raise self._crashed()
         self._recycle()
         used = self._served > 0
         try:
             return self._ask(message)
         except (WorkerCrashedError, WorkerTimeoutError, WorkerMemoryError):
+            if self._aborted:
+                raise
             self.close()
             if not used:
                 raise
@@ -99,6 +104,12 @@ class BlenderProcess:
             if self._process is not None and self._process.poll() is not None:
                 self.close()
             raise
+
+    def abort(self) -> None:
+        """End the process from another thread: its request fails, and so does every later one."""
+        self._aborted = True
+        if self._process is not None:
+            self._process.kill()
 
     def close(self) -> None:
         """End the process, whatever it is doing."""
@@ -168,10 +179,11 @@ class BlenderProcess:
             self._process.wait()
 
     def _crashed(self) -> WorkerCrashedError:
-        assert self._process is not None
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=5)
-        code = self._process.returncode
+        code = None
+        if self._process is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=5)
+            code = self._process.returncode
         how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
         return WorkerCrashedError(
             "Blender ended while it had the scene",

@@ -80,7 +80,7 @@ def compile_kernel(folder: Path, output: Path) -> list[str]:
                 f"the visibility kernel could not be compiled by {shlex.join(command)}\n"
                 f"{done.stderr.strip()}"
             )
-        os.replace(unfinished, output)
+        unfinished.replace(output)
     finally:
         unfinished.unlink(missing_ok=True)
     return command

@@ -1,9 +1,9 @@
 """The visibility kernel: which instance, and how far, at every pixel centre.
 
-A float64 z-buffer rasteriser in C++ (kernel.cpp), loaded with ctypes. It answers what the ideal ray
-through each pixel centre hits first, double-sided, with z_near and z_far applied to each sample.
-Among samples of one stored depth the lower instance id wins. The bytes are the same for every number
-of threads, every order of placements, meshes and triangles, and every instruction set.
+A float64 z-buffer rasteriser in C++ (kernel.cpp), loaded with ctypes. It answers what the ideal
+ray through each pixel centre hits first, double-sided, with z_near and z_far applied per sample.
+Among samples of one stored depth the lower instance id wins. The bytes are the same for every
+number of threads, every order of placements, meshes and triangles, and every instruction set.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def render(
 ) -> Buffers:
     """Instance and depth of the nearest surface at each pixel centre.
 
-    size_wh: pixels, 1..8192 each; depth_scale: metres per scene unit, multiplies z in float64 before
-    it is rounded to float32; threads: None = one per CPU this process may use.
+    size_wh: pixels, 1..8192 each; depth_scale: metres per scene unit, multiplies z in float64
+    before it is rounded to float32; threads: None = one per CPU this process may use.
     Raises ShapeError for arrays or numbers the kernel cannot work with, KernelBuildError when the
     library is missing or stale, LegoWorldError when memory runs out.
     """
@@ -97,10 +97,10 @@ def coverage(
 ) -> NDArray[np.uint8]:
     """Why each placement, on its own, would show something or nothing: (P,) uint8.
 
-    5: it covers a pixel centre within z_near..z_far (so if it is not seen, something nearer hides it
-    or its own alpha cuts it away); 4: in view, but between pixel centres; 3: outside the view;
-    2: entirely beyond z_far; 1: entirely nearer than z_near, or behind the camera; 0: no triangle, or
-    none with an area. The highest code of its triangles counts. Raises as render() does.
+    5: it covers a pixel centre within z_near..z_far (if it is not seen, something nearer hides it or
+    its own alpha cuts it away); 4: in view, but between pixel centres; 3: outside the view;
+    2: entirely beyond z_far; 1: entirely nearer than z_near, or behind the camera; 0: no triangle,
+    or none with an area. The highest code of its triangles counts. Raises as render() does.
     """
     call = _prepare(surfaces, projection, size_wh, 1.0, threads)
     reach = np.zeros(len(surfaces.placement_mesh), np.uint8)

@@ -16,7 +16,7 @@ import bpy
 
 from agreement.traps.stage import empty_stage
 
-ROOMS = ("geometry", "cameras", "instancing", "visibility", "materials", "kinds", "files")
+ROOMS = ("geometry", "cameras", "instancing", "visibility", "materials", "wirings", "kinds", "files")
 
 
 def build_all(folder: Path) -> None:
@@ -34,6 +34,7 @@ def build_all(folder: Path) -> None:
                 "about": " ".join((trap.__doc__ or "").split()),
                 "seen": list(expected.seen),
                 "unseen": list(expected.unseen),
+                "limited": list(expected.limited),
             }
             (place / "expect.json").write_text(json.dumps(record), encoding="utf-8")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -46,11 +47,11 @@ class ObjectPicture:
 class Agreement:
     """How far two pictures agree; shares are of the pixels counted beside them."""
 
-    pixels: int
+    pixels: int  # judged
     inside: int  # pixels that no silhouette of either picture touches
     shared: int  # of those, the ones where both see the same object
     hit: float  # share of all pixels where Cycles sees anything
-    same: float
+    same: float  # share of judged pixels
     same_inside: float
     depth: float  # share of shared within DEPTH_TOLERANCE
     depth_median: float
@@ -82,23 +83,29 @@ def read_judgement(path: Path) -> ObjectPicture:
         )
 
 
-def compare(ours: ObjectPicture, cycles: ObjectPicture) -> Agreement:
-    """Shares of pixels that agree; both pictures are of one size."""
+def compare(
+    ours: ObjectPicture, cycles: ObjectPicture, left_out: Collection[str] = ()
+) -> Agreement:
+    """Shares of pixels that agree; both pictures are of one size.
+
+    left_out: names whose pixels, in either picture, are not judged.
+    """
     if ours.instance.shape != cycles.instance.shape:
         raise ValueError(f"{ours.instance.shape} against {cycles.instance.shape}")
     order = {n: i for i, n in enumerate(sorted({*ours.names, *cycles.names}))}
     mine, theirs = ours.named(order), cycles.named(order)
-    inside = ~(silhouette(ours.instance) | silhouette(theirs))
+    judged = ~np.isin([mine, theirs], [order[n] for n in left_out if n in order]).any(axis=0)
+    inside = judged & ~silhouette(ours.instance) & ~silhouette(theirs)
     same = mine == theirs
     shared = same & inside & (mine >= 0)
     z, true_z = (p.depth_z_m[shared].astype(np.float64) for p in (ours, cycles))
     relative = np.abs(z - true_z) / true_z
     return Agreement(
-        pixels=mine.size,
+        pixels=int(judged.sum()),
         inside=int(inside.sum()),
         shared=int(shared.sum()),
         hit=float((theirs >= 0).mean()),
-        same=float(same.mean()),
+        same=float(same[judged].mean()) if judged.any() else float("nan"),
         same_inside=float(same[inside].mean()) if inside.any() else float("nan"),
         depth=float((relative < DEPTH_TOLERANCE).mean()) if len(z) else float("nan"),
         depth_median=float(np.median(relative)) if len(z) else float("nan"),

@@ -256,3 +256,46 @@ def test_edited_labels_are_read_without_blender(scenes, tmp_path: Path, monkeypa
     assert readout(folder, "--task", "coco", "-o", tmp_path / "run") == 0
     predictions = json.loads((tmp_path / "run" / "predictions.json").read_text())
     assert [p["category_id"] for p in predictions] == [18, 65]
+
+
+def test_ctrl_c_keeps_what_is_done_and_leaves_no_blender_behind(scenes, track, tmp_path: Path):
+    output = tmp_path / "stopped"
+    command = [
+        sys.executable, "-m", "legoworld", "readout", str(scenes), "--task", "coco", "-q",
+        "--track", str(track), "-o", str(output), "--workers", "2", "--no-cache",
+    ]  # fmt: skip
+    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True)
+    journal = output / "journal.jsonl"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if journal.is_file() and journal.read_bytes().count(b"\n") >= 2:
+            break
+        time.sleep(0.005)
+    os.kill(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "the same command goes on from here" in error
+    assert journal.read_bytes().count(b"\n") >= 2
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_fail_fast_stops_and_the_rest_is_still_to_do(scenes, track, tmp_path: Path):
+    output = tmp_path / "fast"
+    code = readout(
+        scenes, "--task", "coco", "--track", track, "-o", output, "--fail-fast", "--workers", 1
+    )
+    assert code == 1
+    summary = json.loads((output / "summary.json").read_text())
+    assert summary["coverage"]["attempted"] == 13
+    assert summary["partial"] is True
+    assert 0 < len(rows(output)) < 13
+
+
+def test_max_side_is_for_depth_only(scenes, track, tmp_path: Path, capsys):
+    common = [scenes, "--track", track, "--max-side", 16, "-o", tmp_path / "small"]
+    assert readout(*common, "--task", "coco") == 2
+    assert "--max-side is for depth" in capsys.readouterr().err
+    readout(*common, "--task", "eth3d")
+    row = rows(tmp_path / "small")["good0"]
+    assert (row["size_wh"], row["rendered_wh"]) == ([64, 48], [16, 12])

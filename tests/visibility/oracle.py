@@ -1,7 +1,7 @@
-"""A brute-force renderer to judge the kernel by: every ray against every triangle, in long double.
+"""A brute-force renderer to judge the kernel by: every ray, every triangle, in long double.
 
-It shares no formula with the kernel: Moeller and Trumbore's ray-triangle test ("Fast, minimum storage
-ray-triangle intersection", 1997), barycentric alpha look-up, and a plain minimum over the hits.
+It shares no formula with the kernel: Moeller and Trumbore's ray-triangle test ("Fast, minimum
+storage ray-triangle intersection", 1997), barycentric alpha look-up, and a plain minimum over the hits.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ Real = np.longdouble
 class Truth:
     """What each ray hits, and where rounding decides.
 
-    instance: (H, W) int32; depth_z_m: (H, W) longdouble; doubtful: (H, W) bool, the ray passes within
-    rounding of an edge or of two surfaces at one depth.
+    instance: (H, W) int32; depth_z_m: (H, W) longdouble; doubtful: (H, W) bool, the ray passes
+    within rounding of an edge or of two surfaces at one depth.
     """
 
     instance: NDArray[np.int32]

@@ -63,16 +63,18 @@ def test_a_broken_library_says_what_to_do(tmp_path):
 
 def test_no_compiler_names_what_to_install(monkeypatch):
     monkeypatch.delenv("CXX", raising=False)
-    monkeypatch.setattr(compilation.shutil, "which", lambda name: None)
-    monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(compilation.CompilationError, match="apt install g.*pip install ziglang"):
+    monkeypatch.setattr(compilation.shutil, "which", lambda _name: None)
+    monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda _name: None)
+    with pytest.raises(
+        compilation.CompilationError, match=r"apt install g\+\+.*pip install ziglang"
+    ):
         compilation.compiler()
 
 
 def test_ziglang_is_the_last_resort(monkeypatch):
     monkeypatch.delenv("CXX", raising=False)
-    monkeypatch.setattr(compilation.shutil, "which", lambda name: None)
-    monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda name: object())
+    monkeypatch.setattr(compilation.shutil, "which", lambda _name: None)
+    monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda _name: object())
     assert compilation.compiler() == [sys.executable, "-m", "ziglang", "c++"]
 
 
@@ -91,6 +93,6 @@ def test_a_failed_compilation_leaves_no_library_and_shows_why(monkeypatch, tmp_p
         compilation.compiler()
     except compilation.CompilationError:
         pytest.skip("no compiler here")
-    with pytest.raises(compilation.CompilationError, match="(?s)could not be compiled.*error"):
+    with pytest.raises(compilation.CompilationError, match=r"(?s)could not be compiled.*error"):
         compilation.compile_kernel(tmp_path, tmp_path / "out" / "library.so")
     assert list((tmp_path / "out").iterdir()) == []

@@ -17,6 +17,8 @@ from visibility.kernel_scenes import (
 
 from legoworld.visibility.kernel import render
 
+AHEAD = np.array([0, 0, 1])
+
 
 def fan(rng, count, radius):
     """A disc of triangles around an inner point, corners at random angles."""
@@ -121,7 +123,7 @@ def test_triangles_without_area_show_nothing():
 def test_the_unit_of_the_scene_does_not_change_the_picture(unit):
     size_wh = (120, 90)
     rng = np.random.default_rng(5)
-    at = [(0, moved(rotation(rng), rng.normal(size=3) + [0, 0, 6]), i) for i in range(6)]
+    at = [(0, moved(rotation(rng), rng.normal(size=3) + AHEAD * 6), i) for i in range(6)]
     camera = pixel_camera(size_wh)
     scaled_camera = pixel_camera(size_wh, z_near=0.1 * unit, z_far=1000 * unit)
     scaled = [(m, c * unit, i) for m, c, i in at]
@@ -151,7 +153,7 @@ def test_one_mesh_in_many_placements_is_as_many_copies():
     size_wh = (300, 200)
     camera = pixel_camera(size_wh)
     rng = np.random.default_rng(9)
-    at = [moved(rotation(rng) * 0.2, rng.uniform(-3, 3, 3) + [0, 0, 8]) for _ in range(500)]
+    at = [moved(rotation(rng) * 0.2, rng.uniform(-3, 3, 3) + AHEAD * 8) for _ in range(500)]
     points, faces = sphere(6, 9)
     shared = render(
         place([(points, faces)], [(0, m, i) for i, m in enumerate(at)]), camera, size_wh

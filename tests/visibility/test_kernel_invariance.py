@@ -26,7 +26,7 @@ def crowd(seed):
     at = [
         (
             int(rng.integers(2)),
-            moved(rotation(rng) * 0.5, rng.uniform(-2, 2, 3) + [0, 0, 6]),
+            moved(rotation(rng) * 0.5, rng.uniform(-2, 2, 3) + np.array([0, 0, 6])),
             i // 2,
         )
         for i in range(40)
@@ -87,7 +87,7 @@ def test_same_bytes_without_wide_vectors(seed, monkeypatch):
 
 
 def test_large_and_small_meshes_take_the_same_way():
-    # Meshes above a size are shared out between threads: the same triangles as one mesh and as many.
+    # Meshes above a size are shared out between threads: one mesh, and the same in 40 parts.
     points, faces = sphere(150, 200)
     assert len(points) > 2 * 16384 - 4000
     at = moved(np.eye(3) * 1.5, (0, 0, 5))

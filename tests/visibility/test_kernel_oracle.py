@@ -19,7 +19,7 @@ def soup(rng, count, spread, size):
 
 
 def strips(rng, count):
-    """Slivers between two rims, a ten-thousandth as wide as long, passing the camera and behind it."""
+    """Slivers between two rims, passing the camera: a three-thousandth as wide as long."""
     across = np.linspace(-1, 1, count + 1)
     rims = [
         np.column_stack([across, np.full(count + 1, 0.7), np.full(count + 1, z)]) for z in (-8, 30)

@@ -2,72 +2,89 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.conventions import ALPHA_THRESHOLD
-from legoworld.scene.blender.materials import ImageAlpha, image_alpha, material_alpha
+from legoworld.scene.blender.alpha_values import ImageSource
+from legoworld.scene.blender.materials import (
+    AlphaRule,
+    ImageAlpha,
+    baked,
+    image_value,
+    material_rule,
+)
 
-_OPAQUE, _GONE, _FIRST_IMAGE = 0, 1, 2
+_OPAQUE: Final = 0
+_GONE: Final = 1
+_HOLDOUT: Final = 2
+_FIRST_IMAGE: Final = 3
 
 
 @dataclass(kw_only=True)
 class AlphaTable:
-    """Numbers for alpha rules: 0 opaque, 1 not there, 2 + i the i-th of `images`."""
+    """Numbers for alpha rules: 0 opaque, 1 not there, 2 a holdout, 3 + i the i-th of `images`."""
 
     images: list[ImageAlpha] = field(default_factory=list)
     pictures: list[NDArray[np.uint8]] = field(default_factory=list)
-    _by_material: dict[tuple[str, str], int] = field(default_factory=dict)
+    _by_material: dict[int, int] = field(default_factory=dict)
 
     def index(self, material: Any, warnings: set[str]) -> int:
         """The number of a material's rule; warnings grow by what could not be read."""
         if material is None:
             return _OPAQUE
         original = material.original
-        key = (original.name, original.library.filepath if original.library else "")
+        key = original.as_pointer()
         if key not in self._by_material:
-            alpha, warning = material_alpha(original)
-            if warning:
-                warnings.add(warning)
-            self._by_material[key] = self._number(alpha, original.name, warnings)
+            rule, unread = material_rule(original)
+            warnings.update(unread)
+            self._by_material[key] = self._number(rule, original.name, warnings)
         return self._by_material[key]
 
-    def per_slot(self, slots: tuple[int, ...]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """For each slot: index into `images` (-1 for none), and whether its faces are gone."""
-        numbers = np.array(slots, np.int32)
-        return np.where(numbers >= _FIRST_IMAGE, numbers - _FIRST_IMAGE, -1).astype(
-            np.int32
-        ), numbers == _GONE
+    def image_of(self, rules: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Index into `images` for each rule's number, -1 for none."""
+        return np.where(rules >= _FIRST_IMAGE, rules - _FIRST_IMAGE, -1).astype(np.int32)
 
-    def sort_key(self, image: int) -> tuple[str, ...]:
+    @staticmethod
+    def is_there(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Which rules' numbers leave something to be seen."""
+        return (rules != _GONE) & (rules != _HOLDOUT)
+
+    @staticmethod
+    def is_holdout(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Which rules' numbers stand for a holdout."""
+        return rules == _HOLDOUT
+
+    def sort_key(self, image: int) -> str:
         """Orders the entries of `images` without regard to the order they were met in."""
-        return tuple(str(value) for value in astuple(self.images[image]))
+        return repr(self.images[image])
 
-    def _number(self, alpha: float | ImageAlpha, material: str, warnings: set[str]) -> int:
-        if isinstance(alpha, float):
-            return _GONE if alpha < ALPHA_THRESHOLD else _OPAQUE
-        if alpha in self.images:
-            return _FIRST_IMAGE + self.images.index(alpha)
-        image = _find_image(alpha)
-        picture = image_alpha(image, alpha) if image is not None else None
-        if picture is None:
+    def _number(self, rule: AlphaRule, material: str, warnings: set[str]) -> int:
+        if isinstance(rule, str):
+            return {"there": _OPAQUE, "gone": _GONE, "holdout": _HOLDOUT}[rule]
+        if rule in self.images:
+            return _FIRST_IMAGE + self.images.index(rule)
+        image = _find_image(rule.source)
+        value = image_value(image, rule.source) if image is not None else None
+        if value is None:
             warnings.add(
-                f"material {material!r}: the alpha image {alpha.image!r} is missing; "
+                f"material {material!r}: the alpha image {rule.source.image!r} is missing; "
                 "its surface is taken as opaque"
             )
             return _OPAQUE
-        self.images.append(alpha)
-        self.pictures.append(picture)
+        self.images.append(rule)
+        self.pictures.append(baked(value, rule))
         return _FIRST_IMAGE + len(self.images) - 1
 
 
-def _find_image(alpha: ImageAlpha) -> Any:
+def _find_image(source: ImageSource) -> Any:
     for image in bpy.data.images:
-        library = image.library.filepath if image.library else None
-        if (image.name, library) == (alpha.image, alpha.library):
+        if (image.name, image.library.filepath if image.library else "") == (
+            source.image,
+            source.library,
+        ):
             return image
     return None

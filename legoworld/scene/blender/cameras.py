@@ -101,14 +101,9 @@ def _pose(world_from_object: Any) -> _Pose:
     angles, or left-handed, stay so.
     """
     unscaled = world_from_object.normalized()
-    return cast(
-        "_Pose",
-        tuple(
-            tuple(float(unscaled[r][c]) * CV_FROM_BLENDER_CAMERA[c] for c in range(3))
-            + (float(unscaled[r][3]),)
-            for r in range(3)
-        ),
-    )
+    signs = (*CV_FROM_BLENDER_CAMERA, 1.0)
+    rows = tuple(tuple(float(unscaled[r][c]) * signs[c] for c in range(4)) for r in range(3))
+    return cast("_Pose", rows)
 
 
 def _flat(pose: _Pose) -> bool:

@@ -41,7 +41,7 @@ def snapshot_of_blend(path: Path) -> Snapshot:
 def _assemble(
     walked: Walk, camera: SceneCamera, render: RenderSettings, scene: Any, warnings: list[str]
 ) -> Snapshot:
-    if not any(seen.mesh >= 0 for seen in walked.seen):
+    if not walked.meshes:
         raise NoMeshError(
             "nothing in the scene renders as a surface",
             found=f"{len(scene.objects)} objects, none with a visible face",
@@ -87,7 +87,8 @@ def _cutouts(alphas: AlphaTable, meshes: list[CopiedMesh]) -> dict[str, Any]:
     images = [alphas.images[i] for i in order]
     return {
         "cutouts": tuple(
-            Cutout(name=a.image, wrap=a.wrap, interpolation=a.interpolation) for a in images
+            Cutout(name=a.source.image, wrap=a.source.wrap, interpolation=a.source.interpolation)
+            for a in images
         ),
         "cutout_alphas": tuple(alphas.pictures[i] for i in order),
         "triangle_cutout": np.concatenate(triangle_cutout),

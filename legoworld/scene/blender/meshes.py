@@ -62,7 +62,9 @@ def mesh_triangles(mesh: Any) -> Triangles:
     return Triangles(vertices=corner_vertex[corners], corners=corners, material=material)
 
 
-def corner_uv(mesh: Any, name: str | None, corners: NDArray[np.int32]) -> NDArray[np.float32] | None:
+def corner_uv(
+    mesh: Any, name: str | None, corners: NDArray[np.int32]
+) -> NDArray[np.float32] | None:
     """(T, 3, 2) float32 texture coordinates of a UV map; None when the mesh does not have it.
 
     name None means the map a render uses by default.
@@ -77,6 +79,15 @@ def corner_uv(mesh: Any, name: str | None, corners: NDArray[np.int32]) -> NDArra
     uv = np.empty((len(mesh.loops), 2), np.float32)
     layer.uv.foreach_get("vector", uv.ravel())
     return uv[corners]
+
+
+def transformed(
+    uv: NDArray[np.float32], transform: tuple[float, float, float, float, float, float]
+) -> NDArray[np.float32]:
+    """(..., 2) texture coordinates after u' = a*u + b*v + c, v' = d*u + e*v + f."""
+    a, b, c, d, e, f = transform
+    u, v = uv[..., 0].astype(np.float64), uv[..., 1].astype(np.float64)
+    return np.stack([a * u + b * v + c, d * u + e * v + f], axis=-1).astype(np.float32)
 
 
 def _face_material(mesh: Any, n_faces: int) -> NDArray[np.int32]:

@@ -50,7 +50,7 @@ class ObjectTable:
                 holdout=original.holdout_get(view_layer=self.view_layer),
             )
             self.generators[identity(original)] = self._generator(evaluated, original)
-            self._note_unread(evaluated, original)
+            self._note_unread(original)
         return self._facts[key]
 
     def note_type(self, shown: Any) -> None:
@@ -77,7 +77,7 @@ class ObjectTable:
             stands_at=_invertible(evaluated.matrix_world),
         )
 
-    def _note_unread(self, evaluated: Any, original: Any) -> None:
+    def _note_unread(self, original: Any) -> None:
         for modifier in original.modifiers:
             if modifier.type == "PARTICLE_SYSTEM" and modifier.show_render:
                 settings = modifier.particle_system.settings

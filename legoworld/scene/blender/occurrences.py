@@ -10,10 +10,17 @@ from numpy.typing import NDArray
 
 from legoworld.errors import NonFiniteGeometryError
 from legoworld.scene.blender.alpha_table import AlphaTable
-from legoworld.scene.blender.meshes import Triangles, corner_uv, mesh_triangles, mesh_vertices
+from legoworld.scene.blender.meshes import (
+    Triangles,
+    corner_uv,
+    mesh_triangles,
+    mesh_vertices,
+    transformed,
+)
 from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
 from legoworld.scene.blender.placements import Generator, Identity, Seen
 
+_NOTHING: Final = (-1, -1)
 _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
 #: Far beyond any scene, and small enough that a product of two such numbers is finite.
 _LARGEST_ENTRY: Final = 1e15
@@ -53,12 +60,10 @@ class _Walker:
     def __init__(self, depsgraph: Any) -> None:
         self.depsgraph = depsgraph
         self.result = Walk()
-        self.objects = ObjectTable(
-            view_layer=depsgraph.view_layer, warnings=self.result.warnings
-        )
+        self.objects = ObjectTable(view_layer=depsgraph.view_layer, warnings=self.result.warnings)
         self.override = depsgraph.view_layer_eval.material_override
-        self._mesh_of: dict[tuple[int, int], int] = {}
-        self._mesh_by_rule: dict[tuple[int, tuple[int, ...]], int] = {}
+        self._mesh_of: dict[tuple[int, int, bool], tuple[int, int]] = {}
+        self._mesh_by_rule: dict[tuple[int, tuple[int, ...], bool], tuple[int, int]] = {}
 
     def walk(self) -> Walk:
         for instance in self.depsgraph.object_instances:
@@ -75,36 +80,40 @@ class _Walker:
             holder = self.objects.facts(instance.parent)
             path = tuple(i for i in instance.persistent_id if i != _UNUSED)[::-1]
             by_particles = instance.particle_system is not None
-        mesh = -1
+        mesh, holdout_mesh = _NOTHING
         if shown.type != "MESH":
             self.objects.note_type(shown)
         elif instance.show_self and _camera_sees(facts, holder):
-            mesh = self._mesh(shown)
+            mesh, holdout_mesh = self._mesh(shown, held_out=holder.holdout)
         matrix = instance.matrix_world
         return Seen(
             top=holder.identity,
             path=path,
             object=facts.identity,
             mesh=mesh,
-            holdout=mesh >= 0 and holder.holdout,
+            holdout_mesh=holdout_mesh,
             by_particles=by_particles,
             world_from_mesh=(*matrix[0], *matrix[1], *matrix[2]),
         )
 
-    def _mesh(self, shown: Any) -> int:
-        """The index of the mesh an entry shows, copied on first sight; -1 when it has no face."""
+    def _mesh(self, shown: Any, *, held_out: bool) -> tuple[int, int]:
+        """The meshes an entry shows and holds out, copied on first sight; -1 where there is none.
+
+        held_out: the whole object is a holdout.
+        """
         mesh = shown.data
         pointer = mesh.as_pointer()
-        key = (pointer, shown.original.as_pointer())
+        key = (pointer, shown.original.as_pointer(), held_out)
         if key not in self._mesh_of:
-            if not len(mesh.polygons):
-                self._mesh_of[key] = -1
-                return -1
-            rules = self._rules(shown)
-            by_rule = (pointer, rules if any(rules) else ())
-            if by_rule not in self._mesh_by_rule:
-                self._mesh_by_rule[by_rule] = self._copy(shown, mesh, rules)
-            self._mesh_of[key] = self._mesh_by_rule[by_rule]
+            rules = self._rules(shown) if len(mesh.polygons) else ()
+            by_rule = (pointer, rules if any(rules) else (), held_out)
+            if not rules:
+                self._mesh_of[key] = _NOTHING
+            elif by_rule in self._mesh_by_rule:
+                self._mesh_of[key] = self._mesh_by_rule[by_rule]
+            else:
+                self._mesh_of[key] = self._copy(shown, mesh, rules, held_out=held_out)
+                self._mesh_by_rule[by_rule] = self._mesh_of[key]
         return self._mesh_of[key]
 
     def _rules(self, shown: Any) -> tuple[int, ...]:
@@ -114,7 +123,9 @@ class _Walker:
             materials = [self.override] * len(materials)
         return tuple(self.result.alphas.index(m, self.result.warnings) for m in materials)
 
-    def _copy(self, shown: Any, mesh: Any, rules: tuple[int, ...]) -> int:
+    def _copy(
+        self, shown: Any, mesh: Any, rules: tuple[int, ...], *, held_out: bool
+    ) -> tuple[int, int]:
         vertices = mesh_vertices(mesh)
         if not np.isfinite(vertices).all():
             raise NonFiniteGeometryError(
@@ -125,38 +136,47 @@ class _Walker:
                 next_step="remove those vertices, or the modifier that makes them",
             )
         triangles = mesh_triangles(mesh)
-        cutout = None
-        if any(rules):
-            triangles, cutout = self._cut(mesh, triangles, rules)
+        rule = np.array(rules, np.int32)[np.clip(triangles.material, 0, len(rules) - 1)]
+        there, hidden = self.result.alphas.is_there(rule), self.result.alphas.is_holdout(rule)
+        if held_out:
+            there, hidden = np.zeros_like(there), there | hidden
+        return (
+            self._add(mesh, vertices, triangles.chosen(there), rule[there]),
+            self._add(mesh, vertices, triangles.chosen(hidden), rule[hidden]),
+        )
+
+    def _add(
+        self,
+        mesh: Any,
+        vertices: NDArray[np.float32],
+        triangles: Triangles,
+        rule: NDArray[np.int32],
+    ) -> int:
+        """Keep these triangles of a mesh as a mesh of their own; -1 when there are none."""
         if not len(triangles.vertices):
             return -1
+        image = self.result.alphas.image_of(rule)
+        cutout = (image, self._uv(mesh, triangles, image)) if (image >= 0).any() else None
         self.result.meshes.append(
             CopiedMesh(vertices=vertices, triangles=triangles.vertices, cutout=cutout)
         )
         return len(self.result.meshes) - 1
 
-    def _cut(
-        self, mesh: Any, triangles: Triangles, rules: tuple[int, ...]
-    ) -> tuple[Triangles, tuple[NDArray[np.int32], NDArray[np.float32]] | None]:
-        """Without the faces whose alpha removes them; with the images that cut the others."""
-        slot = np.clip(triangles.material, 0, len(rules) - 1)
-        slot_image, slot_gone = self.result.alphas.per_slot(rules)
-        keep = ~slot_gone[slot]
-        image, triangles = slot_image[slot][keep], triangles.chosen(keep)
-        if not (image >= 0).any():
-            return triangles, None
+    def _uv(self, mesh: Any, triangles: Triangles, image: NDArray[np.int32]) -> NDArray[np.float32]:
+        """(T, 3, 2) texture coordinates of the triangles that an image cuts; 0 for the others."""
         uv = np.zeros((len(image), 3, 2), np.float32)
         for index in np.unique(image[image >= 0]):
-            values = corner_uv(mesh, self.result.alphas.images[index].uv_map, triangles.corners)
-            # Without that UV map Cycles reads (0, 0) everywhere: the picture's lower left corner.
-            if values is not None:
-                uv[image == index] = values[image == index]
+            source = self.result.alphas.images[index].source
+            values = corner_uv(mesh, source.uv_map, triangles.corners)
+            if values is None:  # Cycles then reads (0, 0) everywhere
+                values = np.zeros_like(uv)
+            uv[image == index] = transformed(values[image == index], source.uv_transform)
         if not np.isfinite(uv).all():
             self.result.warnings.add(
                 f"mesh {mesh.name!r} has texture coordinates that are NaN or infinite: read as 0"
             )
             uv[~np.isfinite(uv)] = 0.0
-        return triangles, (image, uv)
+        return uv
 
 
 def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
@@ -170,8 +190,8 @@ def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
 
 
 def _refuse_broken_matrices(seen: list[Seen]) -> None:
-    shows = [s for s in seen if s.mesh >= 0]
-    rows: NDArray[np.float64] = np.array([s.world_from_mesh for s in shows], np.float64).reshape(-1, 12)
+    shows = [s for s in seen if s.mesh >= 0 or s.holdout_mesh >= 0]
+    rows = np.array([s.world_from_mesh for s in shows], np.float64).reshape(-1, 12)
     broken = np.flatnonzero(~(np.abs(rows) <= _LARGEST_ENTRY).all(1))
     if not len(broken):
         return

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-import os
+import re
 from pathlib import Path
+from typing import Final
 
 import bpy
 
 from legoworld.errors import MissingLibraryError, UnreadableBlendError
+from legoworld.scene.blender.dependencies import dependencies, library_path
 
-_MARKER = "legoworld_not_replaced"
+__all__ = ["dependencies", "open_blend"]
+
+_MARKER: Final = "legoworld_not_replaced"
+
+#: Kinds of data a surface's shape, place or visibility can depend on, as bpy.data names them.
+_SHAPING: Final = ("actions", "armatures", "collections", "curves", "hair_curves", "lattices",
+                   "materials", "meshes", "metaballs", "node_groups", "objects", "particles",
+                   "scenes", "shape_keys", "volumes")  # fmt: skip
 
 
 def open_blend(path: Path) -> list[str]:
@@ -20,61 +29,39 @@ def open_blend(path: Path) -> list[str]:
     """
     bpy.context.preferences.filepaths.use_scripts_auto_execute = False
     bpy.context.scene[_MARKER] = 1
-    warnings = []
+    complaint = ""
     try:
         bpy.ops.wm.open_mainfile(
             filepath=str(path), load_ui=False, use_scripts=False, display_file_selector=False
         )
     except RuntimeError as error:
-        # Blender raises for some files although it has loaded them: the marker tells.
-        if bpy.context.scene is None or _MARKER in bpy.context.scene:
-            raise UnreadableBlendError(
-                "Blender cannot read scene.blend",
-                found=_without_paths(str(error), path),
-                expected="a file saved by Blender 2.5 to 5.0",
-                next_step="save the scene again, or run its program with `legoworld execute`",
-            ) from error
-        warnings.append(f"Blender complained on opening: {_without_paths(str(error), path)}")
+        complaint = _without_folders(str(error))
+    # Blender raises for some files although it has loaded them: the marker tells.
     if bpy.context.scene is None or _MARKER in bpy.context.scene:
         raise UnreadableBlendError(
-            "Blender did not load scene.blend",
-            found="the file was left unopened without a message",
+            "Blender cannot read scene.blend",
+            found=complaint or "the file was left unopened without a message",
             expected="a file saved by Blender 2.5 to 5.0",
-            next_step="save the scene again",
+            next_step="save the scene again, or run its program with `legoworld execute`",
         )
     _refuse_missing_libraries()
-    return warnings
-
-
-def dependencies(blend: Path) -> list[str]:
-    """Every other file the open .blend reads, as sorted paths relative to its folder."""
-    found = set()
-    for name in bpy.utils.blend_paths(absolute=True, packed=False, local=False):
-        if name:
-            found.add(os.path.relpath(os.path.normpath(name), blend.parent))
-    for library in bpy.data.libraries:
-        if library.packed_file is None:
-            absolute = bpy.path.abspath(library.filepath, library=library.parent)
-            found.add(os.path.relpath(os.path.normpath(absolute), blend.parent))
-    found.discard(blend.name)
-    return sorted(found)
+    return [f"Blender complained on opening: {complaint}"] if complaint else []
 
 
 def _refuse_missing_libraries() -> None:
-    missing_files = {
-        library.filepath
+    found = sorted(
+        f"{Path(library.filepath).name!r} does not exist"
         for library in bpy.data.libraries
-        if library.packed_file is None
-        and not os.path.exists(bpy.path.abspath(library.filepath, library=library.parent))
-    }
-    missing_data = [
-        f"{type(block).__name__.lower()} {block.name!r} of {block.library.filepath!r}"
-        for collection in (bpy.data.objects, bpy.data.collections, bpy.data.meshes)
-        for block in collection
+        if library.packed_file is None and not library_path(library).exists()
+    )
+    found += sorted(
+        f"{type(block).__name__.lower()} {block.name!r} is not in "
+        f"{Path(block.library.filepath).name!r}"
+        for kind in _SHAPING
+        for block in getattr(bpy.data, kind)
         if block.is_missing and block.library
-    ]
-    if missing_files or missing_data:
-        found = [f"{name!r} does not exist" for name in sorted(missing_files)] + missing_data
+    )
+    if found:
         raise MissingLibraryError(
             "scene.blend links data that is not there",
             found=", ".join(found[:5]) + (f" and {len(found) - 5} more" if found[5:] else ""),
@@ -83,7 +70,7 @@ def _refuse_missing_libraries() -> None:
         )
 
 
-def _without_paths(message: str, path: Path) -> str:
-    """Blender's message with the scene's own folder taken out: results must not name a machine."""
-    text = message.replace(str(path), path.name).replace(str(path.parent) + os.sep, "")
+def _without_folders(message: str) -> str:
+    """Blender's message with the folders of all paths taken out: results name no machine."""
+    text = re.sub(r"(?:[A-Za-z]:)?(?:[\\/][^\\/\s'\",:]+)+[\\/]", "", message)
     return " ".join(text.split()).removeprefix("Error: ")

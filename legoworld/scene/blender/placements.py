@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ class Seen:
     path: Path
     object: Identity
     mesh: int  # -1: shows nothing
-    holdout: bool
+    holdout_mesh: int  # hides what is behind it and is not seen itself; -1: none
     by_particles: bool
     world_from_mesh: Matrix
 
@@ -78,8 +78,21 @@ def resolve_placements(
     """
     ordered = sorted(seen, key=lambda s: (s.top, s.path, s.object))
     resolver = _Resolver(ordered, generators, object_index)
-    surfaces = [(resolver.occurrence_of(s), s) for s in ordered]
-    return _as_placements(resolver.rows, [(i, s) for i, s in surfaces if s.mesh >= 0])
+    surfaces = []
+    for entry in ordered:
+        occurrence = resolver.occurrence_of(entry)
+        if entry.mesh >= 0:
+            surfaces.append(_Surface(occurrence, entry.mesh, False, entry.world_from_mesh))
+        if entry.holdout_mesh >= 0:
+            surfaces.append(_Surface(occurrence, entry.holdout_mesh, True, entry.world_from_mesh))
+    return _as_placements(resolver.rows, surfaces)
+
+
+class _Surface(NamedTuple):
+    occurrence: int
+    mesh: int
+    holdout: bool
+    world_from_mesh: Matrix
 
 
 class _Resolver:
@@ -192,21 +205,19 @@ def square(rows: Matrix) -> NDArray[np.float64]:
     return np.array([*rows, 0.0, 0.0, 0.0, 1.0], np.float64).reshape(4, 4)
 
 
-def _as_placements(
-    rows: list[tuple[int, int, Path]], surfaces: list[tuple[int, Seen]]
-) -> Placements:
+def _as_placements(rows: list[tuple[int, int, Path]], surfaces: list[_Surface]) -> Placements:
     frame_index = {path: i for i, path in enumerate(sorted({path for _, _, path in rows}))}
     mesh_order: dict[int, int] = {}
-    for _, entry in surfaces:
-        mesh_order.setdefault(entry.mesh, len(mesh_order))
+    for surface in surfaces:
+        mesh_order.setdefault(surface.mesh, len(mesh_order))
     arrays: dict[str, NDArray[Any]] = {
         "occurrence_object": np.array([r[0] for r in rows], np.int32),
         "occurrence_instancer": np.array([r[1] for r in rows], np.int32),
         "occurrence_frame": np.array([frame_index[r[2]] for r in rows], np.int32),
-        "surface_occurrence": np.array([i for i, _ in surfaces], np.int32),
-        "surface_mesh": np.array([mesh_order[e.mesh] for _, e in surfaces], np.int32),
-        "surface_holdout": np.array([e.holdout for _, e in surfaces], np.uint8),
-        "world_from_mesh": np.array([e.world_from_mesh for _, e in surfaces], np.float64).reshape(
+        "surface_occurrence": np.array([s.occurrence for s in surfaces], np.int32),
+        "surface_mesh": np.array([mesh_order[s.mesh] for s in surfaces], np.int32),
+        "surface_holdout": np.array([s.holdout for s in surfaces], np.uint8),
+        "world_from_mesh": np.array([s.world_from_mesh for s in surfaces], np.float64).reshape(
             -1, 3, 4
         ),
     }

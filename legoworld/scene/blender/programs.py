@@ -88,6 +88,7 @@ def render_picture(output: Path) -> dict[str, Any]:
 
 def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
     """Run the program's text; the error that stopped it, None when it came to its end."""
+
     def no_render(*_args: Any, **_kwargs: Any) -> set[str]:
         skipped.append("render")
         return {"FINISHED"}

@@ -41,7 +41,7 @@ class SnapshotEngine(bpy.types.RenderEngine):  # type: ignore[misc]
 
 
 def visit_render_state(visit: Callable[[Any], None]) -> None:
-    """Call `visit` once with the render depsgraph of the active scene's first view layer that renders.
+    """Call `visit` once with the active scene's render depsgraph, of `rendered_view_layer`.
 
     Evaluated data is gone when `visit` returns: it must copy what it keeps. Changes the open
     file's render settings, so read them before.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from legoworld.errors import LegoWorldError
 
 def main() -> int:
     """Serve requests until the input ends."""
+    _die_with_parent()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     import bpy  # noqa: F401  importing is the slow part: done before the first request arrives
@@ -29,6 +31,15 @@ def main() -> int:
     answers.flush()
     # Some add-ons and caches abort in Blender's own exit code; all results are written by now.
     os._exit(0)
+
+
+def _die_with_parent() -> None:
+    """A killed command leaves no Blender behind, even one that will never look at its input."""
+    if sys.platform == "linux":
+        import ctypes
+
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 def _answer(request: dict[str, Any]) -> dict[str, Any]:

@@ -13,15 +13,18 @@ from agreement.traps.stage import Expect, camera, floor, material, principled, s
 SIDE = 32
 
 
-def _cards(materials: list[Any]) -> None:
+def cards(materials: list[Any]) -> None:
     """A row of upright cards with UVs, before the wall, one for each material."""
     step = 9.0 / len(materials)
     for i, one in enumerate(materials):
         at = (step * (i - (len(materials) - 1) / 2), 0, 1.2)
-        solid("plane", one.name, at, scale=(0.45 * step, 1, 1), turn=(90, 0, 0), material=one)
+        card = solid("plane", one.name, at, scale=(0.45 * step, 1, 1), turn=(90, 0, 0), material=one)
+        scale, offset = one.get("uv", (1.0, 0.0))
+        for point in card.data.uv_layers[0].uv:
+            point.vector = (point.vector[0] * scale + offset, point.vector[1] * scale + offset)
 
 
-def _leaf(name: str = "leaf", alpha: bool = True, outside: float = 0.05) -> Any:
+def leaf_image(name: str = "leaf", alpha: bool = True, outside: float = 0.05) -> Any:
     """An asymmetric leaf, its shape in the alpha channel or as white on black."""
     y, x = np.mgrid[0:SIDE, 0:SIDE] / SIDE - 0.5
     inside = (np.abs(x) < 0.4 * np.cos(2.5 * y)) & (y < 0.42) & ~((x > 0) & (y > 0.1) & (y < 0.25))
@@ -36,7 +39,8 @@ def _leaf(name: str = "leaf", alpha: bool = True, outside: float = 0.05) -> Any:
     return image
 
 
-def _textured(tree: Any, image: Any, **settings: Any) -> Any:
+def textured(tree: Any, image: Any, **settings: Any) -> Any:
+    """An image texture node."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image = image
     for key, value in settings.items():
@@ -44,11 +48,20 @@ def _textured(tree: Any, image: Any, **settings: Any) -> Any:
     return node
 
 
-def _cut(name: str, image: Any, uv_scale: float = 1.0, uv_offset: float = 0.0, **settings: Any) -> Any:
+def cut(
+    name: str,
+    image: Any,
+    uv_scale: float = 1.0,
+    uv_offset: float = 0.0,
+    output: str = "Alpha",
+    **settings: Any,
+) -> Any:
+    """A material cut out by an image; its card's UVs are scaled and moved, so that wrapping shows."""
+
     def build(tree: Any) -> Any:
         shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-        node = _textured(tree, image, **settings)
-        tree.links.new(node.outputs["Alpha"], shader.inputs["Alpha"])
+        node = textured(tree, image, **settings)
+        tree.links.new(node.outputs[output], shader.inputs["Alpha"])
         return shader.outputs[0]
 
     made = material(name, build)
@@ -56,19 +69,10 @@ def _cut(name: str, image: Any, uv_scale: float = 1.0, uv_offset: float = 0.0, *
     return made
 
 
-def _stretch_uv() -> None:
-    """Scale each card's texture coordinates as its material asks, so that wrapping shows."""
-    for shown in bpy.context.scene.objects:
-        if shown.type == "MESH" and shown.data.materials and "uv" in shown.data.materials[0]:
-            scale, offset = shown.data.materials[0]["uv"]
-            for point in shown.data.uv_layers[0].uv:
-                point.vector = (point.vector[0] * scale + offset, point.vector[1] * scale + offset)
-
-
 def constant_alpha() -> Expect:
     """Alpha just above and below the threshold, and shader mixes with Transparent."""
     wall()
-    _cards(
+    cards(
         [principled(f"alpha {a}", Alpha=a) for a in (0.3, 0.49, 0.51, 0.7)]
         + [material(f"mix {f}", _mix(f)) for f in (0.3, 0.7)]
         + [material("clear", lambda t: t.nodes.new("ShaderNodeBsdfTransparent").outputs[0])]
@@ -94,16 +98,15 @@ def _mix(factor: float) -> Callable[[Any], Any]:
 def leaf_cards() -> Expect:
     """Alpha textures under each way to extend and to interpolate them."""
     wall()
-    leaf = _leaf()
+    leaf = leaf_image()
     ways = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
-    _cards(
+    cards(
         [
-            _cut(f"{way} {how}", leaf, 2.3, -0.6, extension=way, interpolation=how)
+            cut(f"{way} {how}", leaf, 2.3, -0.6, extension=way, interpolation=how)
             for way in ways
             for how in ("Linear", "Closest")
         ]
     )
-    _stretch_uv()
     camera((0, -8, 1.2), (0, 0, 1.2), lens=27)
     return Expect(seen=("REPEAT Linear", "EXTEND Closest", "CLIP Linear", "MIRROR Closest"))
 
@@ -111,35 +114,35 @@ def leaf_cards() -> Expect:
 def alpha_wirings() -> Expect:
     """Alpha by colour, inverted mix, a second UV map, no UV map at all, no alpha channel."""
     wall()
-    leaf, grey = _leaf(), _leaf("grey leaf", alpha=False)
+    leaf, grey = leaf_image(), leaf_image("grey leaf", alpha=False)
 
     def by_colour(tree: Any) -> Any:
         shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-        tree.links.new(_textured(tree, grey).outputs["Color"], shader.inputs["Alpha"])
+        tree.links.new(textured(tree, grey).outputs["Color"], shader.inputs["Alpha"])
         return shader.outputs[0]
 
     def inverted(tree: Any) -> Any:
         mix = tree.nodes.new("ShaderNodeMixShader")
-        tree.links.new(_textured(tree, leaf).outputs["Alpha"], mix.inputs[0])
+        tree.links.new(textured(tree, leaf).outputs["Alpha"], mix.inputs[0])
         tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], mix.inputs[1])
         tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[2])
         return mix.outputs[0]
 
     def second_map(tree: Any) -> Any:
         shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-        node, where = _textured(tree, leaf), tree.nodes.new("ShaderNodeUVMap")
+        node, where = textured(tree, leaf), tree.nodes.new("ShaderNodeUVMap")
         where.uv_map = "second"
         tree.links.new(where.outputs[0], node.inputs["Vector"])
         tree.links.new(node.outputs["Alpha"], shader.inputs["Alpha"])
         return shader.outputs[0]
 
-    _cards(
+    cards(
         [
             material("by colour", by_colour),
             material("inverted", inverted),
             material("second map", second_map),
-            _cut("without map", leaf),
-            _cut("no alpha channel", grey),
+            cut("without map", leaf),
+            cut("no alpha channel", grey),
         ]
     )
     second = bpy.data.objects["second map"].data.uv_layers.new(name="second")
@@ -149,42 +152,6 @@ def alpha_wirings() -> Expect:
     bare.remove(bare[0])
     camera((0, -8, 1.2), (0, 0, 1.2), lens=27)
     return Expect(seen=("by colour", "inverted", "second map", "no alpha channel"))
-
-
-def alpha_maths() -> Expect:
-    """Alpha through a mapping, a Math node, a colour ramp and a node group."""
-    wall()
-    leaf = _leaf()
-
-    def chain(kind: str) -> Callable[[Any], Any]:
-        def build(tree: Any) -> Any:
-            shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-            node = _textured(tree, leaf)
-            last = node.outputs["Alpha"]
-            if kind == "mapping":
-                place, where = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
-                place.inputs["Scale"].default_value = (2, 3, 1)
-                tree.links.new(where.outputs["UV"], place.inputs["Vector"])
-                tree.links.new(place.outputs[0], node.inputs["Vector"])
-            elif kind == "math":
-                step = tree.nodes.new("ShaderNodeMath")
-                step.operation = "LESS_THAN"
-                step.inputs[1].default_value = 0.2
-                tree.links.new(last, step.inputs[0])
-                last = step.outputs[0]
-            else:
-                ramp = tree.nodes.new("ShaderNodeValToRGB")
-                ramp.color_ramp.elements[0].position = 0.25
-                tree.links.new(last, ramp.inputs[0])
-                last = ramp.outputs[0]
-            tree.links.new(last, shader.inputs["Alpha"])
-            return shader.outputs[0]
-
-        return build
-
-    _cards([material(kind, chain(kind)) for kind in ("mapping", "math", "ramp")])
-    camera((0, -8, 1.2), (0, 0, 1.2), lens=27)
-    return Expect(seen=("mapping", "math", "ramp"))
 
 
 def solid_or_not() -> Expect:
@@ -239,7 +206,7 @@ def material_links() -> Expect:
 def layered_cards() -> Expect:
     """Forty transparent cards before one another: more than the usual limit of bounces."""
     wall()
-    leaf = _cut("leaf", _leaf(outside=0.0), interpolation="Closest")
+    leaf = cut("leaf", leaf_image(outside=0.0), interpolation="Closest")
     for i in range(40):
         solid("plane", f"card {i:02}", (0.05 * i, 0.1 * i, 1.2), turn=(90, 0, 3 * i), material=leaf)
     camera((0, -8, 1.2), (0, 0, 1.2), lens=27)
@@ -250,7 +217,6 @@ TRAPS = (
     constant_alpha,
     leaf_cards,
     alpha_wirings,
-    alpha_maths,
     solid_or_not,
     material_links,
     layered_cards,

@@ -15,10 +15,14 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Expect:
-    """Objects that Cycles must see at all, and must not, for the trap to be one."""
+    """Objects that Cycles must see at all, and must not, for the trap to be one.
+
+    limited: objects that a declared limit reads otherwise than Cycles; a warning must name each.
+    """
 
     seen: Sequence[str]
     unseen: Sequence[str] = ()
+    limited: Sequence[str] = ()
 
 
 def empty_stage() -> None:

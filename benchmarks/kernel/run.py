@@ -1,0 +1,181 @@
+"""Times the visibility kernel beside its floor, two ray tracers and Cycles, interleaved.
+
+    python benchmarks/kernel/run.py [--scenes spheres,objects] [--widths 640,1920] [--rounds 5]
+        [--cycles-python PYTHON] [--slowest 30]
+
+Every round runs every contender once; ratios are taken within a round and their median is printed.
+A round counts only if the kernel's bytes are those of the first round, whose depth was checked
+against brute-force rays in float64. Competitors are optional: embreex, open3d, and a Python with bpy
+(--cycles-python, the running one by default); what is absent is named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.util
+import sys
+import time
+from dataclasses import dataclass, field
+
+import contenders
+import numpy as np
+from bench_scenes import SCENES, SIZES, camera
+from cycles_contender import Cycles
+
+from legoworld.visibility.kernel import Surfaces
+from legoworld.visibility.projection import Projection
+
+
+@dataclass
+class Times:
+    """Seconds of one contender, a value a round."""
+
+    wall: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+
+
+def brute_force_depth(
+    surfaces: Surfaces, projection: Projection, pixels: np.ndarray
+) -> np.ndarray:
+    """Planar z at some (row, column) pixels: each ray against every triangle, float64."""
+    x = (pixels[:, 1] + 0.5 - projection.cx) / projection.fx
+    y = (pixels[:, 0] + 0.5 - projection.cy) / projection.fy
+    best = np.full(len(pixels), np.inf)
+    for mesh, matrix in zip(surfaces.placement_mesh, surfaces.cam_from_mesh, strict=True):
+        v = surfaces.vertices[surfaces.vertex_start[mesh] : surfaces.vertex_start[mesh + 1]]
+        t = surfaces.triangles[surfaces.triangle_start[mesh] : surfaces.triangle_start[mesh + 1]]
+        p = (v @ matrix[:, :3].T + matrix[:, 3])[t]
+        origin, e1, e2 = -p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+        turned = np.cross(origin, e1)
+        top = np.einsum("ij,ij->i", turned, e2)
+        for i in range(len(pixels)):
+            ray = np.array([x[i], y[i], 1.0])
+            across = np.cross(ray, e2)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                inverse = 1 / np.einsum("ij,ij->i", across, e1)
+                u = np.einsum("ij,ij->i", origin, across) * inverse
+                w = turned @ ray * inverse
+                z = top * inverse
+                hit = (u >= 0) & (w >= 0) & (u + w <= 1)
+            hit &= (z >= projection.z_near) & (z <= projection.z_far)
+            best[i] = min(best[i], z[hit].min(initial=np.inf))
+    return best
+
+
+def check(surfaces: Surfaces, projection: Projection, depth: np.ndarray, count: int) -> None:
+    """Stops the benchmark when the kernel's depth is not the brute-force rays'."""
+    rng = np.random.default_rng(0)
+    pixels = np.stack([rng.integers(n, size=count) for n in depth.shape], axis=1)
+    true = brute_force_depth(surfaces, projection, pixels)
+    seen = depth[pixels[:, 0], pixels[:, 1]]
+    same = np.isinf(true) & np.isinf(seen)
+    with np.errstate(invalid="ignore"):
+        same |= np.abs(seen - true) <= 1e-7 * true
+    if not same.all():
+        sys.exit(f"the kernel is wrong at {pixels[~same].tolist()}: {seen[~same]}, not {true[~same]}")
+
+
+def agreement(depth: np.ndarray, other: np.ndarray) -> float:
+    """Share of pixels where both see nothing or the same z within 1e-4."""
+    with np.errstate(invalid="ignore"):
+        near = np.abs(depth - other) <= 1e-4 * np.abs(depth)
+    return float(np.mean(near | (np.isinf(depth) & np.isinf(other))))
+
+
+def run_case(scene: str, width: int, args: argparse.Namespace, skip: set[str]) -> dict[str, Times]:
+    """All rounds of one scene and width; prints the agreement of every contender."""
+    surfaces, size_wh = SCENES[scene](), SIZES[width]
+    projection = camera(size_wh)
+    ours = contenders.our_kernel(surfaces, projection, size_wh)
+    ours.run()
+    check(surfaces, projection, ours.depth, args.rays)
+    digest = ours.digest()
+    runs = {"kernel": ours, "floor": contenders.floor(surfaces, size_wh)}
+    if "embreex" not in skip:
+        runs["embreex"] = contenders.embree(surfaces, projection, size_wh)
+    if "open3d" not in skip:
+        runs["open3d"] = contenders.open3d(surfaces, projection, size_wh)
+    times = {name: Times() for name in runs}
+    with contextlib.ExitStack() as stack:
+        cycles = None
+        if "cycles" not in skip:
+            cycles = stack.enter_context(Cycles(args.cycles_python, surfaces, size_wh))
+            print(f"    cycles: same z at {agreement(ours.depth, cycles.depth()):.4%}")
+            times["cycles"] = Times()
+        for _ in range(args.rounds):
+            for name, contender in runs.items():
+                wall, cpu = time.perf_counter(), time.process_time()
+                contender.run()
+                times[name].wall.append(time.perf_counter() - wall)
+                times[name].cpu.append(time.process_time() - cpu)
+            if cycles is not None:
+                wall_s, cpu_s = cycles.render()
+                times["cycles"].wall.append(wall_s)
+                times["cycles"].cpu.append(cpu_s)
+            if ours.digest() != digest:
+                sys.exit(f"{scene} at {width}: the kernel's bytes changed between rounds")
+    for name in ("embreex", "open3d"):
+        if name in runs:
+            print(f"    {name}: same z at {agreement(ours.depth, runs[name].depth):.4%}")
+    return times
+
+
+def ratio(times: dict[str, Times], name: str, what: str) -> str:
+    """Median over the rounds of a contender's seconds by the kernel's; floor the other way round."""
+    if name not in times:
+        return "-"
+    ours, other = getattr(times["kernel"], what), getattr(times[name], what)
+    values = np.divide(ours, other) if name == "floor" else np.divide(other, ours)
+    return f"{np.median(values):.1f}x"
+
+
+def absent(args: argparse.Namespace) -> set[str]:
+    """Competitors that cannot run here or were not asked for, each named on the way."""
+    skip = {name for name in ("embreex", "open3d", "cycles") if name not in args.against}
+    for name in sorted({"embreex", "open3d"} - skip):
+        if reason := contenders.why_absent(name):
+            print(f"absent: {name} (pip install {name}): {reason}")
+            skip.add(name)
+    own = args.cycles_python == sys.executable
+    if "cycles" not in skip and own and importlib.util.find_spec("bpy") is None:
+        print("absent: cycles (pass --cycles-python a Python that has bpy)")
+        skip.add("cycles")
+    return skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    names = ",".join
+    parser.add_argument("--scenes", default=names(SCENES), type=lambda s: s.split(","))
+    parser.add_argument("--widths", default=[*SIZES], type=lambda s: [int(w) for w in s.split(",")])
+    parser.add_argument("--rounds", default=5, type=int)
+    parser.add_argument("--rays", default=12, type=int, help="pixels checked by brute force")
+    parser.add_argument("--against", default=["embreex", "open3d", "cycles"], type=lambda s: s.split(","))
+    parser.add_argument("--cycles-python", default=sys.executable)
+    parser.add_argument("--slowest", default=30.0, type=float, help="seconds a render may be expected to take")
+    args = parser.parse_args()
+    never = absent(args)
+    rows = []
+    for scene in args.scenes if isinstance(args.scenes, list) else args.scenes.split(","):
+        skip, last = set(never), 0
+        for width in args.widths:
+            print(f"{scene} at {width}", flush=True)
+            times = run_case(scene, width, args, skip)
+            rows.append((scene, width, times))
+            last = width
+            for name in ("embreex", "open3d", "cycles"):
+                growth = 0 if last == args.widths[-1] else (args.widths[args.widths.index(width) + 1] / width) ** 2
+                if name in times and np.median(times[name].wall) * growth > args.slowest:
+                    print(f"    {name}: left out above {width}, would take too long")
+                    skip.add(name)
+    print("\n| scene | width | kernel wall ms | CPU ms | over floor, CPU | embreex, CPU | Open3D, CPU | Cycles, wall |")
+    print("|---|---|---|---|---|---|---|---|")
+    for scene, width, times in rows:
+        ours = times["kernel"]
+        cells = [ratio(times, "floor", "cpu"), ratio(times, "embreex", "cpu"), ratio(times, "open3d", "cpu"), ratio(times, "cycles", "wall")]
+        print(f"| {scene} | {width} | {np.median(ours.wall) * 1e3:.1f} | {np.median(ours.cpu) * 1e3:.1f} | {' | '.join(cells)} |")
+
+
+if __name__ == "__main__":
+    main()
