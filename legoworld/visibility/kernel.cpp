@@ -8,6 +8,7 @@
 #include <vector>
 
 #if defined(__x86_64__)
+#include <cpuid.h>
 #include <immintrin.h>
 #endif
 
@@ -43,9 +44,16 @@ namespace avx2 {
 #endif
 #endif
 
+// Asked of the CPU itself: __builtin_cpu_supports does not link everywhere (zig's compiler-rt).
 int best_level() {
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) return 1;
+  constexpr uint32_t kXmmAndYmmSaved = 6;
+  uint32_t a = 0, b = 0, c = 0, d = 0;
+  if (!__get_cpuid(1, &a, &b, &c, &d) || (c & bit_OSXSAVE) == 0) return 0;
+  uint32_t saved = 0, high = 0;
+  __asm__ volatile("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
+  if ((saved & kXmmAndYmmSaved) != kXmmAndYmmSaved) return 0;
+  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) && (b & bit_AVX2) != 0) return 1;
 #endif
   return 0;
 }

@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 from mathutils import Euler, Matrix
 
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError
+from legoworld.scene.snapshot import Interpolation, Wrap
 
 Affine2 = tuple[float, float, float, float, float, float]
 """u' = a*u + b*v + c, v' = d*u + e*v + f, as (a, b, c, d, e, f)."""
@@ -33,8 +34,8 @@ class ImageSource:
     channel: Literal["alpha", "luminance", "premultiplied"]
     uv_map: str | None
     uv_transform: Affine2
-    wrap: str
-    interpolation: str
+    wrap: Wrap
+    interpolation: Interpolation
 
 
 @dataclass(frozen=True, kw_only=True)

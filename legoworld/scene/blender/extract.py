@@ -52,6 +52,7 @@ def _assemble(
     objects, collections, object_index = scene_tree(scene, met, walked.warnings)
     placements = resolve_placements(walked.seen, walked.generators, object_index)
     meshes = [walked.meshes[i] for i in placements.mesh_order]
+    arrays: dict[str, Any] = dict(placements.arrays)
     return Snapshot(
         objects=objects,
         collections=collections,
@@ -62,7 +63,7 @@ def _assemble(
         triangles=np.concatenate([m.triangles for m in meshes]),
         vertex_start=np.cumsum([0] + [len(m.vertices) for m in meshes], dtype=np.int64),
         triangle_start=np.cumsum([0] + [len(m.triangles) for m in meshes], dtype=np.int64),
-        **placements.arrays,
+        **arrays,
         **_cutouts(walked.alphas, meshes),
     )
 
