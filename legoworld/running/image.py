@@ -18,12 +18,14 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source, find_scene
 from legoworld.scene.freeze import checked_artefacts, hash_files
-from legoworld.scene.instances import Grouping, group
+from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels, read_labels_file, resolve_labels
 from legoworld.scene.reading import ReadScene, read_scene
 from legoworld.track import TrackImage
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.view import View, unseen_reasons, view
+
+_UNLABELLED_SHOWN = 20
 
 Record = dict[str, Any]
 """One image's {"row": per_image row, "predictions": list, "scene": run.json entry or None}."""
@@ -80,7 +82,7 @@ def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> boo
         return False
     if "depth" not in row:
         return True
-    path = options.run / row["depth"]["file"]
+    path: Path = options.run / row["depth"]["file"]
     return path.is_file() and path.stat().st_size == int(row["depth"]["bytes"])
 
 
@@ -189,6 +191,7 @@ def _instance_report(
             "visible_labelled": sum(bool(seen.area_px[i.id]) for i in labelled),
             "visible_unlabelled": sum(bool(seen.area_px[i.id]) for i in unlabelled),
         },
+        "unlabelled": _largest_unlabelled(unlabelled, seen),
         "unlabelled_px": int(sum(seen.area_px[i.id] for i in unlabelled)),
         "nested": {"instances": len(nested), "px": int(sum(seen.area_px[i] for i in nested))},
         "matched": _matched_names(labelled),
@@ -200,12 +203,23 @@ def _instance_report(
     }
 
 
-def _matched_names(labelled: list[Any]) -> dict[str, str]:
+def _largest_unlabelled(unlabelled: list[Instance], seen: View) -> list[dict[str, Any]]:
+    """The visible unlabelled instances by area: what an author may have forgotten to label."""
+    visible = [i for i in unlabelled if seen.area_px[i.id] > 0]
+    visible.sort(key=lambda i: (-int(seen.area_px[i.id]), i.id))
+    return [
+        {"name": i.name, "area_px": int(seen.area_px[i.id])} for i in visible[:_UNLABELLED_SHOWN]
+    ]
+
+
+def _matched_names(labelled: list[Instance]) -> dict[str, str]:
     """Labels that are not written as the vocabulary writes them, and what they were taken for."""
     return dict(
         sorted(
             {
-                i.label_text: i.category.name for i in labelled if i.label_text != i.category.name
+                i.label_text: i.category.name
+                for i in labelled
+                if i.category and i.label_text and i.label_text != i.category.name
             }.items()
         )
     )

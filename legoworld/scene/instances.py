@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,6 +16,12 @@ from legoworld.vocabulary import Category
 #: (owner's kind, owner's index, the occurrence it stands in, the placement within that)
 _Key = tuple[Literal["object", "collection", "occurrence"], int, int, int]
 _Owner = tuple[_Key, Label | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Chain:
+    ancestors: tuple[int, ...]
+    label: Label | None  # of the last of them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,11 +68,19 @@ class _Resolver:
     def __init__(self, snapshot: Snapshot, labels: Labels) -> None:
         self.snapshot = snapshot
         self.labels = labels
-        self.warnings: set[str] = set()
+        self._object: list[int] = snapshot.occurrence_object.tolist()
+        self._instancer: list[int] = snapshot.occurrence_instancer.tolist()
+        self._frame: list[int] = snapshot.occurrence_frame.tolist()
         self._owners: dict[int, _Owner | None] = {}
+        self._chains: dict[int, _Chain] = {}
+        self._folders: dict[int, tuple[int, Label] | None] = {}
+        self._holding: dict[int, frozenset[int]] = {}
+        self._in_several: dict[tuple[str, ...], list[str]] = {}
         self._occurrence_at: dict[tuple[int, int, int], int] = {}
-        for occurrence in range(len(snapshot.occurrence_object)):
-            self._occurrence_at.setdefault(self._place(occurrence), occurrence)
+        for occurrence, place in enumerate(
+            zip(self._object, self._instancer, self._frame, strict=True)
+        ):
+            self._occurrence_at.setdefault(place, occurrence)
 
     def grouping(self) -> Grouping:
         snapshot = self.snapshot
@@ -74,14 +89,13 @@ class _Resolver:
         found: list[_Owner] = []
         surface_instance = np.empty(len(snapshot.surface_mesh), np.int32)
         for s, occurrence in enumerate(snapshot.surface_occurrence.tolist()):
-            key, label = self.owner(occurrence)
-            if key not in ids:
-                ids[key] = len(ids)
+            owner = self._labelled_owner(occurrence) or (("occurrence", -1, occurrence, -1), None)
+            instance = ids.setdefault(owner[0], len(found))
+            if instance == len(found):
                 parts.append(set())
-                found.append((key, label))
-            surface_instance[s] = ids[key]
-            shown = snapshot.objects[snapshot.occurrence_object[occurrence]]
-            parts[ids[key]].add(shown.name)
+                found.append(owner)
+            surface_instance[s] = instance
+            parts[instance].add(snapshot.objects[self._object[occurrence]].name)
         instances = tuple(
             Instance(
                 id=i,
@@ -92,103 +106,91 @@ class _Resolver:
             )
             for i, (key, label) in enumerate(found)
         )
+        nested = self._nested(ids, found)
         return Grouping(
             instances=instances,
             surface_instance=surface_instance,
-            nested=self._nested(ids, found),
+            nested=nested,
             outside_vocabulary=self._outside_vocabulary(),
             unseen_owners=self._unseen_owners(found),
-            warnings=tuple(sorted(self.warnings)),
+            warnings=self._warnings(),
         )
-
-    def owner(self, occurrence: int) -> _Owner:
-        """The instance key of an occurrence, and the label that makes it one (None: none)."""
-        return self._labelled_owner(occurrence) or (("occurrence", -1, occurrence, -1), None)
 
     def _labelled_owner(self, occurrence: int) -> _Owner | None:
         if occurrence not in self._owners:
-            shown, instancer, frame = self._place(occurrence)
+            shown = self._object[occurrence]
             label = self._label(shown)
             self._owners[occurrence] = (
                 (("object", shown, occurrence, -1), label)
                 if label
-                else self._owner_above(shown, instancer, frame)
+                else self._owner_above(shown, self._instancer[occurrence], self._frame[occurrence])
             )
         return self._owners[occurrence]
 
     def _owner_above(self, shown: int, instancer: int, frame: int) -> _Owner | None:
-        """The nearest owner of an object, its own label aside."""
-        stop = self._instancing_ancestor(shown, instancer)
-        for ancestor in self._ancestors(shown):
-            if ancestor == stop:
-                # What holds the object holds its instancer too: it is found from there.
-                return self._labelled_owner(instancer)
-            label = self._label(ancestor)
-            if label:
-                return self._object_key(ancestor, instancer, frame), label
-        folder = self._labelled_collection(
-            list(self.snapshot.objects[shown].collections), self.snapshot.objects[shown].name
-        )
+        """The nearest owner of an object in that placement, its own label aside."""
+        chain = self._chain(shown)
+        if chain.label is not None:
+            return self._ancestor_key(chain.ancestors, instancer, frame), chain.label
+        if shown not in self._folders:
+            held = self.snapshot.objects[shown]
+            self._folders[shown] = self._labelled_collection(held.collections, held.name)
+        folder = self._folders[shown]
         if folder is not None:
             return self._collection_key(folder[0], instancer, frame), folder[1]
         return self._labelled_owner(instancer) if instancer >= 0 else None
 
-    def _place(self, occurrence: int) -> tuple[int, int, int]:
-        snapshot = self.snapshot
-        return (
-            int(snapshot.occurrence_object[occurrence]),
-            int(snapshot.occurrence_instancer[occurrence]),
-            int(snapshot.occurrence_frame[occurrence]),
-        )
+    def _chain(self, shown: int) -> _Chain:
+        """The parents of an object, up to the first labelled one."""
+        if shown not in self._chains:
+            ancestors: list[int] = []
+            label = None
+            parent = self.snapshot.objects[shown].parent
+            while parent >= 0 and parent not in ancestors and label is None:
+                ancestors.append(parent)
+                label = self._label(parent)
+                parent = self.snapshot.objects[parent].parent
+            self._chains[shown] = _Chain(ancestors=tuple(ancestors), label=label)
+        return self._chains[shown]
 
-    def _object_key(self, shown: int, instancer: int, frame: int) -> _Key:
-        """Where the object itself occurs in that placement; the placement where it does not."""
-        occurrence = self._occurrence_at.get((shown, instancer, frame))
-        if occurrence is None:
-            return ("object", shown, instancer, frame)
-        return ("object", shown, occurrence, -1)
+    def _ancestor_key(self, ancestors: tuple[int, ...], instancer: int, frame: int) -> _Key:
+        """The key of the last of these ancestors, as it occurs for a descendant placed so.
+
+        An object may be an ancestor of what it instances (on its vertices): from there upwards
+        the placement is the instancer's own.
+        """
+        for ancestor in ancestors:
+            if instancer >= 0 and ancestor == self._object[instancer]:
+                if ancestor == ancestors[-1]:
+                    return ("object", ancestor, instancer, -1)
+                instancer, frame = self._instancer[instancer], self._frame[instancer]
+        occurrence = self._occurrence_at.get((ancestors[-1], instancer, frame))
+        if occurrence is None:  # not in the placement itself, only its parts are
+            return ("object", ancestors[-1], instancer, frame)
+        return ("object", ancestors[-1], occurrence, -1)
 
     def _label(self, shown: int) -> Label | None:
         label = self.labels.objects.get(shown)
         return label if label and label.category else None
 
-    def _ancestors(self, shown: int) -> list[int]:
-        chain = []
-        parent = self.snapshot.objects[shown].parent
-        while parent >= 0 and parent not in chain:
-            chain.append(parent)
-            parent = self.snapshot.objects[parent].parent
-        return chain
-
-    def _instancing_ancestor(self, shown: int, instancer: int) -> int:
-        """The instancer's object when it is an ancestor of what it instances (on vertices)."""
-        if instancer < 0:
-            return -1
-        maker = int(self.snapshot.occurrence_object[instancer])
-        return maker if maker in self._ancestors(shown) else -1
-
     def _labelled_collection(
-        self, level: list[int], object_name: str
+        self, level: Sequence[int], held_name: str
     ) -> tuple[int, Label] | None:
         """The innermost labelled collection, outwards from `level`; by name where several are."""
+        collections = self.snapshot.collections
         seen: set[int] = set()
         while level:
             labelled = sorted(
-                ((self.snapshot.collections[c].name, c, label)
-                 for c in level if (label := self._collection_label(c))),
-                key=lambda found: found[:2],
-            )  # fmt: skip
-            if len(labelled) > 1:
-                self.warnings.add(
-                    f"object {object_name!r} lies in {len(labelled)} labelled collections; "
-                    f"{labelled[0][0]!r} was taken"
-                )
-            if labelled:
-                return labelled[0][1], labelled[0][2]
-            seen.update(level)
-            level = sorted(
-                {p for c in level for p in self.snapshot.collections[c].parents} - seen
+                (collections[c].name, c) for c in level if self._collection_label(c)
             )
+            if len(labelled) > 1:
+                names = tuple(name for name, _ in labelled)
+                self._in_several.setdefault(names, []).append(held_name)
+            if labelled:
+                chosen = labelled[0][1]
+                return chosen, self.labels.collections[chosen]
+            seen.update(level)
+            level = sorted({p for c in level for p in collections[c].parents} - seen)
         return None
 
     def _collection_label(self, collection: int) -> Label | None:
@@ -197,32 +199,27 @@ class _Resolver:
 
     def _collection_key(self, collection: int, instancer: int, frame: int) -> _Key:
         """One instance per placement of the collection; one at all if the instancer is in it."""
-        while instancer >= 0:
-            maker = int(self.snapshot.occurrence_object[instancer])
-            if collection not in self._all_collections(maker):
-                break
-            frame = int(self.snapshot.occurrence_frame[instancer])
-            instancer = int(self.snapshot.occurrence_instancer[instancer])
-        if instancer < 0:
-            frame = -1
-        return ("collection", collection, instancer, frame)
+        while instancer >= 0 and collection in self._collections_of(self._object[instancer]):
+            instancer, frame = self._instancer[instancer], self._frame[instancer]
+        return ("collection", collection, instancer, frame if instancer >= 0 else -1)
 
-    def _all_collections(self, shown: int) -> set[int]:
-        todo, found = list(self.snapshot.objects[shown].collections), set()
-        while todo:
-            collection = todo.pop()
-            if collection not in found:
-                found.add(collection)
-                todo.extend(self.snapshot.collections[collection].parents)
-        return found
+    def _collections_of(self, shown: int) -> frozenset[int]:
+        """The collections that hold an object, directly or not."""
+        if shown not in self._holding:
+            todo, found = list(self.snapshot.objects[shown].collections), set()
+            while todo:
+                collection = todo.pop()
+                if collection not in found:
+                    found.add(collection)
+                    todo.extend(self.snapshot.collections[collection].parents)
+            self._holding[shown] = frozenset(found)
+        return self._holding[shown]
 
     def _nested(self, ids: dict[_Key, int], found: list[_Owner]) -> dict[int, int]:
         """Labelled instances that are cut out of another labelled one, with that one's id."""
         nested = {}
         for key, label in found:
-            if label is None:
-                continue
-            outer = self._owner_outside(key)
+            outer = self._owner_outside(key) if label else None
             if outer is not None and outer[0] in ids:
                 nested[ids[key]] = ids[outer[0]]
         return nested
@@ -230,13 +227,13 @@ class _Resolver:
     def _owner_outside(self, key: _Key) -> _Owner | None:
         kind, index, level, frame = key
         if kind == "collection":
-            parents = list(self.snapshot.collections[index].parents)
-            folder = self._labelled_collection(parents, self.snapshot.collections[index].name)
+            held = self.snapshot.collections[index]
+            folder = self._labelled_collection(held.parents, held.name)
             if folder is not None:
                 return self._collection_key(folder[0], level, frame), folder[1]
             return self._labelled_owner(level) if level >= 0 else None
         if frame == -1:
-            return self._owner_above(*self._place(level))
+            return self._owner_above(index, self._instancer[level], self._frame[level])
         return self._owner_above(index, level, frame)
 
     def _name(self, key: _Key) -> str:
@@ -244,7 +241,7 @@ class _Resolver:
         if kind == "collection":
             return self.snapshot.collections[index].name
         if kind == "occurrence":
-            return self.snapshot.objects[self.snapshot.occurrence_object[level]].name
+            return self.snapshot.objects[self._object[level]].name
         return self.snapshot.objects[index].name
 
     def _outside_vocabulary(self) -> dict[str, int]:
@@ -254,9 +251,7 @@ class _Resolver:
                 counts[label.text] = counts.get(label.text, 0) + 1
         return dict(sorted(counts.items()))
 
-    def _unseen_owners(
-        self, found: list[_Owner]
-    ) -> tuple[tuple[str, str], ...]:
+    def _unseen_owners(self, found: list[_Owner]) -> tuple[tuple[str, str], ...]:
         owners = {(key[0], key[1]) for key, label in found if label}
         unseen = [
             (self.snapshot.objects[i].name, label.text)
@@ -269,3 +264,14 @@ class _Resolver:
             if label.category and ("collection", i) not in owners
         ]
         return tuple(sorted(unseen))
+
+    def _warnings(self) -> tuple[str, ...]:
+        texts = []
+        for names, held in sorted(self._in_several.items()):
+            distinct = sorted(set(held))
+            more = f" and {len(distinct) - 1} more" if len(distinct) > 1 else ""
+            texts.append(
+                f"{distinct[0]!r}{more} lies in {len(names)} labelled collections; "
+                f"{names[0]!r} was taken"
+            )
+        return tuple(texts)

@@ -52,15 +52,32 @@ def read_labels_file(path: Path) -> tuple[OutsideLabel, ...]:
         return ()
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise _invalid(f"it is not readable JSON: {error}") from error
-    if not isinstance(document, dict) or document.get("version") != 1:
-        version = document.get("version") if isinstance(document, dict) else None
+    except OSError as error:
+        raise _invalid(f"it cannot be opened: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise _invalid(f"it is not JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise _invalid(f"it holds a {type(document).__name__}")
+    version = document.get("version")
+    if type(version) is not int or version != 1:
         raise _invalid(f'"version" is {version!r}')
     entries = document.get("labels")
     if not isinstance(entries, list):
         raise _invalid(f'"labels" is {type(entries).__name__}')
-    return tuple(_outside_label(entry, place) for place, entry in enumerate(entries))
+    labels = tuple(_outside_label(entry, place) for place, entry in enumerate(entries))
+    _refuse_contradictions(labels)
+    return labels
+
+
+def _refuse_contradictions(labels: tuple[OutsideLabel, ...]) -> None:
+    said: dict[tuple[str, str, str], str] = {}
+    for label in labels:
+        for key, category in label.categories.items():
+            before = said.setdefault((label.kind, label.name, key), category)
+            if before != category:
+                raise _invalid(
+                    f"{label.kind} {label.name!r} has {key} {before!r} and {key} {category!r}"
+                )
 
 
 def resolve_labels(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from legoworld.errors import SceneInvalidError
 from legoworld.files import atomic_path, canonical_json
 
 #: Raised whenever the meaning of a snapshot changes; part of every cache key.
-SNAPSHOT_SCHEMA: Final = 1
+SNAPSHOT_SCHEMA: Final = 2
 
 ARRAYS: Final = {
     "vertices": np.float32,
@@ -61,8 +62,8 @@ class SceneCollection:
 class SceneCamera:
     """The active camera, in Blender's own terms; `visibility.camera` turns it into pixels.
 
-    world_from_camera: (3, 4), rows of the rigid transform from OpenCV camera axes (x right,
-    y down, z forward) to the world, scale and shear of the camera object removed.
+    world_from_camera: (3, 4), rows of the transform from OpenCV camera axes (x right, y down,
+    z forward) to the world, each axis of unit length: the scale of the camera object is removed.
     """
 
     name: str
@@ -174,17 +175,20 @@ class Snapshot:
         """Everything that is not an array, as JSON values."""
         return {
             "schema": SNAPSHOT_SCHEMA,
-            "objects": [asdict(o) for o in self.objects],
-            "collections": [asdict(c) for c in self.collections],
-            "camera": asdict(self.camera),
-            "render": asdict(self.render),
-            "warnings": list(self.warnings),
-            "cutouts": [asdict(c) for c in self.cutouts],
+            "objects": [vars(o) for o in self.objects],
+            "collections": [vars(c) for c in self.collections],
+            "camera": vars(self.camera),
+            "render": vars(self.render),
+            "warnings": self.warnings,
+            "cutouts": [vars(c) for c in self.cutouts],
         }
 
     def content_sha256(self) -> str:
         """Hex sha256 over all values; file names, file times and dict order do not enter."""
-        digest = hashlib.sha256(canonical_json(self.description()).encode("utf-8"))
+        return self._sha256(canonical_json(self.description()))
+
+    def _sha256(self, description: str) -> str:
+        digest = hashlib.sha256(description.encode("utf-8"))
         for name, array in self.arrays().items():
             digest.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
             digest.update(np.ascontiguousarray(array).data)
@@ -198,11 +202,14 @@ class Snapshot:
 
 def save(snapshot: Snapshot, path: Path) -> str:
     """Write a snapshot as an uncompressed .npz, whole or not at all; returns its content hash."""
-    content = snapshot.content_sha256()
-    description = {**snapshot.description(), "content_sha256": content}
-    text = np.frombuffer(canonical_json(description).encode("utf-8"), np.uint8)
+    description = canonical_json(snapshot.description())
+    content = snapshot._sha256(description)
+    stored = {
+        "description": np.frombuffer(description.encode("utf-8"), np.uint8),
+        "content_sha256": np.frombuffer(content.encode("ascii"), np.uint8),
+    }
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, description=text, **snapshot.arrays())
+        np.savez(stream, **stored, **snapshot.arrays())
     return content
 
 
@@ -212,8 +219,9 @@ def load(path: Path) -> tuple[Snapshot, str]:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
         description = json.loads(arrays.pop("description").tobytes().decode("utf-8"))
-        return _from_parts(description, arrays), description["content_sha256"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        content = arrays.pop("content_sha256").tobytes().decode("ascii")
+        return _from_parts(description, arrays), content
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise SceneInvalidError(
             "a cached snapshot cannot be read",
             found=f"{path.name}: {error}",

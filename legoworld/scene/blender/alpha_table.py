@@ -51,12 +51,12 @@ class AlphaTable:
     @staticmethod
     def is_there(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which rules' numbers leave something to be seen."""
-        return (rules != _GONE) & (rules != _HOLDOUT)
+        return np.isin(rules, (_GONE, _HOLDOUT), invert=True)
 
     @staticmethod
     def is_holdout(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which rules' numbers stand for a holdout."""
-        return rules == _HOLDOUT
+        return np.isin(rules, (_HOLDOUT,))
 
     def sort_key(self, image: int) -> str:
         """Orders the entries of `images` without regard to the order they were met in."""

@@ -128,13 +128,12 @@ def _ramp(source: Feed) -> Value:
     ramp = source.node.color_ramp
     if ramp.color_mode != "RGB" or ramp.interpolation not in ("LINEAR", "CONSTANT"):
         raise UnreadableAlphaError("alpha comes from a Color Ramp that is neither linear nor steps")
-    stops = [(stop.position, tuple(stop.color)) for stop in ramp.elements]
+    stops = [(float(stop.position), tuple(stop.color)) for stop in ramp.elements]
     linear, is_alpha = ramp.interpolation == "LINEAR", source.output.name == "Alpha"
 
     def value(color: tuple[float, ...]) -> float:
-        if is_alpha:
-            return color[3]
-        return sum(c * w for c, w in zip(color, LUMINANCE_RGB, strict=False))
+        weights = (0.0, 0.0, 0.0, 1.0) if is_alpha else (*LUMINANCE_RGB, 0.0)
+        return sum(c * w for c, w in zip(color, weights, strict=True))
 
     def at(x: float) -> float:
         before = [stop for stop in stops if stop[0] <= x]
@@ -142,7 +141,7 @@ def _ramp(source: Feed) -> Value:
         if not before or not after or not linear:
             return value(before[-1][1] if before else stops[0][1])
         (x0, first), (x1, second) = before[-1], after[0]
-        share = (x - x0) / (x1 - x0)
+        share: float = (x - x0) / (x1 - x0)
         return (1.0 - share) * value(first) + share * value(second)
 
     return lifted(at, read_value(source.input("Fac" if "Fac" in source.node.inputs else "Factor")))

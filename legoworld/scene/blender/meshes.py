@@ -78,7 +78,8 @@ def corner_uv(
         return None
     uv = np.empty((len(mesh.loops), 2), np.float32)
     layer.uv.foreach_get("vector", uv.ravel())
-    return uv[corners]
+    chosen: NDArray[np.float32] = uv[corners]
+    return chosen
 
 
 def transformed(
@@ -87,7 +88,7 @@ def transformed(
     """(..., 2) texture coordinates after u' = a*u + b*v + c, v' = d*u + e*v + f."""
     a, b, c, d, e, f = transform
     u, v = uv[..., 0].astype(np.float64), uv[..., 1].astype(np.float64)
-    return np.stack([a * u + b * v + c, d * u + e * v + f], axis=-1).astype(np.float32)
+    return np.stack([a * u + b * v + c, d * u + e * v + f], axis=-1, dtype=np.float32)
 
 
 def _face_material(mesh: Any, n_faces: int) -> NDArray[np.int32]:

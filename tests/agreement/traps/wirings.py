@@ -17,7 +17,6 @@ from agreement.traps.stage import (
     link,
     material,
     polygons,
-    principled,
     solid,
     unlinked_collection,
     wall,
@@ -117,7 +116,8 @@ def alpha_deformed_uv() -> Expect:
         vertex.co.x += 0.6
     mirror = half.modifiers.new("m", "MIRROR")
     mirror.use_mirror_u, mirror.offset_v = True, 0.15
-    _generated_card("generated", leaf, (3.2, 0, 1.2))
+    named = cut("named", leaf_image("named leaf"), uv_map="made by nodes")
+    _generated_card("generated", named, (3.2, 0, 1.2))
     _close_up()
     return Expect(seen=("subdivided", "arrayed", "mirrored", "generated"))
 
@@ -128,7 +128,7 @@ def _generated_card(name: str, leaf: Any, at: tuple[float, float, float]) -> Non
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     grid, store = tree.nodes.new("GeometryNodeMeshGrid"), tree.nodes.new("GeometryNodeStoreNamedAttribute")
     store.data_type, store.domain = "FLOAT2", "CORNER"
-    store.inputs["Name"].default_value = "UVMap"
+    store.inputs["Name"].default_value = "made by nodes"
     dress, result = tree.nodes.new("GeometryNodeSetMaterial"), tree.nodes.new("NodeGroupOutput")
     dress.inputs["Material"].default_value = leaf
     tree.links.new(grid.outputs["Mesh"], store.inputs["Geometry"])
@@ -195,9 +195,8 @@ def alpha_graphs() -> Expect:
 
 
 def alpha_tricks() -> Expect:
-    """Light Path and Backfacing tricks, a node group, a vertex colour, a muted node, maths."""
+    """Surfaces that depend on the kind of ray, or on the side that is seen."""
     wall()
-    leaf = leaf_image()
 
     def trick(kind: str, socket: str) -> Build:
         def build(tree: Any) -> Any:
@@ -208,6 +207,21 @@ def alpha_tricks() -> Expect:
             return mix.outputs[0]
 
         return build
+
+    made: tuple[tuple[str, Build], ...] = (
+        ("shadow ray", trick("ShaderNodeLightPath", "Is Shadow Ray")),
+        ("camera ray", trick("ShaderNodeLightPath", "Is Camera Ray")),
+        ("backfacing", trick("ShaderNodeNewGeometry", "Backfacing")),
+    )
+    cards([material(name, build) for name, build in made])
+    _close_up()
+    return Expect(seen=("shadow ray", "Wall"), limited=tuple(name for name, _ in made))
+
+
+def alpha_maths() -> Expect:
+    """A leaf inside a node group, and with a mapping before or maths after its texture."""
+    wall()
+    leaf = leaf_image()
 
     def grouped(tree: Any) -> Any:
         inside = bpy.data.node_groups.new("inside", "ShaderNodeTree")
@@ -223,9 +237,6 @@ def alpha_tricks() -> Expect:
         return lambda tree: _between(tree, leaf, kind)
 
     made: tuple[tuple[str, Build], ...] = (
-        ("shadow ray", trick("ShaderNodeLightPath", "Is Shadow Ray")),
-        ("camera ray", trick("ShaderNodeLightPath", "Is Camera Ray")),
-        ("backfacing", trick("ShaderNodeNewGeometry", "Backfacing")),
         ("grouped", grouped),
         ("mapped", wired("ShaderNodeMapping")),
         ("threshold", wired("ShaderNodeMath")),
@@ -233,7 +244,7 @@ def alpha_tricks() -> Expect:
     )
     cards([material(name, build) for name, build in made])
     _close_up()
-    return Expect(seen=("shadow ray", "Wall"), limited=tuple(name for name, _ in made))
+    return Expect(seen=tuple(name for name, _ in made))
 
 
 def _between(tree: Any, leaf: Any, kind: str) -> Any:
@@ -272,12 +283,22 @@ def not_meshes() -> Expect:
     scalp.particle_systems[0].settings.type = "HAIR"
     scalp.particle_systems[0].settings.count = 60
     scalp.particle_systems[0].settings.hair_length = 0.6
-    points = link(bpy.data.objects.new("cloud", bpy.data.pointclouds.new("cloud")))
-    points.location = (3, 0, 1)
-    clear = principled("plain")
-    scalp.data.materials.append(clear)
+    _point_cloud("cloud", (2.2, 0, 0.5))
     _close_up()
-    return Expect(seen=("fur", "scalp"), limited=("fur", "scalp"))
+    return Expect(seen=("fur", "scalp", "cloud"), limited=("fur", "scalp", "cloud"))
+
+
+def _point_cloud(name: str, at: tuple[float, float, float]) -> None:
+    """Thirty points made by geometry nodes; a point cloud datablock without points aborts Cycles."""
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    points, chance = tree.nodes.new("GeometryNodePoints"), tree.nodes.new("FunctionNodeRandomValue")
+    points.inputs["Count"].default_value, points.inputs["Radius"].default_value = 30, 0.15
+    chance.data_type = "FLOAT_VECTOR"
+    chance.inputs["Max"].default_value = (1.5, 1.5, 1.5)
+    tree.links.new(chance.outputs["Value"], points.inputs["Position"])
+    tree.links.new(points.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    polygons(name, [], [], at).modifiers.new("nodes", "NODES").node_group = tree
 
 
 TRAPS = (
@@ -286,6 +307,7 @@ TRAPS = (
     alpha_instances,
     alpha_deformed_uv,
     alpha_graphs,
+    alpha_maths,
     alpha_tricks,
     not_meshes,
 )
