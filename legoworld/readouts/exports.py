@@ -44,13 +44,14 @@ def mask_predictions(
     No bbox: the official evaluator would take the box's area for the mask's.
     """
     rows = []
+    runs = ColumnRuns(view.buffers.instance)
     for instance in exported(instances, view):
         assert instance.category is not None
         rows.append(
             {
                 "image_id": image_id,
                 "category_id": instance.category.id,
-                "segmentation": mask_rle(view, instance.id),
+                "segmentation": runs.rle(instance.id),
                 "score": EQUAL_CONFIDENCE,
             }
         )
@@ -63,13 +64,35 @@ def bbox_xywh_px(view: View, instance_id: int) -> list[int]:
     return [x0, y0, x1 - x0, y1 - y0]
 
 
-def mask_rle(view: View, instance_id: int) -> dict[str, Any]:
-    """Compressed RLE, as pycocotools makes it, of an instance's visible pixels; counts as text."""
-    from pycocotools import mask as coco_mask
+class ColumnRuns:
+    """The runs of equal ids down the columns of an (H, W) id picture: what COCO's RLE counts.
 
-    width, height = view.size_wh
-    x0, y0, x1, y1 = (int(v) for v in view.bbox_xyxy_px[instance_id])
-    mask: NDArray[np.uint8] = np.zeros((height, width), np.uint8, order="F")
-    mask[y0:y1, x0:x1] = view.buffers.instance[y0:y1, x0:x1] == instance_id
-    encoded = coco_mask.encode(mask)
-    return {"size": [height, width], "counts": encoded["counts"].decode("ascii")}
+    Found once for all instances: a mask of its own for each would cost H x W per instance.
+    """
+
+    def __init__(self, instance: NDArray[np.int32]) -> None:
+        self._height, self._width = instance.shape
+        flat = instance.T.ravel()
+        first = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1))
+        length = np.diff(first, append=flat.size)
+        ids = flat[first]
+        order = np.argsort(ids, kind="stable")
+        self._ids, self._first, self._length = ids[order], first[order], length[order]
+
+    def rle(self, instance_id: int) -> dict[str, Any]:
+        """Compressed RLE of one instance, byte for byte as pycocotools encodes its mask."""
+        from pycocotools import mask as coco_mask
+
+        low, high = np.searchsorted(self._ids, (instance_id, instance_id + 1))
+        first, length = self._first[low:high], self._length[low:high]
+        counts = np.empty(2 * len(first) + 1, np.int64)
+        end = first + length
+        counts[0:-1:2] = first - np.concatenate(([0], end[:-1]))[: len(first)]
+        counts[1::2] = length
+        counts[-1] = self._height * self._width - (end[-1] if len(end) else 0)
+        if counts[-1] == 0:
+            counts = counts[:-1]
+        size = [self._height, self._width]
+        rle = {"size": size, "counts": counts.tolist()}
+        encoded = coco_mask.frPyObjects(rle, self._height, self._width)
+        return {"size": size, "counts": encoded["counts"].decode("ascii")}

@@ -1,0 +1,134 @@
+"""Exports from buffers made by hand: exact boxes, masks as pycocotools encodes them, order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pycocotools import mask as coco_mask
+
+from legoworld.readouts.depth import resampled_size, write_depth
+from legoworld.readouts.exports import ColumnRuns, box_predictions, mask_predictions
+from legoworld.scene.instances import Instance
+from legoworld.visibility.kernel import Buffers
+from legoworld.visibility.projection import Projection
+from legoworld.visibility.view import View, instance_extents
+from legoworld.vocabulary import Category
+
+
+def view_of(instance: np.ndarray, n: int) -> View:
+    height, width = instance.shape
+    area, extents = instance_extents(instance, n)
+    return View(
+        size_wh=(width, height),
+        projection=Projection(orthographic=False, fx=1, fy=1, cx=0, cy=0, z_near=0.1, z_far=100),
+        buffers=Buffers(
+            instance=instance, depth_z_m=np.where(instance < 0, np.inf, 1).astype(np.float32)
+        ),
+        area_px=area,
+        bbox_xyxy_px=extents,
+    )
+
+
+def instances(*category_ids: int | None) -> list[Instance]:
+    return [
+        Instance(
+            id=i,
+            name=str(i),
+            objects=(str(i),),
+            category=None if c is None else Category(id=c, name=str(c)),
+            label_text=None,
+        )
+        for i, c in enumerate(category_ids)
+    ]
+
+
+def random_picture(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    height, width = rng.integers(1, 40, 2)
+    ids = rng.integers(-1, rng.integers(1, 9), (height, width)).astype(np.int32)
+    if rng.random() < 0.7:  # larger areas
+        ids = np.repeat(np.repeat(ids, 5, 0), 3, 1)[: rng.integers(1, 90), : rng.integers(1, 90)]
+    return np.ascontiguousarray(ids)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_masks_are_byte_for_byte_what_pycocotools_encodes(seed):
+    picture = random_picture(seed)
+    runs = ColumnRuns(picture)
+    for i in range(int(picture.max()) + 2):
+        mask = np.asfortranarray(picture == i, np.uint8)
+        expected = coco_mask.encode(mask)
+        assert runs.rle(i) == {
+            "size": list(mask.shape),
+            "counts": expected["counts"].decode(),
+        }
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_areas_and_extents_are_those_of_the_masks(seed):
+    picture = random_picture(seed)
+    n = int(picture.max()) + 3
+    area, extents = instance_extents(picture, n)
+    for i in range(n):
+        rows, columns = np.nonzero(picture == i)
+        assert area[i] == len(rows)
+        expected = [0, 0, 0, 0]
+        if len(rows):
+            expected = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+        assert extents[i].tolist() == expected
+
+
+def test_a_ring_keeps_its_hole():
+    picture = np.full((60, 80), -1, np.int32)
+    picture[10:50, 20:60] = 0
+    picture[20:40, 30:50] = -1
+    (prediction,) = mask_predictions(7, instances(1), view_of(picture, 1))
+    assert coco_mask.area(prediction["segmentation"]) == 1200
+    assert prediction.keys() == {"image_id", "category_id", "segmentation", "score"}
+
+
+def test_boxes_are_in_canonical_order_of_numbers():
+    picture = np.full((200, 200), -1, np.int32)
+    picture[5:15, 100:110] = 0  # as text "[100," sorts before "[9,"
+    picture[5:15, 9:19] = 1
+    picture[0:1, 0:1] = 2  # one pixel, another category
+    picture[50:60, 50:60] = 3  # unlabelled
+    found = box_predictions(1, instances(5, 5, 3, None, 5), view_of(picture, 5))
+    assert [(p["category_id"], p["bbox"]) for p in found] == [
+        (3, [0, 0, 1, 1]),
+        (5, [9, 5, 10, 10]),
+        (5, [100, 5, 10, 10]),
+    ]
+    assert {p["score"] for p in found} == {1.0}
+
+
+def test_no_export_is_an_empty_list():
+    picture = np.full((4, 4), -1, np.int32)
+    assert box_predictions(1, instances(1), view_of(picture, 1)) == []
+    assert mask_predictions(1, instances(1), view_of(picture, 1)) == []
+
+
+def test_depth_files_say_what_they_hold(tmp_path):
+    depth = np.array([[1.5, np.inf]], np.float32)
+    write_depth(tmp_path / "a" / "b.npz", depth)
+    stored = np.load(tmp_path / "a" / "b.npz", allow_pickle=False)
+    assert str(stored["space"]) == "depth"
+    np.testing.assert_array_equal(stored["depth_z_m"], depth)
+    assert stored["depth_z_m"].dtype == np.float32
+    again = tmp_path / "again.npz"
+    write_depth(again, depth)
+    assert again.read_bytes() == (tmp_path / "a" / "b.npz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("size", "side", "expected"),
+    [
+        ((6048, 4032), 1024, (1024, 683)),
+        ((4032, 6048), 1024, (683, 1024)),
+        ((640, 480), 1024, (640, 480)),
+        ((640, 480), None, (640, 480)),
+        ((5000, 1), 10, (10, 1)),
+    ],
+)
+def test_a_smaller_picture_keeps_its_aspect(size, side, expected):
+    assert resampled_size(size, side) == expected
