@@ -19,13 +19,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 from agreement.comparison import Agreement, compare
 from agreement.judge import Judge, JudgeError
 from agreement.ours import picture_of, snapshot_of
+
 from legoworld.errors import LegoWorldError
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND, SceneFolder
 
 HEADER = (
-    f"{'scene':34} {'size':>10} {'hit %':>6} {'same %':>9} {'inside %':>9} {'z<1e-4 %':>9} "
-    f"{'z median':>9} {'z worst':>9} {'s':>5}  verdict"
+    f"{'scene':34} {'size':>10} {'hit %':>6} {'same %':>9} {'tied px':>7} {'inside %':>9} "
+    f"{'z<1e-4 %':>9} {'z median':>9} {'z worst':>9} {'s':>5}  verdict"
 )
 
 
@@ -78,9 +79,9 @@ def _line(name: str, size: tuple[int, int], found: Agreement, seconds: float) ->
     shares = (found.hit, found.same, found.same_inside, found.depth)
     hit, same, inside, depth = (100 * x for x in shares)
     return (
-        f"{name[:34]:34} {'x'.join(map(str, size)):>10} {hit:6.2f} {same:9.4f} {inside:9.4f} "
-        f"{depth:9.4f} {found.depth_median:9.1e} {found.depth_worst:9.1e} {seconds:5.1f}  "
-        f"{found.verdict}"
+        f"{name[:34]:34} {'x'.join(map(str, size)):>10} {hit:6.2f} {same:9.4f} "
+        f"{found.tied:7} {inside:9.4f} {depth:9.4f} {found.depth_median:9.1e} "
+        f"{found.depth_worst:9.1e} {seconds:5.1f}  {found.verdict}"
     )
 
 

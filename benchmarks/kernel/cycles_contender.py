@@ -70,6 +70,5 @@ class Cycles:
     def depth(self) -> NDArray[np.float32]:
         """Planar z of one render that is not timed, +inf = nothing."""
         self._ask("check")
-        self._answers.readline()
         depth: NDArray[np.float32] = np.load(self._depth)
         return depth

@@ -1,7 +1,7 @@
 """Renders one benchmark scene with Cycles, tuned for one sample, each time a line comes in.
 
-Run with a Python that has bpy: cycles_server.py ARRAYS.npz DEPTH.npy. Every line on standard input
-renders once and answers "wall_s cpu_s" on the given file descriptor; DEPTH.npy holds the last z.
+Run with a Python that has bpy: cycles_server.py ARRAYS.npz DEPTH.npy FD. A line "render" on standard
+input renders once and answers "wall_s cpu_s" on file descriptor FD; "check" writes z to DEPTH.npy.
 """
 
 from __future__ import annotations
@@ -64,17 +64,25 @@ def tune(width: int, height: int) -> None:
     layer.use_pass_z = layer.use_pass_object_index = True
 
 
-def capture_depth() -> None:
-    """Cycles' own result is read before Blender converts it."""
+def depth_of_a_render() -> np.ndarray:
+    """One render that is not timed; Cycles' own result is read before Blender converts it."""
     import cycles
 
     original = cycles.CyclesRender.render
 
     def render(self: Any, depsgraph: Any) -> None:
         original(self, depsgraph)
-        CAPTURED["depth"] = np.array(self.get_result().layers[0].passes["Depth"].rect, np.float32)
+        result = self.get_result()
+        depth = np.empty(result.resolution_x * result.resolution_y, np.float32)
+        result.layers[0].passes["Depth"].rect.foreach_get(depth)
+        CAPTURED["depth"] = depth
 
     cycles.CyclesRender.render = render
+    try:
+        bpy.ops.render.render()
+    finally:
+        cycles.CyclesRender.render = original
+    return CAPTURED["depth"]
 
 
 def main() -> None:
@@ -85,14 +93,13 @@ def main() -> None:
     tune(width, height)
     for line in sys.stdin:
         if line.strip() == "check":
-            capture_depth()
+            depth = depth_of_a_render().reshape(height, width)[::-1]
+            np.save(depth_path, np.where(depth > 1e9, np.inf, depth))
+            os.write(answers, b"saved\n")
+            continue
         wall, cpu = time.perf_counter(), time.process_time()
         bpy.ops.render.render()
         os.write(answers, f"{time.perf_counter() - wall} {time.process_time() - cpu}\n".encode())
-        if line.strip() == "check":
-            depth = CAPTURED["depth"].reshape(height, width)[::-1]
-            np.save(depth_path, np.where(depth > 1e9, np.inf, depth))
-            os.write(answers, b"saved\n")
 
 
 main()

@@ -31,11 +31,11 @@ def main() -> int:
 
 
 def objects_70k(scene: Any) -> None:
-    """70,000 labelled objects that share one quad, each alone on 3 x 3 of its 4 x 4 pixels."""
+    """70,000 labelled objects that share one quad, each on the middle 2 x 2 of its 4 x 4 pixels."""
     columns, rows = GRID_WH
     _size(scene, 4 * columns, 4 * rows)
     _camera(scene, z=10.0, ortho_scale=4.0 * columns)
-    tile = _quad("Tile", half=1.5)
+    tile = _quad("Tile", half=1.0)
     for i in range(columns * rows):
         made = bpy.data.objects.new(f"Tile.{i:05d}", tile)
         row, column = divmod(i, columns)

@@ -106,10 +106,10 @@ def palette() -> dict:
     return made
 
 
-def add_group(name: str, category: str) -> bpy.types.Object:
-    """An empty that owns the parts of one labelled thing."""
+def add_group(name: str, category: str, key: str = "category") -> bpy.types.Object:
+    """An empty that owns the parts of one labelled thing; COCO reads only `category`."""
     group = bpy.data.objects.new(name, None)
-    group["category"] = category
+    group[key] = category
     group.empty_display_size = 0.1
     bpy.context.scene.collection.objects.link(group)
     return group
@@ -485,7 +485,7 @@ VISOR = [
 
 def add_helmet(colour: dict) -> None:
     """White shell, black visor, and the hinge at its side."""
-    owner = add_group("Helmet", "helmet")
+    owner = add_group("Helmet", "helmet", "lvis_category")
     add_loft("Helmet shell", HELMET, colour["white"], owner)
     add_loft("Visor", VISOR, colour["black gloss"], owner)
     hinge = [(456, 492, 500, 2.38, 2.44), (462, 489, 505, 2.36, 2.44), (472, 487, 508, 2.35, 2.44),
@@ -543,7 +543,7 @@ def stripe_row(s: float, left_u: float = -70.0, columns: int = 16) -> list[Pixel
 
 def add_flag(colour: dict) -> None:
     """Stripes, the blue field in front of their upper end, and its stars."""
-    owner = add_group("Flag", "flag")
+    owner = add_group("Flag", "flag", "lvis_category")
     for number, ((start, name), (stop, _)) in enumerate(zip(STRIPES, STRIPES[1:], strict=False)):
         pieces = 4
         rows = [stripe_row(start + (stop - start) * piece / pieces) for piece in range(pieces + 1)]
@@ -610,7 +610,7 @@ def add_booster(name, u, y, colour, owner) -> None:
 
 def add_shuttle(colour: dict) -> None:
     """Tank, boosters and orbiter on a post and a round foot."""
-    owner = add_group("Shuttle", "space shuttle")
+    owner = add_group("Shuttle", "space shuttle", "lvis_category")
     metres = SHUTTLE_Y / FOCAL_PX
     tank = [(-5, 1), (0, 9), (10, 14.5), (20, 18), (33, 20.4), (50, 21), (200, 21), (228, 18),
             (238, 6)]  # fmt: skip

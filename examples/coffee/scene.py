@@ -265,7 +265,7 @@ def add_spoon(steel) -> None:
 def add_saucer(red) -> None:
     """The saucer, lathed about the world's z axis."""
     saucer = add_mesh("Saucer", *lathe(SAUCER_PROFILE, segments=96), red)
-    saucer["category"] = "saucer"
+    saucer["lvis_category"] = "saucer"
 
 
 def add_table(board, floor) -> None:

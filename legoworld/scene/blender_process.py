@@ -75,7 +75,7 @@ class BlenderProcess:
             text=True,
             encoding="utf-8",
             cwd=_made(self._home, "empty"),
-            env=_environment(_made(self._home, "blender")),
+            env=_environment(_made(self._home, "blender"), _made(self._home, "temporary")),
         )
         self._served = 0
 
@@ -240,8 +240,12 @@ def _made(folder: str, name: str) -> str:
     return str(path)
 
 
-def _environment(home: str) -> dict[str, str]:
-    """The worker's environment: no user preferences, no start-up files, this legoworld."""
+def _environment(home: str, temporary: str) -> dict[str, str]:
+    """The worker's environment: no user preferences, no start-up files, this legoworld.
+
+    Blender makes a folder for temporary files and one for thumbnails, and a killed Blender leaves
+    them: they lie where they are removed with the process.
+    """
     environment = dict(os.environ)
     package_root = str(Path(__file__).parents[2])
     old = environment.get("PYTHONPATH")
@@ -249,4 +253,6 @@ def _environment(home: str) -> dict[str, str]:
     environment["PYTHONHASHSEED"] = "0"
     environment["BLENDER_USER_RESOURCES"] = home
     environment["BLENDER_USER_CONFIG"] = home
+    environment |= {"TMPDIR": temporary, "TEMP": temporary, "TMP": temporary}
+    environment["XDG_CACHE_HOME"] = home
     return environment

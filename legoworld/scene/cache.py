@@ -17,7 +17,7 @@ from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
 class SnapshotCache:
     """A folder of snapshots.
 
-    What a .blend reads besides itself is only known once Blender has opened it, so each entry has
+    What a scene file reads besides itself is only known once it has been opened, so each entry has
     two parts: `<scene file's key>.json` lists those files, and the snapshot's own key also covers
     their content.
     """
@@ -25,7 +25,7 @@ class SnapshotCache:
     folder: Path
 
     def dependencies(self, scene_file_sha256: str) -> list[str] | None:
-        """The files a .blend with this content reads; None when it was never opened."""
+        """The files a scene file with this content reads; None when it was never opened."""
         path = self._entry(scene_file_key(scene_file_sha256), ".json")
         try:
             return [str(name) for name in json.loads(path.read_text(encoding="utf-8"))]
@@ -33,7 +33,7 @@ class SnapshotCache:
             return None
 
     def put_dependencies(self, scene_file_sha256: str, names: list[str]) -> None:
-        """Remember what a .blend reads."""
+        """Remember what a scene file reads."""
         write_text(self._entry(scene_file_key(scene_file_sha256), ".json"), canonical_json(names))
 
     def snapshot_path(self, scene_file_sha256: str, dependencies: Hashes) -> Path:
@@ -66,7 +66,8 @@ def scene_file_key(scene_file_sha256: str) -> str:
 def reader_sha256() -> str:
     """Hash of the code that makes snapshots: a changed reader never finds an old answer."""
     here = Path(__file__).parent
-    sources = [*sorted((here / "blender").glob("*.py")), here / "snapshot.py"]
+    readers = [*sorted((here / "blender").glob("*.py")), *sorted((here / "gltf").glob("*.py"))]
+    sources = [*readers, here / "snapshot.py"]
     return sha256_of_text(canonical_json([sha256_of_file(path) for path in sources]))
 
 

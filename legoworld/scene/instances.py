@@ -271,7 +271,7 @@ class _Resolver:
             distinct = sorted(set(held))
             more = f" and {len(distinct) - 1} more" if len(distinct) > 1 else ""
             texts.append(
-                f"{distinct[0]!r}{more} lies in {len(names)} labelled collections; "
+                f"{distinct[0]!r}{more} {'lie' if more else 'lies'} in {len(names)} labelled collections; "
                 f"{names[0]!r} was taken"
             )
         return tuple(texts)

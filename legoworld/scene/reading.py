@@ -1,7 +1,8 @@
-"""A scene folder to its snapshot: checked, hashed, and read by Blender only when it must be."""
+"""A scene folder to its snapshot: checked, hashed, and opened only when it must be."""
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,9 +10,12 @@ from pathlib import Path
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import BLEND, SceneFolder, Source
+from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source
 from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
-from legoworld.scene.snapshot import Snapshot, load
+from legoworld.scene.gltf.buffers import external_files
+from legoworld.scene.gltf.container import parse_glb
+from legoworld.scene.gltf.snapshot import snapshot_of_glb
+from legoworld.scene.snapshot import Snapshot, load, save
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,12 +40,7 @@ def read_scene(
     Raises the typed verdicts of `errors`: missing, invalid, changed, failed or timeout.
     """
     if source == "glb":
-        raise SceneInvalidError(
-            "reading scene.glb without Blender is not built yet",
-            found="--source glb",
-            expected="--source blend",
-            next_step="use --source blend",
-        )
+        return _read_glb(scene, cache, files)
     blend = files.artefacts.get(BLEND)
     if blend is None:
         raise SceneInvalidError(
@@ -93,13 +92,7 @@ def _read_with_blender(
         dependencies = hash_files(scene.path, answer["dependencies"])
         # The file may have been replaced meanwhile: what was hashed must be what was read.
         if hash_files(scene.path, [BLEND]) != {BLEND: files.artefacts[BLEND]}:
-            checked_artefacts(scene, require_frozen=False)
-            raise SceneInvalidError(
-                "scene.blend changed while it was read",
-                found="another sha256 after reading than before",
-                expected="a scene that nobody writes to",
-                next_step="wait until the scene is complete, then run again",
-            )
+            raise _changed(scene, BLEND)
         stored = cache.snapshot_path(blend_sha256, dependencies)
         stored.parent.mkdir(parents=True, exist_ok=True)
         output.replace(stored)
@@ -109,4 +102,62 @@ def _read_with_blender(
         snapshot=snapshot,
         snapshot_sha256=content,
         files=replace(files, dependencies=dependencies),
+    )
+
+
+def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFiles) -> ReadScene:
+    """The snapshot of scene.glb: from the cache, or read here without Blender."""
+    glb = files.artefacts.get(GLB)
+    if glb is None:
+        raise SceneInvalidError(
+            "the scene folder holds no scene.glb",
+            found=", ".join(files.artefacts) or "nothing",
+            expected=GLB,
+            next_step="export scene.glb, or use --source blend",
+        )
+    names = cache.dependencies(glb.sha256) if cache else None
+    if cache is not None and names is not None:
+        known = _with_files_of_glb(scene, names, files)
+        stored = cache.snapshot_path(glb.sha256, known.dependencies)
+        if stored.is_file():
+            snapshot, content = load(stored)
+            return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+    data = scene.file(GLB).read_bytes()
+    if hashlib.sha256(data).hexdigest() != glb.sha256:
+        raise _changed(scene, GLB)
+    parsed = parse_glb(data)
+    names = external_files(parsed.document, scene.path)
+    known = _with_files_of_glb(scene, names, files)
+    snapshot = snapshot_of_glb(parsed, scene.path)
+    # A file beside it may have been replaced meanwhile: what was hashed must be what was read.
+    if hash_files(scene.path, names) != known.dependencies:
+        raise _changed(scene, GLB)
+    if cache is None:
+        return ReadScene(snapshot=snapshot, snapshot_sha256=snapshot.content_sha256(), files=known)
+    content = save(snapshot, cache.snapshot_path(glb.sha256, known.dependencies))
+    cache.put_dependencies(glb.sha256, names)
+    return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+
+
+def _with_files_of_glb(scene: SceneFolder, names: list[str], files: FrozenFiles) -> FrozenFiles:
+    """The files with what scene.glb reads besides itself, of which frozen.json must vouch."""
+    unlisted = [name for name in names if name not in files.dependencies]
+    if files.frozen == "frozen.json" and unlisted:
+        raise SceneInvalidError(
+            "scene.glb reads files that frozen.json does not list",
+            found=", ".join(unlisted[:5]),
+            expected="a self-contained .glb in a frozen scene",
+            next_step="export with everything embedded, then freeze again",
+        )
+    return replace(files, dependencies=hash_files(scene.path, names))
+
+
+def _changed(scene: SceneFolder, name: str) -> SceneInvalidError:
+    """What to raise for a file that was replaced while it was read; frozen.json is asked first."""
+    checked_artefacts(scene, require_frozen=False)
+    return SceneInvalidError(
+        f"{name} changed while it was read",
+        found="another sha256 after reading than before",
+        expected="a scene that nobody writes to",
+        next_step="wait until the scene is complete, then run again",
     )

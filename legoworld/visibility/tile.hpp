@@ -125,9 +125,38 @@ static inline bool all_hit(const Single& s, double x_low, double x_high, double 
   return hit && (least[0] + least[1]) + least[2] > s.tiny;
 }
 
+// Narrows columns x0..x1 to those where rows y0..y1 may be hit. An edge value a * rx + r is negative
+// left (or right) of -r / a, whose own rounding is far less than the one column kept on either side.
+static inline void narrow_columns(const Drawing& d, const Single& s, int y0, int y1, int& x0, int& x1) {
+  const LwView& view = d.frame.view;
+  const double* ry = d.frame.ray_y.data() + d.tile.top;
+  const double shift = view.cx - 0.5 - d.tile.left;
+  double low = x0, high = x1;
+  for (int k = 0; k < 3; ++k) {
+    const double r = s.b[k] * ry[s.b[k] >= 0 ? y1 : y0] + s.c[k];
+    const double column = -r / s.a[k] * view.fx + shift;
+    if (s.a[k] > 0 && column - 1 > low) low = column - 1;
+    if (s.a[k] < 0 && column + 1 < high) high = column + 1;
+  }
+  if (low > high) {
+    x1 = x0 - 1;
+    return;
+  }
+  x0 = static_cast<int>(low);
+  x1 = static_cast<int>(high);
+}
+
 // Blocks of one row of blocks; neighbours that are covered are drawn in one go.
 static void draw_blocks(const Drawing& d, const Single& s, int by, int x0, int x1, int y0, int y1) {
   const double *rx = d.frame.ray_x.data() + d.tile.left, *ry = d.frame.ray_y.data() + d.tile.top;
+  narrow_columns(d, s, y0, y1, x0, x1);
+  if (x0 > x1) return;
+  if (x1 - x0 < kBlock) {
+    const int first = by * kBlocks + x0 / kBlock, last = by * kBlocks + x1 / kBlock;
+    if (s.nearest > d.tile.farthest_of(first) && s.nearest > d.tile.farthest_of(last)) return;
+    if (draw_rows<false>(d, s, x0, x1, y0, y1)) d.tile.stale[first] = d.tile.stale[last] = true;
+    return;
+  }
   int run_start = 0, run_end = -1;  // columns, waiting to be drawn
   for (int bx = x0 / kBlock; bx <= x1 / kBlock; ++bx) {
     const int left = bx * kBlock, c0 = x0 > left ? x0 : left;

@@ -13,10 +13,19 @@ import sys
 from pathlib import Path
 
 import bpy
-
 from agreement.traps.stage import empty_stage
 
-ROOMS = ("geometry", "cameras", "instancing", "visibility", "materials", "wirings", "kinds", "files")
+ROOMS = (
+    "geometry",
+    "cameras",
+    "states",
+    "instancing",
+    "visibility",
+    "materials",
+    "wirings",
+    "kinds",
+    "files",
+)
 
 
 def build_all(folder: Path) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 #: What counts as agreement, and what is asked for; shares of pixels.
 DEPTH_TOLERANCE: Final = 1e-4
+TIE: Final = 1e-5
 LEAST_SAME: Final = 0.99
 LEAST_SAME_INSIDE: Final = 0.999
 LEAST_DEPTH: Final = 0.999
@@ -53,6 +54,7 @@ class Agreement:
     hit: float  # share of all pixels where Cycles sees anything
     same: float  # share of judged pixels
     same_inside: float
+    tied: int  # judged pixels of two objects at one depth, within TIE: either answer is right
     depth: float  # share of shared within DEPTH_TOLERANCE
     depth_median: float
     depth_worst: float
@@ -107,11 +109,18 @@ def compare(
         hit=float((theirs >= 0).mean()),
         same=float(same[judged].mean()) if judged.any() else float("nan"),
         same_inside=float(same[inside].mean()) if inside.any() else float("nan"),
+        tied=int((judged & ~same & _tied(ours.depth_z_m, cycles.depth_z_m)).sum()),
         depth=float((relative < DEPTH_TOLERANCE).mean()) if len(z) else float("nan"),
         depth_median=float(np.median(relative)) if len(z) else float("nan"),
         depth_worst=float(relative.max()) if len(z) else float("nan"),
         differing=_differing(mine, theirs, inside & ~same, list(order)),
     )
+
+
+def _tied(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.bool_]:
+    both = np.isfinite(one) & np.isfinite(other)
+    a, b = np.where(both, one, 0.0), np.where(both, other, 1.0)
+    return np.asarray(np.abs(a - b) < TIE * b)
 
 
 def silhouette(ids: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -133,7 +142,6 @@ def _differing(
     )
     named = [*names, "-"]
     rows = [
-        (named[a], named[b], n)
-        for (a, b), n in zip(pairs.tolist(), counts.tolist(), strict=True)
+        (named[a], named[b], n) for (a, b), n in zip(pairs.tolist(), counts.tolist(), strict=True)
     ]
     return tuple(sorted(rows, key=lambda row: -row[2]))

@@ -25,8 +25,12 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import cycles
+import cycles  # type: ignore[import-not-found]
 import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float32]
 
 #: Cycles stores an object's pass index in 15 bits.
 MOST_OBJECTS = 32767
@@ -46,7 +50,7 @@ class UsedCamera:
     ortho_scale: float
 
 
-_passes: dict[str, np.ndarray] = {}
+_passes: dict[str, Floats] = {}
 _cameras: list[UsedCamera] = []
 _cycles_render = cycles.CyclesRender.render
 
@@ -85,8 +89,8 @@ def judge(blend: str, size_wh: tuple[int, int], output: str) -> dict[str, Any]:
     objects = list(bpy.data.objects)
     if len(objects) > MOST_OBJECTS:
         raise RuntimeError(f"{len(objects)} objects, Cycles tells {MOST_OBJECTS} apart")
-    for index, block in enumerate(objects):
-        block.pass_index = index + 1
+    for number, block in enumerate(objects, start=1):
+        block.pass_index = number
     names = [f"{o.name}|{o.library.filepath if o.library else ''}" for o in objects]
     backdrop = None if plain else _add_backdrop(scene, len(objects) + 1)
     index, depth, renders = _first_render(scene) if plain else _farthest(scene)
@@ -108,7 +112,7 @@ def _saved_layer(scene: Any) -> Any:
     return next(layer for layer in scene.view_layers if layer.use)
 
 
-def _render(scene: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _render(scene: Any, seed: int) -> tuple[Ints, Floats]:
     """Object index (H, W) int32, 0 where nothing was written, and depth (H, W) float32."""
     scene.cycles.seed = seed
     _passes.clear()
@@ -121,11 +125,11 @@ def _render(scene: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return index.astype(np.int32), depth
 
 
-def _first_render(scene: Any) -> tuple[np.ndarray, np.ndarray, int]:
+def _first_render(scene: Any) -> tuple[Ints, Floats, int]:
     return (*_render(scene, 0), 1)
 
 
-def _farthest(scene: Any) -> tuple[np.ndarray, np.ndarray, int]:
+def _farthest(scene: Any) -> tuple[Ints, Floats, int]:
     """What the farthest of enough renders shows; what none has written stays so."""
     index, depth = _render(scene, 0)
     depth = np.where(index == 0, -np.inf, depth)
@@ -169,7 +173,7 @@ def _set_up(scene: Any, layer: Any, size_wh: tuple[int, int]) -> bool:
     for other in scene.view_layers:
         other.use = other == layer
     for switch in ("use_border", "use_compositing", "use_sequencer", "use_motion_blur",
-                   "use_multiview", "use_freestyle", "use_persistent_data", "film_transparent"):  # fmt: skip
+                   "use_multiview", "use_freestyle", "use_persistent_data"):  # fmt: skip
         setattr(render, switch, False)
     settings = scene.cycles
     for name, value in {
@@ -214,8 +218,8 @@ def _needs_its_shader(material: Any) -> bool:
     return tree is None or _tree_needs_its_shader(tree)
 
 
-#: Nodes that say nothing of whether the surface is there.
-_HARMLESS = ("BSDF_DIFFUSE", "BSDF_GLOSSY", "EMISSION", "RGB", "VALUE", "FRAME", "REROUTE")
+#: Shader nodes that leave the surface there.
+_HARMLESS = ("BSDF_DIFFUSE", "BSDF_GLOSSY", "EMISSION")
 
 
 def _tree_needs_its_shader(tree: Any) -> bool:
@@ -229,14 +233,16 @@ def _tree_needs_its_shader(tree: Any) -> bool:
             alpha = node.inputs["Alpha"]
             if alpha.is_linked or alpha.default_value < 1.0:
                 return True
-        elif node.type.startswith("BSDF_T") or node.type in ("HOLDOUT", "GROUP", "SCRIPT"):
+        elif node not in outputs and not _is_harmless(node):
             return True
-        elif node.type not in _HARMLESS and any(
-            s.type == "SHADER" for s in (*node.inputs, *node.outputs)
-        ):
-            if node not in outputs:
-                return True
     return False
+
+
+def _is_harmless(node: Any) -> bool:
+    if node.type in ("GROUP", "SCRIPT"):
+        return False
+    shades = any(socket.type == "SHADER" for socket in (*node.inputs, *node.outputs))
+    return not shades or node.type in _HARMLESS
 
 
 def _plain_material() -> Any:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-
 from agreement.comparison import ObjectPicture
+
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from agreement.comparison import ObjectPicture, compare, silhouette
 
 
@@ -21,7 +20,9 @@ def two_halves(size: int = 100) -> ObjectPicture:
 
 def renamed(picture: ObjectPicture) -> ObjectPicture:
     """The same picture, its ids and names in another order and one instance in two."""
-    instance = np.select([picture.instance == 0, picture.instance == 1], [2, 0], -1).astype(np.int32)
+    instance = np.select([picture.instance == 0, picture.instance == 1], [2, 0], -1).astype(
+        np.int32
+    )
     instance[-10:][instance[-10:] == 2] = 1
     return replace(picture, instance=instance, names=("b|", "a|", "a|"))
 
@@ -69,9 +70,22 @@ def test_depth_is_judged_where_the_object_is_shared() -> None:
     assert found.verdict == "below: depth"
 
 
+def test_two_objects_at_one_depth_are_a_tie() -> None:
+    right = two_halves()
+    instance = right.instance.copy()
+    instance[50, 70:90] = 0
+    found = compare(replace(right, instance=instance), right)
+    assert (found.tied, round((1 - found.same) * 10_000)) == (20, 20)
+    depth = right.depth_z_m.copy()
+    depth[50, 70:80] *= 1.01
+    assert compare(replace(right, instance=instance, depth_z_m=depth), right).tied == 10
+
+
 def test_what_is_left_out_is_not_judged() -> None:
     right = two_halves()
-    wrong = replace(right, instance=np.where(right.instance == 1, -1, right.instance).astype(np.int32))
+    wrong = replace(
+        right, instance=np.where(right.instance == 1, -1, right.instance).astype(np.int32)
+    )
     assert compare(wrong, right).verdict == "below: same, same_inside"
     found = compare(wrong, right, left_out=("b|",))
     assert found.verdict == "ok"

@@ -7,7 +7,6 @@ from math import radians
 from typing import Any
 
 import bpy
-
 from agreement.traps.stage import Expect, camera, collection, floor, link, solid, wall
 
 Trap = Callable[[], Expect]
@@ -25,7 +24,9 @@ def _things() -> Expect:
     return Expect(seen=("cube", "ball", "cone", "monkey", "Floor", "Wall"))
 
 
-def _picture(width: int, height: int, aspect: tuple[float, float] = (1, 1), percent: int = 100) -> None:
+def _picture(
+    width: int, height: int, aspect: tuple[float, float] = (1, 1), percent: int = 100
+) -> None:
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y = width, height
     render.pixel_aspect_x, render.pixel_aspect_y = aspect
@@ -159,18 +160,19 @@ def hidden_camera() -> Expect:
     return expected
 
 
-_ORTHO = {"type": "ORTHO", "ortho_scale": 9.0}
+_ORTHO: dict[str, Any] = {"type": "ORTHO", "ortho_scale": 9.0}
 
 TRAPS = (
     _case("camera_scale_small", "A camera object scaled to a tenth.", scale=(0.1, 0.1, 0.1)),
     _case("camera_scale_large", "A camera object scaled up.", scale=(7, 7, 7)),
     _case("camera_scale_uneven", "A camera object with three scales.", scale=(0.3, 2, 5)),
     _case("camera_scale_mirrored", "A camera object with a negative x scale.", scale=(-1, 1, 1)),
-    _case("camera_scale_backward", "A camera object with a negative z scale.", scale=(1, 1, -2), seen=("behind",)),
+    _case("camera_scale_backward", "One with a negative z scale: it looks back.", scale=(1, 1, -2),
+          seen=("behind",)),
     _case("fit_auto_portrait", "The sensor spans the longer, vertical side.", (240, 320)),
     _case("fit_vertical", "Sensor fit VERTICAL.", sensor_fit="VERTICAL", sensor_height=20),
     _case("fit_vertical_portrait", "VERTICAL in portrait.", (200, 320), sensor_fit="VERTICAL"),
-    _case("fit_horizontal_portrait", "HORIZONTAL in portrait.", (200, 320), sensor_fit="HORIZONTAL"),
+    _case("fit_horizontal_portrait", "The same.", (200, 320), sensor_fit="HORIZONTAL"),
     _case("shifted", "Lens shift in both directions.", shift_x=0.17, shift_y=-0.11),
     _case("shifted_portrait", "Lens shift in portrait.", (240, 320), shift_x=-0.1, shift_y=0.12),
     _case("aspect_2_1", "Pixels twice as wide as high.", (320, 240, (2, 1)), shift_y=0.1),
@@ -178,9 +180,10 @@ TRAPS = (
     _case("aspect_10_11", "DV pixels, in portrait.", (240, 300, (10, 11)), shift_x=0.05),
     _case("percentage", "Half of an odd size.", (643, 481, (1, 1), 50)),
     _case("orthographic", "An orthographic camera.", **_ORTHO),
-    _case("orthographic_portrait", "Shifted, in portrait.", (200, 320, (1, 1.5)), shift_x=0.1, **_ORTHO),
-    _case("orthographic_clipped", "Clip planes of an orthographic camera.", clip_start=8, clip_end=12.5,
-          at=(0.0, -9.0, 3.0), seen=("cube", "ball", "monkey", "Floor"), **_ORTHO),
+    _case("orthographic_portrait", "Shifted, in portrait.", (200, 320, (1, 1.5)), shift_x=0.1,
+          **_ORTHO),
+    _case("orthographic_clipped", "Clip planes of an orthographic camera.", clip_start=8,
+          clip_end=12.5, at=(0.0, -9.0, 3.0), seen=("cube", "ball", "monkey", "Floor"), **_ORTHO),
     camera_parented,
     camera_tracked,
     clip_planes,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-
 from agreement.traps.stage import (
     Expect,
     camera,
@@ -95,7 +94,9 @@ def linked_library() -> Expect:
     floor()
     wall()
     instance_of(bpy.data.collections["chairs"], "chair left", (-3, 0, 0))
-    instance_of(bpy.data.collections["chairs"], "chair right", (3, 0, 0), rotation_euler=(0, 0, 0.5))
+    instance_of(
+        bpy.data.collections["chairs"], "chair right", (3, 0, 0), rotation_euler=(0, 0, 0.5)
+    )
     bpy.context.scene.collection.objects.link(bpy.data.objects["linked head"])
     solid("cone", "seat", (0, -1, 1))
     camera()

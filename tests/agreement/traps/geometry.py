@@ -6,7 +6,6 @@ from math import cos, pi, radians, sin
 from typing import Any
 
 import bpy
-
 from agreement.traps.stage import Expect, camera, floor, link, polygons, solid, wall
 
 EVERYDAY = ("cube", "uv_sphere", "cylinder", "cone", "torus", "monkey", "ico_sphere")
@@ -39,15 +38,24 @@ def twisted_scales() -> Expect:
 def ngons() -> Expect:
     """A concave L, a star with a non-planar rim, and bent quads: all depend on triangulation."""
     polygons(
-        "L", [(0, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1), (1, 0, 3), (0, 0, 3)], [range(6)], (-4, 0, 0)
+        "L",
+        [(0, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1), (1, 0, 3), (0, 0, 3)],
+        [range(6)],
+        (-4, 0, 0),
     )
     rim = [
-        ((2 if i % 2 else 1) * cos(pi * i / 6), 0.4 * (i % 3), 1.5 + (2 if i % 2 else 1) * sin(pi * i / 6))
+        (
+            (2 if i % 2 else 1) * cos(pi * i / 6),
+            0.4 * (i % 3),
+            1.5 + (2 if i % 2 else 1) * sin(pi * i / 6),
+        )
         for i in range(12)
     ]
     polygons("star", rim, [range(12)])
     bent = [(x, 0.6 * ((x + z) % 2), z) for z in range(4) for x in range(4)]
-    quads = [(4 * r + c, 4 * r + c + 1, 4 * r + c + 5, 4 * r + c + 4) for r in range(3) for c in range(3)]
+    quads = [
+        (4 * r + c, 4 * r + c + 1, 4 * r + c + 5, 4 * r + c + 4) for r in range(3) for c in range(3)
+    ]
     polygons("bent", bent, quads, (2.2, 0, 0))
     camera((0, -9, 2), (0, 0, 1.3))
     return Expect(seen=("L", "star", "bent"))
@@ -61,14 +69,16 @@ def _modifier(owner: Any, kind: str, **settings: Any) -> Any:
 
 
 def render_levels() -> Expect:
-    """Subdivision levels that differ between viewport and render, and modifiers of one state only."""
+    """Other subdivision levels in viewport and render, and modifiers of one of the two."""
     floor()
     _modifier(solid("cube", "render3", (-4, 0, 1)), "SUBSURF", levels=0, render_levels=3)
     _modifier(solid("cube", "viewport3", (-1.5, 0, 1)), "SUBSURF", levels=3, render_levels=0)
     off = solid("cube", "render_off", (1, 0, 1))
     _modifier(off, "ARRAY", count=3, show_render=False)
     _modifier(off, "SOLIDIFY", thickness=0.5, show_viewport=False)
-    _modifier(solid("cube", "viewport_off", (3.5, 0, 1)), "SUBSURF", render_levels=2, show_viewport=False)
+    _modifier(
+        solid("cube", "viewport_off", (3.5, 0, 1)), "SUBSURF", render_levels=2, show_viewport=False
+    )
     camera()
     return Expect(seen=("render3", "viewport3", "render_off", "viewport_off"))
 
@@ -84,8 +94,15 @@ def modifiers() -> Expect:
         vertex.co.x += 1
     _modifier(half, "MIRROR", use_axis=(True, False, False))
     _modifier(half, "ARRAY", count=2, relative_offset_displace=(0, 1.2, 0.3))
-    _modifier(solid("cube", "beveled", (2.2, 0, 0.8), scale=(0.8, 0.8, 0.8)), "BEVEL", width=0.3, segments=3)
-    waved = solid("grid", "waved", (4.5, 0, 1), x_subdivisions=20, y_subdivisions=20, turn=(50, 0, 0))
+    _modifier(
+        solid("cube", "beveled", (2.2, 0, 0.8), scale=(0.8, 0.8, 0.8)),
+        "BEVEL",
+        width=0.3,
+        segments=3,
+    )
+    waved = solid(
+        "grid", "waved", (4.5, 0, 1), x_subdivisions=20, y_subdivisions=20, turn=(50, 0, 0)
+    )
     _modifier(waved, "WAVE", height=0.4, width=0.8)
     _modifier(waved, "DECIMATE", ratio=0.4)
     camera()

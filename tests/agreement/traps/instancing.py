@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-
 from agreement.traps.stage import (
     Expect,
     camera,
@@ -97,7 +96,9 @@ def _points_tree(name: str, source: Any, kind: str, realize: bool) -> Any:
         links.new(nodes.new("GeometryNodeMeshCone").outputs["Mesh"], place.inputs["Instance"])
     last = place.outputs[0]
     if realize:
-        last = links.new(last, nodes.new("GeometryNodeRealizeInstances").inputs[0]).to_node.outputs[0]
+        last = links.new(last, nodes.new("GeometryNodeRealizeInstances").inputs[0]).to_node.outputs[
+            0
+        ]
     join = nodes.new("GeometryNodeJoinGeometry")
     links.new(last, join.inputs[0])
     links.new(given.outputs[0], join.inputs[0])
@@ -122,7 +123,9 @@ def geometry_nodes() -> Expect:
         tree = _points_tree(f"tree {i}", source, kind, realize)
         owner.modifiers.new("nodes", "NODES").node_group = tree
     camera()
-    return Expect(seen=("grid 0", "grid 1", "grid 2", "grid 3", "prototype", "pool cube", "pool ball"))
+    return Expect(
+        seen=("grid 0", "grid 1", "grid 2", "grid 3", "prototype", "pool cube", "pool ball")
+    )
 
 
 def _particles(owner: Any, **settings: Any) -> Any:
@@ -167,7 +170,9 @@ def emitted_particles() -> Expect:
 def vertex_and_face_duplicates() -> Expect:
     """Children on the vertices (turned by normals) and on the faces (scaled) of their parent."""
     wall()
-    bowl = solid("uv_sphere", "bowl", (-2.5, 0, 1.5), segments=10, ring_count=6, scale=(1.5, 1, 1.5))
+    bowl = solid(
+        "uv_sphere", "bowl", (-2.5, 0, 1.5), segments=10, ring_count=6, scale=(1.5, 1, 1.5)
+    )
     spike = solid("cone", "spike", scale=(0.1, 0.1, 0.3))
     spike.parent = bowl
     bowl.instance_type, bowl.use_instance_vertices_rotation = "VERTS", True

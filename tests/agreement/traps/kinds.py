@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-
+import numpy as np
 from agreement.traps.stage import (
     Expect,
     camera,
     floor,
     instance_of,
     link,
+    polygons,
     solid,
     unlinked_collection,
     wall,
@@ -25,7 +26,9 @@ def _curve(name: str, at: tuple[float, float, float], **settings: Any) -> Any:
         setattr(data, key, value)
     spline = data.splines.new("BEZIER")
     spline.bezier_points.add(2)
-    for point, place in zip(spline.bezier_points, ((-1, 0, 0), (0, 0.5, 2), (1, 0, 0.5)), strict=True):
+    for point, place in zip(
+        spline.bezier_points, ((-1, 0, 0), (0, 0.5, 2), (1, 0, 0.5)), strict=True
+    ):
         point.co = place
         point.handle_left_type = point.handle_right_type = "AUTO"
     shown = link(bpy.data.objects.new(name, data))
@@ -34,12 +37,13 @@ def _curve(name: str, at: tuple[float, float, float], **settings: Any) -> Any:
 
 
 def curves() -> Expect:
-    """Bevelled, extruded, tapered by another curve, filled in 2D, and bare; own render resolution."""
+    """Bevelled, extruded, swept, filled in 2D, and bare; one with its own render resolution."""
     wall()
     _curve("beveled", (-3.5, 0, 0.3), bevel_depth=0.15, resolution_u=2, render_resolution_u=20)
     _curve("extruded", (-1, 0, 0.3), extrude=0.3)
-    _curve("swept", (1.5, 0, 0.3), bevel_mode="OBJECT",
-           bevel_object=_curve("profile", (0, 0, -20), dimensions="2D")).scale = (0.5, 0.5, 1)  # fmt: skip
+    profile = _curve("profile", (0, 0, -20), dimensions="2D")
+    swept = _curve("swept", (1.5, 0, 0.3), bevel_mode="OBJECT", bevel_object=profile)
+    swept.scale = (0.5, 0.5, 1)
     bpy.ops.curve.primitive_bezier_circle_add(location=(4, 0, 1.5), rotation=(1.2, 0, 0))
     disc = bpy.context.object
     disc.name, disc.data.dimensions, disc.data.fill_mode = "disc", "2D", "BOTH"
@@ -51,7 +55,9 @@ def curves() -> Expect:
 def text() -> Expect:
     """Flat and extruded text, and text with subdivision."""
     wall()
-    for i, (body, extrude, bevel) in enumerate((("Flat", 0.0, 0.0), ("Deep", 0.2, 0.0), ("Soft", 0.1, 0.04))):
+    for i, (body, extrude, bevel) in enumerate(
+        (("Flat", 0.0, 0.0), ("Deep", 0.2, 0.0), ("Soft", 0.1, 0.04))
+    ):
         data = bpy.data.curves.new(body, "FONT")
         data.body, data.extrude, data.bevel_depth, data.resolution_u = body, extrude, bevel, 3
         data.render_resolution_u = 8
@@ -127,4 +133,42 @@ def nothing_to_see() -> Expect:
     return Expect(seen=("Floor", "cube"), unseen=("picture", "loose", "AREA"))
 
 
-TRAPS = (curves, text, metaballs, nurbs, instanced_kinds, nothing_to_see)
+def not_meshes() -> Expect:
+    """Hair curves, particle hair and a point cloud: Cycles draws them, we say that we do not."""
+    wall()
+    data = bpy.data.hair_curves.new("fur")
+    data.add_curves([4] * 30)
+    data.position_data.foreach_set(
+        "vector",
+        np.array(
+            [(0.07 * i - 3.5, 0, 0.6 * j) for i in range(30) for j in range(4)], np.float32
+        ).ravel(),
+    )
+    data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set(
+        "value", np.full(120, 0.02, np.float32)
+    )
+    link(bpy.data.objects.new("fur", data))
+    scalp = solid("uv_sphere", "scalp", (0.5, 0, 1))
+    scalp.modifiers.new("hair", "PARTICLE_SYSTEM")
+    scalp.particle_systems[0].settings.type = "HAIR"
+    scalp.particle_systems[0].settings.count = 60
+    scalp.particle_systems[0].settings.hair_length = 0.6
+    _point_cloud("cloud", (2.2, 0, 0.5))
+    camera()
+    return Expect(seen=("fur", "scalp", "cloud"), limited=("fur", "scalp", "cloud"))
+
+
+def _point_cloud(name: str, at: tuple[float, float, float]) -> None:
+    """Points made by nodes: Cycles aborts over a point cloud datablock without points."""
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    points, chance = tree.nodes.new("GeometryNodePoints"), tree.nodes.new("FunctionNodeRandomValue")
+    points.inputs["Count"].default_value, points.inputs["Radius"].default_value = 30, 0.15
+    chance.data_type = "FLOAT_VECTOR"
+    chance.inputs["Max"].default_value = (1.5, 1.5, 1.5)
+    tree.links.new(chance.outputs["Value"], points.inputs["Position"])
+    tree.links.new(points.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    polygons(name, [], [], at).modifiers.new("nodes", "NODES").node_group = tree
+
+
+TRAPS = (curves, text, metaballs, nurbs, instanced_kinds, nothing_to_see, not_meshes)

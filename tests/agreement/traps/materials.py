@@ -7,23 +7,26 @@ from typing import Any
 
 import bpy
 import numpy as np
-
 from agreement.traps.stage import Expect, camera, floor, material, principled, solid, wall
 
 SIDE = 32
 
 
-def cards(materials: list[Any]) -> None:
-    """A row of upright cards with UVs, before the wall, one for each material.
-
-    The picture is made smaller: transparency takes the judge many renders.
-    """
+def small_picture() -> None:
+    """Fewer pixels: transparency takes the judge many renders."""
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y = 200, 150
+
+
+def cards(materials: list[Any]) -> None:
+    """A row of upright cards with UVs, before the wall, one for each material."""
+    small_picture()
     step = 9.0 / len(materials)
     for i, one in enumerate(materials):
         at = (step * (i - (len(materials) - 1) / 2), 0, 1.2)
-        card = solid("plane", one.name, at, scale=(0.45 * step, 1, 1), turn=(90, 0, 0), material=one)
+        card = solid(
+            "plane", one.name, at, scale=(0.45 * step, 1, 1), turn=(90, 0, 0), material=one
+        )
         scale, offset = one.get("uv", (1.0, 0.0))
         for point in card.data.uv_layers[0].uv:
             point.vector = (point.vector[0] * scale + offset, point.vector[1] * scale + offset)
@@ -62,7 +65,7 @@ def cut(
     uv_map: str | None = None,
     **settings: Any,
 ) -> Any:
-    """A material cut out by an image; its card's UVs are scaled and moved, so that wrapping shows."""
+    """A material cut out by an image; its card's UVs are scaled and moved: wrapping shows."""
 
     def build(tree: Any) -> Any:
         shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
@@ -158,6 +161,7 @@ def alpha_wirings() -> Expect:
 
 def solid_or_not() -> Expect:
     """Glass, emission, subsurface and empty materials are surfaces; a volume alone is not."""
+    small_picture()
     wall()
     floor()
 
@@ -171,20 +175,19 @@ def solid_or_not() -> Expect:
         material("glass", lambda t: t.nodes.new("ShaderNodeBsdfGlass").outputs[0]),
         principled("transmission", Transmission_Weight=1.0, Roughness=0.0),
         material("glow", lambda t: t.nodes.new("ShaderNodeEmission").outputs[0]),
-        material("empty", lambda t: None),
+        material("empty", lambda _: None),
         material("fog", fog),
         material("refraction", lambda t: t.nodes.new("ShaderNodeBsdfRefraction").outputs[0]),
     )
     for i, one in enumerate(made):
         solid("cube", one.name, (1.7 * (i - 2.5), 0, 0.9), scale=(0.6, 0.6, 0.6), material=one)
     camera()
-    return Expect(
-        seen=("glass", "transmission", "glow", "empty", "refraction"), unseen=("fog",)
-    )
+    return Expect(seen=("glass", "transmission", "glow", "empty", "refraction"), unseen=("fog",))
 
 
 def material_links() -> Expect:
-    """Slots linked to the object or to its mesh, an empty slot, and faces with an index too high."""
+    """Slots of the object and of its mesh, an empty slot, and faces with an index too high."""
+    small_picture()
     wall()
     clear, opaque = principled("clear", Alpha=0.1), principled("opaque")
     first = solid("cube", "by object", (-3, 0, 1), material=opaque)
@@ -208,6 +211,7 @@ def material_links() -> Expect:
 
 def layered_cards() -> Expect:
     """Forty transparent cards before one another: more than the usual limit of bounces."""
+    small_picture()
     wall()
     leaf = cut("leaf", leaf_image(outside=0.0), interpolation="Closest")
     for i in range(40):

@@ -33,7 +33,10 @@ def empty_stage() -> None:
 
 
 def camera(
-    at: Triple = (0.0, -10.0, 4.0), target: Triple = (0.0, 0.0, 0.5), name: str = "Camera", **lens: Any
+    at: Triple = (0.0, -10.0, 4.0),
+    target: Triple = (0.0, 0.0, 0.5),
+    name: str = "Camera",
+    **lens: Any,
 ) -> Any:
     """A camera that looks at a target, made active."""
     data = bpy.data.cameras.new(name)

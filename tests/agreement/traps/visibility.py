@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import bpy
-
 from agreement.traps.stage import (
     Expect,
     camera,
@@ -26,9 +25,7 @@ def object_switches() -> Expect:
     solid("cube", "eye", (1, 0, 1)).hide_set(True)
     solid("cube", "not for cameras", (3.5, 0, 1)).visible_camera = False
     camera()
-    return Expect(
-        seen=("hide_viewport", "eye", "Wall"), unseen=("hide_render", "not for cameras")
-    )
+    return Expect(seen=("hide_viewport", "eye", "Wall"), unseen=("hide_render", "not for cameras"))
 
 
 def collection_switches() -> Expect:
@@ -121,7 +118,11 @@ def far_away_camera_ray_switches() -> Expect:
     """Objects that only shadows, reflections or transmission do not see stay."""
     wall()
     for i, ray in enumerate(("diffuse", "glossy", "transmission", "shadow", "volume_scatter")):
-        setattr(solid("cube", ray, (2.2 * (i - 2), 0, 1), scale=(0.8, 0.8, 0.8)), f"visible_{ray}", False)
+        setattr(
+            solid("cube", ray, (2.2 * (i - 2), 0, 1), scale=(0.8, 0.8, 0.8)),
+            f"visible_{ray}",
+            False,
+        )
     camera()
     return Expect(seen=("diffuse", "glossy", "transmission", "shadow", "volume_scatter"))
 

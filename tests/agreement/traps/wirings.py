@@ -8,13 +8,11 @@ from typing import Any
 
 import bpy
 import numpy as np
-
-from agreement.traps.materials import cards, cut, leaf_image, textured
+from agreement.traps.materials import cards, cut, leaf_image, small_picture, textured
 from agreement.traps.stage import (
     Expect,
     camera,
     instance_of,
-    link,
     material,
     polygons,
     solid,
@@ -30,7 +28,7 @@ def _close_up() -> None:
 
 
 def alpha_images() -> Expect:
-    """One leaf as PNG, oblong, premultiplied, channel-packed, without alpha in use, sRGB and wide."""
+    """A leaf as PNG, oblong, premultiplied, channel-packed, alpha unused, in sRGB, in floats."""
     wall()
     packed = leaf_image()
     packed.filepath_raw, packed.file_format = str(Path.cwd() / "leaf.png"), "PNG"
@@ -67,7 +65,15 @@ def alpha_images() -> Expect:
     )
     _close_up()
     return Expect(
-        seen=("file", "premultiplied", "channel packed", "alpha unused", "oblong", "by srgb", "floats")
+        seen=(
+            "file",
+            "premultiplied",
+            "channel packed",
+            "alpha unused",
+            "oblong",
+            "by srgb",
+            "floats",
+        )
     )
 
 
@@ -82,6 +88,7 @@ def alpha_interpolations() -> Expect:
 
 def alpha_instances() -> Expect:
     """A leaf card placed by a collection, by particles, on vertices and by geometry nodes."""
+    small_picture()
     wall()
     leaf = cut("leaf", leaf_image())
     twig = unlinked_collection("twig")
@@ -104,6 +111,7 @@ def alpha_instances() -> Expect:
 
 def alpha_deformed_uv() -> Expect:
     """Texture coordinates through subdivision, mirroring, an array and geometry nodes."""
+    small_picture()
     wall()
     leaf = cut("leaf", leaf_image())
     smooth = solid("cube", "subdivided", (-3, 0, 1.2), turn=(0, 0, 30), material=leaf)
@@ -126,7 +134,10 @@ def _generated_card(name: str, leaf: Any, at: tuple[float, float, float]) -> Non
     """A grid made by nodes, its UV stored as a named attribute and its material set by a node."""
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    grid, store = tree.nodes.new("GeometryNodeMeshGrid"), tree.nodes.new("GeometryNodeStoreNamedAttribute")
+    grid, store = (
+        tree.nodes.new("GeometryNodeMeshGrid"),
+        tree.nodes.new("GeometryNodeStoreNamedAttribute"),
+    )
     store.data_type, store.domain = "FLOAT2", "CORNER"
     store.inputs["Name"].default_value = "made by nodes"
     dress, result = tree.nodes.new("GeometryNodeSetMaterial"), tree.nodes.new("NodeGroupOutput")
@@ -161,7 +172,10 @@ def alpha_graphs() -> Expect:
         return add.outputs[0]
 
     def valued(tree: Any) -> Any:
-        shader, value = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeValue")
+        shader, value = (
+            tree.nodes.new("ShaderNodeBsdfPrincipled"),
+            tree.nodes.new("ShaderNodeValue"),
+        )
         value.outputs[0].default_value = 0.2
         tree.links.new(value.outputs[0], shader.inputs["Alpha"])
         return shader.outputs[0]
@@ -173,7 +187,10 @@ def alpha_graphs() -> Expect:
         return tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0]
 
     def nested_mix(tree: Any) -> Any:
-        clear, solid_part = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeBsdfDiffuse")
+        clear, solid_part = (
+            tree.nodes.new("ShaderNodeBsdfTransparent"),
+            tree.nodes.new("ShaderNodeBsdfDiffuse"),
+        )
         inner, outer = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeMixShader")
         inner.inputs[0].default_value, outer.inputs[0].default_value = 0.5, 0.5
         tree.links.new(clear.outputs[0], inner.inputs[1])
@@ -226,7 +243,10 @@ def alpha_maths() -> Expect:
     def grouped(tree: Any) -> Any:
         inside = bpy.data.node_groups.new("inside", "ShaderNodeTree")
         inside.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
-        shader, result = inside.nodes.new("ShaderNodeBsdfPrincipled"), inside.nodes.new("NodeGroupOutput")
+        shader, result = (
+            inside.nodes.new("ShaderNodeBsdfPrincipled"),
+            inside.nodes.new("NodeGroupOutput"),
+        )
         inside.links.new(textured(inside, leaf).outputs["Alpha"], shader.inputs["Alpha"])
         inside.links.new(shader.outputs[0], result.inputs[0])
         group = tree.nodes.new("ShaderNodeGroup")
@@ -268,39 +288,6 @@ def _between(tree: Any, leaf: Any, kind: str) -> Any:
     return shader.outputs[0]
 
 
-def not_meshes() -> Expect:
-    """Hair curves, particle hair and a point cloud: Cycles draws them, we say that we do not."""
-    wall()
-    data = bpy.data.hair_curves.new("fur")
-    data.add_curves([4] * 30)
-    data.position_data.foreach_set(
-        "vector", np.array([(0.07 * i - 3.5, 0, 0.6 * j) for i in range(30) for j in range(4)], np.float32).ravel()
-    )
-    data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", np.full(120, 0.02, np.float32))
-    link(bpy.data.objects.new("fur", data))
-    scalp = solid("uv_sphere", "scalp", (0.5, 0, 1))
-    scalp.modifiers.new("hair", "PARTICLE_SYSTEM")
-    scalp.particle_systems[0].settings.type = "HAIR"
-    scalp.particle_systems[0].settings.count = 60
-    scalp.particle_systems[0].settings.hair_length = 0.6
-    _point_cloud("cloud", (2.2, 0, 0.5))
-    _close_up()
-    return Expect(seen=("fur", "scalp", "cloud"), limited=("fur", "scalp", "cloud"))
-
-
-def _point_cloud(name: str, at: tuple[float, float, float]) -> None:
-    """Thirty points made by geometry nodes; a point cloud datablock without points aborts Cycles."""
-    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    points, chance = tree.nodes.new("GeometryNodePoints"), tree.nodes.new("FunctionNodeRandomValue")
-    points.inputs["Count"].default_value, points.inputs["Radius"].default_value = 30, 0.15
-    chance.data_type = "FLOAT_VECTOR"
-    chance.inputs["Max"].default_value = (1.5, 1.5, 1.5)
-    tree.links.new(chance.outputs["Value"], points.inputs["Position"])
-    tree.links.new(points.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
-    polygons(name, [], [], at).modifiers.new("nodes", "NODES").node_group = tree
-
-
 TRAPS = (
     alpha_images,
     alpha_interpolations,
@@ -309,5 +296,4 @@ TRAPS = (
     alpha_graphs,
     alpha_maths,
     alpha_tricks,
-    not_meshes,
 )

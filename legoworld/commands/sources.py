@@ -1,0 +1,75 @@
+"""How `legoworld inspect --compare-sources` shows what it found."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.source_comparison import Pair, SourceComparison
+
+
+def document(found: SourceComparison) -> dict[str, Any]:
+    """The comparison as a JSON document."""
+    return {
+        "size_wh": list(found.blend.view.size_wh),
+        "instances": [asdict(pair) for pair in found.pairs],
+        "disagreeing": found.disagreeing,
+        "unseen": found.unseen,
+        "lost": list(found.lost),
+        "gained": list(found.gained),
+        "differences": list(found.differences),
+        "warnings": {
+            "blend": list(found.blend.warnings),
+            "glb": list(found.glb.warnings),
+        },
+        "snapshot_sha256": {
+            "blend": found.blend.scene.snapshot_sha256,
+            "glb": found.glb.scene.snapshot_sha256,
+        },
+    }
+
+
+def show(found: SourceComparison, *, quiet: bool, verbose: bool) -> None:
+    """Print the table of shared instances, worst first, and what else differs."""
+    pairs = found.pairs if verbose else found.pairs[: max(40, found.disagreeing)]
+    rows = [
+        (pair.name, _category(pair), pair.blend_area_px, pair.glb_area_px, f"{pair.iou:.5f}")
+        for pair in pairs
+    ]
+    header = ("instance", "category", ".blend px", ".glb px", "IoU")
+    click.echo(options.table(header, rows))
+    if len(pairs) < len(found.pairs):
+        click.echo(f"... and {len(found.pairs) - len(pairs)} more that agree (-v lists them)")
+    width, height = found.blend.view.size_wh
+    click.echo(
+        f"\n{len(found.pairs)} instances of both sources at {width}x{height}: "
+        f"{found.disagreeing} disagree; {found.unseen} more are not seen in either"
+    )
+    _one_sided("only in scene.blend", found.lost)
+    _one_sided("only in scene.glb", found.gained)
+    for line in found.differences:
+        click.echo(f"differs: {line}")
+    if not quiet:
+        for source, inspection in (("scene.blend", found.blend), ("scene.glb", found.glb)):
+            for warning in inspection.warnings:
+                click.echo(f"warning: {source}: {warning}", err=True)
+
+
+def _category(pair: Pair) -> str:
+    blend, glb = pair.blend_category or "-", pair.glb_category or "-"
+    return blend if blend == glb else f"{blend} | {glb}"
+
+
+def _one_sided(where: str, entries: tuple[dict[str, Any], ...]) -> None:
+    visible = sorted((e for e in entries if e["area_px"]), key=lambda e: -e["area_px"])
+    for entry in visible[:20]:
+        category = f", {entry['category']}" if entry["category"] else ""
+        click.echo(f"{where}: {entry['name']!r}{category}, {entry['area_px']} px")
+    rest = len(entries) - len(visible[:20])
+    if rest:
+        click.echo(f"{where}: {rest} more, {len(entries) - len(visible)} of them not seen")

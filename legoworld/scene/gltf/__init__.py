@@ -1,0 +1,1 @@
+"""Reading scene.glb without Blender: container, accessors, nodes, alpha, cameras, snapshot."""

@@ -1,0 +1,110 @@
+"""Draco-compressed primitives (KHR_draco_mesh_compression), decoded in a process of their own.
+
+A native decoder of foreign bytes may crash, hang or fill the memory; in a process with limits each
+of these is the file's verdict. The decoder is Google's, through DracoPy, an optional dependency.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import one_line
+from legoworld.scene.gltf.verdicts import Budget, UnsupportedGltfError, unreadable
+
+EXTENSION: Final = "KHR_draco_mesh_compression"
+_WORKER: Final = Path(__file__).with_name("draco_worker.py")
+_TIME_LIMIT_S: Final = 60.0
+_DTYPES: Final = ("<i1", "|i1", "<u1", "|u1", "<i2", "<u2", "<i4", "<u4", "<f4")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DracoPayload:
+    """Compressed bytes and the unique ids of the attributes that are wanted."""
+
+    place: str
+    data: bytes
+    attributes: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DracoMesh:
+    """triangles: (T, 3) uint32; attributes: (V, components) arrays by unique id."""
+
+    triangles: NDArray[np.uint32]
+    attributes: dict[int, NDArray[Any]]
+
+
+def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
+    """Decode all payloads of a file in one process.
+
+    Raises UnsupportedGltfError when no decoder is installed, UnreadableGltfError when the decoder
+    refuses the data, crashes, or needs more than the file's budget or a minute.
+    """
+    if importlib.util.find_spec("DracoPy") is None:
+        raise UnsupportedGltfError(
+            "scene.glb is Draco-compressed and no decoder is installed",
+            found=EXTENSION,
+            expected="the optional package DracoPy",
+            next_step="pip install 'legoworld[draco]', export without Draco, or use --source blend",
+        )
+    request = {
+        "limit_bytes": budget.left,
+        "payloads": [[len(p.data), list(p.attributes)] for p in payloads],
+    }
+    parts = [json.dumps(request).encode() + b"\n", *(p.data for p in payloads)]
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", str(_WORKER)],
+            input=b"".join(parts),
+            # numpy's thread pools would count against the memory limit.
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+            capture_output=True,
+            timeout=_TIME_LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise unreadable(f"its Draco data did not decode in {_TIME_LIMIT_S:g} s") from error
+    header, _, body = done.stdout.partition(b"\n")
+    if done.returncode != 0 or not header:
+        words = done.stderr.decode("utf-8", "replace").strip().splitlines() or ["no message"]
+        raise unreadable(
+            f"the Draco decoder ended with {done.returncode}: {one_line(words[-1], 120)}"
+        )
+    return _answers(payloads, json.loads(header), memoryview(body), budget)
+
+
+def _answers(
+    payloads: Sequence[DracoPayload], answers: list[Any], body: memoryview, budget: Budget
+) -> list[DracoMesh]:
+    budget.take(len(body), "Draco data")
+    meshes, offset = [], 0
+    for payload, answer in zip(payloads, answers, strict=True):
+        if isinstance(answer, str):
+            raise unreadable(
+                f"{payload.place}: Draco data does not decode: {one_line(answer, 120)}"
+            )
+        arrays = []
+        for dtype, shape in answer:
+            if dtype not in _DTYPES:
+                raise unreadable(f"{payload.place}: a Draco attribute of type {dtype}")
+            size = np.dtype(dtype).itemsize * shape[0] * shape[1]
+            arrays.append(np.frombuffer(body[offset : offset + size], dtype).reshape(shape))
+            offset += size
+        meshes.append(
+            DracoMesh(
+                triangles=arrays[0],
+                attributes=dict(zip(payload.attributes, arrays[1:], strict=True)),
+            )
+        )
+    return meshes

@@ -1,0 +1,178 @@
+"""Meshes as their nodes show them: posed, cut out, all primitives of a mesh in one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.scene.gltf.accessors import Accessors, as_float32
+from legoworld.scene.gltf.buffers import Buffers
+from legoworld.scene.gltf.cutouts import Cut, Pictures
+from legoworld.scene.gltf.draco import DracoMesh, decode
+from legoworld.scene.gltf.fields import Fields
+from legoworld.scene.gltf.materials import TextureAlpha, material_alpha
+from legoworld.scene.gltf.nodes import Node, Tree
+from legoworld.scene.gltf.posing import default_weights, joint_matrices, morphed, skinned
+from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload
+from legoworld.scene.gltf.verdicts import Budget, unreadable
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One primitive that shows a surface. vertices: (V, 3) float32; triangles: (T, 3) below V."""
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[Any]
+    shared: tuple[Any, ...]  # parts of a mesh with equal values have the same vertices
+    cut: Cut | None
+
+
+class Meshes:
+    """The meshes that nodes show, each built once. parts: per mesh of the snapshot."""
+
+    def __init__(
+        self,
+        document: Fields,
+        tree: Tree,
+        buffers: Buffers,
+        accessors: Accessors,
+        budget: Budget,
+    ) -> None:
+        self.parts: list[tuple[Part, ...]] = []
+        self.pictures = Pictures(document, buffers, budget)
+        self._document = document
+        self._tree = tree
+        self._accessors = accessors
+        self._budget = budget
+        self._meshes = document.children("meshes")
+        self._materials = document.children("materials")
+        self._skins = document.children("skins")
+        used = sorted({node.mesh for node in tree.nodes if node.mesh >= 0 and node.visible})
+        self._primitives = Primitives(document, accessors, self._draco(used, buffers), budget)
+        self._known: dict[tuple[Any, ...], int] = {}
+        self._joints: dict[int, NDArray[np.float64]] = {}
+
+    @property
+    def warnings(self) -> set[str]:
+        """What was left aside on the way."""
+        return self._primitives.warnings | self.pictures.warnings
+
+    def index(self, node: Node) -> int:
+        """The snapshot's index of the mesh a node shows; -1 where it shows no surface."""
+        mesh = self._meshes[node.mesh]
+        weights = default_weights(node.fields, mesh)
+        key = (node.mesh, weights, node.skin)
+        if key not in self._known:
+            name = mesh.text("name") or node.name
+            parts = tuple(
+                part
+                for primitive in mesh.children("primitives")
+                if (part := self._part(primitive, name, weights, node.skin)) is not None
+            )
+            self._known[key] = len(self.parts) if parts else -1
+            if parts:
+                self.parts.append(parts)
+        return self._known[key]
+
+    def _draco(self, used: Iterable[int], buffers: Buffers) -> dict[str, DracoMesh]:
+        primitives = [p for i in used for p in self._meshes[i].children("primitives")]
+        payloads = [x for p in primitives if (x := draco_payload(p, buffers)) is not None]
+        if not payloads:
+            return {}
+        decoded = decode(payloads, self._budget)
+        return {p.place: mesh for p, mesh in zip(payloads, decoded, strict=True)}
+
+    def _part(
+        self, fields: Fields, mesh_name: str, weights: tuple[float, ...], skin: int
+    ) -> Part | None:
+        primitive = self._primitives.read(fields, mesh_name)
+        if primitive is None:
+            return None
+        alpha = self._alpha(primitive, mesh_name)
+        if alpha == "gone":
+            return None
+        cut = self._cut(primitive, alpha) if isinstance(alpha, TextureAlpha) else None
+        posed = "targets" in fields or skin >= 0
+        return Part(
+            vertices=self._posed(primitive, weights, skin) if posed else primitive.positions,
+            triangles=primitive.triangles,
+            shared=(fields.place,) if posed else primitive.stored_as,
+            cut=cut,
+        )
+
+    def _posed(
+        self, primitive: Primitive, weights: tuple[float, ...], skin: int
+    ) -> NDArray[np.float32]:
+        positions = morphed(primitive.positions, primitive.fields, weights, self._accessors)
+        attributes = primitive.fields.child("attributes")
+        if skin < 0:
+            return positions
+        if "JOINTS_0" not in attributes:
+            raise attributes.wrong("JOINTS_0", "the joints of a mesh with a skin")
+        if skin not in self._joints:
+            self._joints[skin] = joint_matrices(
+                self._skins[skin], self._tree.world_from_node, self._accessors
+            )
+        influences = []
+        for n in range(len(attributes.values)):
+            if f"JOINTS_{n}" not in attributes:
+                break
+            if f"WEIGHTS_{n}" not in attributes:
+                raise attributes.wrong(f"WEIGHTS_{n}", "the weights of the joints")
+            joints = self._primitives.attribute(primitive.fields, f"JOINTS_{n}").values
+            stored = self._primitives.attribute(primitive.fields, f"WEIGHTS_{n}")
+            shape = (len(positions), 4)
+            if joints.shape != shape or stored.values.shape != shape or joints.dtype.kind != "u":
+                raise unreadable(f"{attributes.place}: joints and weights are not VEC4 a vertex")
+            self._budget.take(4 * len(positions) * 24, "joints and weights")
+            influences.append((joints.astype(np.int64), as_float32(stored)))
+        return skinned(positions, influences, self._joints[skin], self._budget)
+
+    def _alpha(
+        self, primitive: Primitive, mesh_name: str
+    ) -> Literal["opaque", "gone"] | TextureAlpha:
+        number = primitive.fields.index("material", len(self._materials))
+        if number < 0:
+            return "opaque"
+        material = self._materials[number]
+        if material.text("alphaMode", "OPAQUE") == "OPAQUE":
+            return "opaque"
+        return material_alpha(self._document, material, self._vertex_alpha(primitive, mesh_name))
+
+    def _vertex_alpha(self, primitive: Primitive, mesh_name: str) -> float:
+        """The alpha of COLOR_0 where all vertices have the same; 1, with a warning, elsewhere."""
+        if "COLOR_0" not in primitive.fields.child("attributes"):
+            return 1.0
+        stored = self._primitives.attribute(primitive.fields, "COLOR_0")
+        if stored.values.shape[1] != 4 or not len(stored.values):
+            return 1.0
+        alpha = stored.values[:, 3]
+        if (alpha == alpha[0]).all():
+            first = type(stored)(values=stored.values[:1], normalized=True)
+            return float(as_float32(first)[0, 3])
+        self._primitives.warnings.add(
+            f"mesh {mesh_name!r}: alpha that varies by vertex is not read; taken as opaque there"
+        )
+        return 1.0
+
+    def _cut(self, primitive: Primitive, rule: TextureAlpha) -> Cut | None:
+        number = primitive.fields.index("material", len(self._materials))
+        material = self._materials[number].text("name") or f"material {number}"
+        name = f"TEXCOORD_{rule.uv_set}"
+        if name not in primitive.fields.child("attributes"):
+            self.pictures.warnings.add(
+                f"material {material!r}: a mesh has no {name}; its surface is taken as opaque"
+            )
+            return None
+        stored = self._primitives.attribute(primitive.fields, name)
+        if stored.values.shape != (len(primitive.positions), 2):
+            raise unreadable(f"{primitive.fields.place}: {name} is not VEC2 a vertex")
+        self._budget.take(2 * 48 * len(primitive.triangles), name)
+        uv = as_float32(stored)
+        if not np.isfinite(uv).all():
+            raise unreadable(f"{primitive.fields.place}: {name} holds NaN or infinity")
+        return self.pictures.cut(rule, uv[primitive.triangles], material)

@@ -1,0 +1,69 @@
+"""The alpha of an embedded picture: PNG and WebP; JPEG has none."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST_SIDE_PX: Final = 16384
+
+_PNG: Final = b"\x89PNG\r\n\x1a\n"
+_JPEG: Final = b"\xff\xd8\xff"
+
+
+def alpha_of(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
+    """(H, W) uint8 alpha, top row first, None where all of it is 1; and why it cannot be known.
+
+    The reason is empty where the alpha is known. `size_wh` gives what decoding will allocate.
+    """
+    if data[:3] == _JPEG:
+        return None, ""
+    width, height = size_wh(data)
+    if width == 0:
+        return None, f"is neither PNG, WebP nor JPEG of at most {LARGEST_SIDE_PX} pixels a side"
+    import cv2
+
+    try:
+        picture: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        picture = None
+    if picture is None or picture.shape[:2] != (height, width):
+        return None, "does not decode"
+    if picture.ndim < 3 or picture.shape[2] < 4:
+        return None, ""
+    alpha = picture[..., 3]
+    if alpha.dtype == np.uint16:
+        alpha = np.rint(alpha / 257.0)
+    return np.ascontiguousarray(alpha.astype(np.uint8)), ""
+
+
+def size_wh(data: bytes) -> tuple[int, int]:
+    """Width and height by a PNG's or WebP's header, read before anything is allocated.
+
+    (0, 0) for anything else and for pictures beyond `LARGEST_SIDE_PX`.
+    """
+    size = (0, 0)
+    if data[:8] == _PNG and len(data) >= 33:
+        size = struct.unpack_from(">II", data, 16)
+    elif data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 30:
+        size = _webp_size_wh(data)
+    return size if all(0 < side <= LARGEST_SIDE_PX for side in size) else (0, 0)
+
+
+def _webp_size_wh(data: bytes) -> tuple[int, int]:
+    """Canvas size of the first chunk: extended, lossless, or lossy (which has no alpha)."""
+    if data[12:16] == b"VP8X":
+        return (
+            int.from_bytes(data[24:27], "little") + 1,
+            int.from_bytes(data[27:30], "little") + 1,
+        )
+    if data[12:16] == b"VP8L":
+        bits = int.from_bytes(data[21:25], "little")
+        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    if data[12:16] == b"VP8 ":
+        width, height = struct.unpack_from("<HH", data, 26)
+        return width & 0x3FFF, height & 0x3FFF
+    return 0, 0

@@ -1,0 +1,154 @@
+"""Draco-compressed files, written by Blender's exporter and decoded in a process of their own."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import sys
+
+import numpy as np
+import pytest
+from gltf.documents import Document, boxes, read, square
+
+from legoworld.scene.gltf import draco
+from legoworld.scene.gltf.verdicts import Budget, UnreadableGltfError, UnsupportedGltfError
+
+needs_decoder = pytest.mark.skipif(
+    importlib.util.find_spec("DracoPy") is None, reason="the optional decoder DracoPy is absent"
+)
+
+SCENES = """
+import json
+fresh(); camera(z=8.0, lens=36.0)
+quad("Floor", z=-1, half=3, category="rug")
+bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24, radius=1.5)
+ball = bpy.context.object; ball.name = "Ball"; ball["category"] = "ball"
+bpy.ops.mesh.primitive_monkey_add(location=(1.5, 1.2, 0.5))
+bpy.context.object.name = "Monkey"
+for name, packed in (("plain", False), ("packed", True)):
+    save(name)
+    bpy.ops.export_scene.gltf(
+        filepath=str(OUT / name / "scene.glb"), export_format="GLB", export_extras=True,
+        export_cameras=True, export_apply=True, use_renderable=True,
+        export_draco_mesh_compression_enable=packed, export_draco_position_quantization=20,
+    )
+"""
+
+
+def by_hand(data: bytes = b"not draco at all"):
+    made = Document()
+    position = made.add("accessors", componentType=5126, count=4, type="VEC3")
+    indices = made.add("accessors", componentType=5123, count=6, type="SCALAR")
+    extension = {"bufferView": made.view(data), "attributes": {"POSITION": 0}}
+    primitive = {
+        "attributes": {"POSITION": position}, "indices": indices,
+        "extensions": {draco.EXTENSION: extension},
+    }  # fmt: skip
+    made.json["extensionsRequired"] = [draco.EXTENSION]
+    made.node(name="Quad", mesh=made.add("meshes", primitives=[primitive]))
+    return made
+
+
+@pytest.fixture(scope="module")
+def scenes(build_scenes, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("draco")
+    build_scenes(SCENES, folder)
+    return folder
+
+
+@pytest.mark.blender
+@needs_decoder
+def test_blenders_draco_files_show_what_its_plain_files_show(scenes):
+    found = {}
+    for name in ("plain", "packed"):
+        path = scenes / name / "scene.glb"
+        found[name] = {n: a for n, a, _ in boxes(read(path.read_bytes(), path.parent), (320, 240))}
+    assert (scenes / "packed" / "scene.glb").stat().st_size * 2 < (
+        scenes / "plain" / "scene.glb"
+    ).stat().st_size
+    assert set(found["plain"]) == {"Floor", "Ball", "Monkey"}
+    for name, area in found["plain"].items():
+        assert found["packed"][name] == pytest.approx(area, rel=1e-3)
+
+
+@needs_decoder
+def test_exact_positions_and_a_wrong_description():
+    import DracoPy
+
+    corners, triangles = square(4, 4, 8)
+    data = DracoPy.encode(
+        np.array(corners, np.float64), np.array(triangles, np.uint32).reshape(-1, 3),
+        quantization_bits=30, preserve_order=True,
+    )  # fmt: skip
+    assert boxes(by_hand(data).glb()) == [("Quad", 64, (36, 20, 44, 28))]
+    wrong = by_hand(data)
+    wrong.json["accessors"][0]["count"] = 5
+    with pytest.raises(UnreadableGltfError, match=r"Draco's POSITION is float32 of \(4, 3\)"):
+        read(wrong.glb())
+    wrong = by_hand(data)
+    primitive = wrong.json["meshes"][0]["primitives"][0]
+    primitive["extensions"][draco.EXTENSION]["attributes"]["POSITION"] = 3
+    with pytest.raises(UnreadableGltfError, match="does not decode: KeyError 3"):
+        read(wrong.glb())
+
+
+@needs_decoder
+def test_damaged_draco_data_is_a_verdict():
+    with pytest.raises(UnreadableGltfError, match="Draco data does not decode"):
+        read(by_hand().glb())
+
+
+def test_without_a_decoder_the_verdict_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
+    with pytest.raises(UnsupportedGltfError, match=r"pip install 'legoworld\[draco\]'"):
+        read(by_hand().glb())
+
+
+@pytest.mark.parametrize(
+    ("program", "found"),
+    [
+        ("import os; os.kill(os.getpid(), 11)", "ended with -11"),
+        ("raise SystemExit('Out of memory')", "ended with 1: Out of memory"),
+        ("import time; time.sleep(60)", "did not decode in 0.3 s"),
+    ],
+)
+def test_a_decoder_that_crashes_or_hangs_is_a_verdict(program, found, monkeypatch, tmp_path):
+    worker = tmp_path / "draco_worker.py"
+    worker.write_text(program)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: object())
+    monkeypatch.setattr(draco, "_WORKER", worker)
+    if "sleep" in program:
+        monkeypatch.setattr(draco, "_TIME_LIMIT_S", 0.3)
+    payload = draco.DracoPayload(place="here", data=b"x", attributes=(0,))
+    with pytest.raises(UnreadableGltfError) as verdict:
+        draco.decode([payload], Budget(100))
+    assert found in str(verdict.value)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is capped on Linux")
+def test_the_decoders_memory_is_capped(monkeypatch, tmp_path):
+    worker = tmp_path / "draco_worker.py"
+    shutil.copy(draco._WORKER, worker)
+    greedy = worker.read_text().replace(
+        "import numpy as np\n", "import numpy as np\n    np.ones(10 * 2**30, np.uint8)\n"
+    )
+    assert "np.ones" in greedy
+    worker.write_text(greedy)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: object())
+    monkeypatch.setattr(draco, "_WORKER", worker)
+    payload = draco.DracoPayload(place="here", data=b"x", attributes=(0,))
+    with pytest.raises(UnreadableGltfError, match="MemoryError"):
+        draco.decode([payload], Budget(100))
+
+
+def test_meshopt_without_a_plain_copy_is_named():
+    made = Document()
+    made.quad("Quad", 4, 4)
+    packed = {"buffer": 1, "byteOffset": 0, "byteLength": 8, "count": 4, "byteStride": 12,
+              "mode": "ATTRIBUTES"}  # fmt: skip
+    made.json["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": packed}
+    assert boxes(made.glb()) == [("Quad", 64, (36, 20, 44, 28))]  # a plain copy is there
+    placeholder = {"EXT_meshopt_compression": {"fallback": True}}
+    made.json["buffers"] = [{"byteLength": len(made.binary), "extensions": placeholder}]
+    with pytest.raises(UnsupportedGltfError, match="compressed with meshopt"):
+        read(made.glb())

@@ -1,0 +1,213 @@
+"""What a dependency graph's paths of indices mean; the paths are those Blender 5.0.1 reports."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from legoworld.scene.blender.placements import Generator, Placements, Seen, resolve_placements
+
+UNIT = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+def at(x: float) -> tuple[float, ...]:
+    return (1.0, 0.0, 0.0, x, *UNIT[4:])
+
+
+def seen(top: str, path: tuple[int, ...], name: str, x: float = 0.0, **facts: object) -> Seen:
+    values = {"mesh": 0, "holdout_mesh": -1, "by_particles": False, **facts}
+    return Seen(top=(top, ""), path=path, object=(name, ""), world_from_mesh=at(x), **values)  # type: ignore[arg-type]
+
+
+def makes(
+    kind: str = "NONE",
+    members: str = "",
+    ancestors: str = "",
+    stands_x: float | None = 0.0,
+    *,
+    own: bool = False,
+    scatters: bool = False,
+) -> Generator:
+    return Generator(
+        instance_type=kind,
+        members=frozenset((m, "") for m in members.split()),
+        ancestors=frozenset((a, "") for a in ancestors.split()),
+        makes_own_mesh=own,
+        scatters=scatters,
+        stands_at=None if stands_x is None else at(stands_x),
+    )
+
+
+def resolved(entries: list[Seen], **generators: Generator) -> Placements:
+    names = sorted({e.object[0] for e in entries} | {e.top[0] for e in entries})
+    facts = {(n, ""): generators.get(n, makes()) for n in names}
+    return resolve_placements(entries, facts, {(n, ""): i for i, n in enumerate(names)})
+
+
+def rows(placements: Placements, entries: list[Seen]) -> list[tuple[str, int, int]]:
+    """(object, instancer's row, frame) of every occurrence."""
+    names = sorted({e.object[0] for e in entries} | {e.top[0] for e in entries})
+    a = placements.arrays
+    return [
+        (names[o], int(i), int(f))
+        for o, i, f in zip(
+            a["occurrence_object"], a["occurrence_instancer"], a["occurrence_frame"], strict=True
+        )
+    ]
+
+
+def makers(placements: Placements, entries: list[Seen]) -> list[str]:
+    found = rows(placements, entries)
+    return [f"{name}<{found[i][0]}" if i >= 0 else name for name, i, _ in found]
+
+
+def frames_of(placements: Placements, entries: list[Seen], name: str) -> list[int]:
+    return [frame for found, _, frame in rows(placements, entries) if found == name]
+
+
+def test_nested_collections():
+    entries = [
+        seen("E", (), "E", mesh=-1),
+        seen("E", (0,), "F", mesh=-1),
+        seen("E", (0, 0), "M"),
+        seen("E", (0, 1), "M2"),
+        seen("E", (1,), "N"),
+    ]
+    found = resolved(entries, E=makes("COLLECTION", "F N"), F=makes("COLLECTION", "M M2"))
+    assert makers(found, entries) == ["E", "F<E", "M<F", "M2<F", "N<E"]
+    assert len({f for _, _, f in rows(found, entries)}) == 1
+
+
+def test_a_curve_and_its_mesh_are_one_occurrence():
+    entries = [seen("C", (), "C", mesh=-1), seen("C", (0,), "C")]
+    found = resolved(entries, C=makes(own=True))
+    assert makers(found, entries) == ["C"]
+    assert found.arrays["surface_occurrence"].tolist() == [0]
+
+
+def test_a_curve_inside_an_instanced_collection_is_one_occurrence():
+    entries = [
+        seen("E", (), "E", mesh=-1),
+        seen("E", (0,), "C", mesh=-1),
+        seen("E", (0, 0), "C"),
+    ]
+    found = resolved(entries, E=makes("COLLECTION", "C"), C=makes(own=True))
+    assert makers(found, entries) == ["E", "C<E"]
+    assert found.arrays["surface_occurrence"].tolist() == [1]
+
+
+def test_geometry_nodes_that_scatter_their_own_mesh_are_one_occurrence():
+    entries = [seen("S", (), "S"), seen("S", (0, 0), "S", 1.0), seen("S", (1, 0), "S", 2.0)]
+    found = resolved(entries, S=makes(own=True, scatters=True))
+    assert makers(found, entries) == ["S"]
+    assert found.arrays["surface_occurrence"].tolist() == [0, 0, 0]
+
+
+def test_geometry_nodes_that_scatter_an_object_place_each_apart():
+    entries = [seen("S", (), "S"), seen("S", (0, 0), "A", 0.0), seen("S", (1, 0), "A", 5.0)]
+    found = resolved(entries, S=makes(own=True, scatters=True))
+    assert makers(found, entries) == ["S", "A<S", "A<S"]
+    assert len(set(frames_of(found, entries, "A"))) == 2
+
+
+def test_geometry_nodes_that_place_a_whole_collection_keep_its_members_together():
+    entries = [seen("S", (), "S")]
+    for i, x in enumerate((0.0, 10.0)):
+        entries += [
+            seen("S", (i, 0, 0), "A", x + 0.1),
+            seen("S", (i, 0, 2), "B", x + 0.2),
+            seen("S", (i, 0, 4), "F", x + 0.3, mesh=-1),
+            seen("S", (i, 0, 5, 0), "Leaf", x + 0.3),
+        ]
+    found = resolved(
+        entries,
+        S=makes(own=True, scatters=True),
+        A=makes(stands_x=0.1),
+        B=makes(stands_x=0.2),
+        F=makes("COLLECTION", "Leaf", stands_x=0.3),
+    )
+    assert makers(found, entries) == ["S", *["A<S", "B<S", "F<S", "Leaf<F"] * 2]
+    a, b, f = (frames_of(found, entries, name) for name in "ABF")
+    assert a == b == f
+    assert len(set(a)) == 2
+
+
+def test_geometry_nodes_that_pick_members_place_each_apart():
+    """The same paths as one placement of two members, but moved differently."""
+    entries = [seen("S", (), "S")]
+    for i, x in enumerate((0.0, 100.0)):
+        entries += [seen("S", (i, 0), "A", x + 0.1), seen("S", (i, 1), "B", x + 10.2)]
+    found = resolved(
+        entries,
+        S=makes(own=True, scatters=True),
+        A=makes(stands_x=0.1),
+        B=makes(stands_x=0.2),
+    )
+    frames = frames_of(found, entries, "A") + frames_of(found, entries, "B")
+    assert len(set(frames)) == 4
+
+
+def test_members_that_stand_nowhere_are_placed_apart():
+    entries = [seen("S", (), "S"), seen("S", (0, 0), "A"), seen("S", (0, 1), "B")]
+    found = resolved(entries, S=makes(scatters=True), A=makes(stands_x=None), B=makes())
+    assert frames_of(found, entries, "A") != frames_of(found, entries, "B")
+
+
+def test_particles_place_whole_collections_by_particle():
+    entries = [seen("P", (), "P")]
+    for i in range(3):
+        entries += [seen("P", (0, i), name, i, by_particles=True) for name in ("A", "B")]
+    found = resolved(entries, P=makes(scatters=True))
+    assert frames_of(found, entries, "A") == frames_of(found, entries, "B")
+    assert len(set(frames_of(found, entries, "A"))) == 3
+
+
+def test_vertex_duplicates_share_their_vertex_and_find_their_own_instancer():
+    entries = [seen("P", (), "P")]
+    for i in range(2):
+        entries += [
+            seen("P", (i,), "A"),
+            seen("P", (i,), "F", mesh=-1),
+            seen("P", (i,), "G"),
+            seen("P", (i, 0), "Leaf"),
+        ]
+    found = resolved(
+        entries,
+        P=makes("VERTS"),
+        A=makes(ancestors="P"),
+        F=makes("COLLECTION", "Leaf", ancestors="P"),
+        G=makes(ancestors="A P"),
+    )
+    assert sorted(makers(found, entries)) == sorted(["P", *["A<P", "F<P", "G<P", "Leaf<F"] * 2])
+    assert frames_of(found, entries, "A") == frames_of(found, entries, "G")
+
+
+def test_the_order_of_entries_does_not_matter():
+    entries = [seen("E", (), "E", mesh=-1), seen("Z", (), "Z", 3.0)]
+    entries += [seen("E", (i,), f"M{i}", float(i)) for i in range(6)]
+    members = " ".join(f"M{i}" for i in range(6))
+    first = resolved(entries, E=makes("COLLECTION", members))
+    for seed in range(5):
+        shuffled = random.Random(seed).sample(entries, len(entries))
+        again = resolved(shuffled, E=makes("COLLECTION", members))
+        assert first.mesh_order == again.mesh_order
+        for name, array in first.arrays.items():
+            assert np.array_equal(array, again.arrays[name]), name
+
+
+def test_a_surface_in_part_held_out_is_two_surfaces_of_one_occurrence():
+    entries = [seen("A", (), "A", mesh=3, holdout_mesh=7)]
+    arrays = resolved(entries).arrays
+    assert arrays["surface_occurrence"].tolist() == [0, 0]
+    assert arrays["surface_holdout"].tolist() == [0, 1]
+    assert resolved(entries).mesh_order == [3, 7]
+
+
+@pytest.mark.parametrize("n", [70_000])
+def test_many_placements_take_little_time(n):
+    entries = [seen("S", (), "S")]
+    entries += [seen("S", (i, 0), "A", float(i)) for i in range(n)]
+    found = resolved(entries, S=makes(scatters=True))
+    assert len(set(frames_of(found, entries, "A"))) == n
