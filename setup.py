@@ -104,9 +104,10 @@ class PlatformWheel(bdist_wheel):
 
 def extra_build_requirements() -> list[str]:
     """The ziglang wheel (a whole C++ compiler), asked for only where there is no other."""
+    module = compilation()  # once: every load makes a CompilationError of its own
     try:
-        compilation().compiler()
-    except compilation().CompilationError:
+        module.compiler()
+    except module.CompilationError:
         return ["ziglang"]
     return []
 

@@ -6,6 +6,8 @@ The photos come from scikit-image (`pip install legoworld[examples]`) and are no
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 from pathlib import Path
 
 import cv2
@@ -34,11 +36,11 @@ def main() -> int:
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{scene.name}.png"
         cv2.imwrite(str(file), photo(scene.name)[:, :, ::-1])
-        code = run(
-            ["inspect", str(scene), "--photo", str(file), "--task", "coco", "-q", "-o", str(folder)]
-        )
+        arguments = ["inspect", str(scene), "--photo", str(file), "--task", "coco", "-q"]
+        with contextlib.redirect_stdout(io.StringIO()):  # its table of every instance
+            code = run([*arguments, "-o", str(folder)])
         failed = failed or code != 0
-    print(f"look at {output}/*/overlay.png and depth.png")
+    print(f"look at {output}/*/overlay.png and {output}/*/depth.png")
     return int(failed)
 
 

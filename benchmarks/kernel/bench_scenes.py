@@ -126,16 +126,20 @@ def one_mesh() -> Surfaces:
 
 
 def sliver_room() -> Surfaces:
-    """A room of 1 mm strips that run past the camera and behind it, 5,600 triangles."""
-    strips, half, length = 700, 2.0, 20.0
+    """A room whose walls are n-gons cut as fans from a corner behind the camera, 5,600 slivers."""
+    rim, half, length = 1402, 2.0, 20.0
+    turn = np.linspace(0, 4, rim, endpoint=False)
+    side, along = turn.astype(int), turn % 1
+    u = np.choose(side, [along, np.ones(rim), 1 - along, np.zeros(rim)])
+    w = np.choose(side, [np.zeros(rim), along, np.ones(rim), 1 - along])
+    fan = np.stack([np.zeros(rim - 2), np.arange(1, rim - 1), np.arange(2, rim)], axis=1)
     walls: list[Mesh] = []
-    for axis, side in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
-        across = np.linspace(-half, half, strips + 1)
-        points = np.zeros((2, strips + 1, 3))
-        points[:, :, axis] = side * half
-        points[:, :, 1 - axis] = across
-        points[0, :, 2], points[1, :, 2] = -length / 4, length
-        walls.append((points.reshape(-1, 3).astype(np.float32), grid(1, strips, False)))
+    for axis, sign in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
+        points = np.zeros((rim, 3))
+        points[:, axis] = sign * half
+        points[:, 1 - axis] = (2 * u - 1) * half
+        points[:, 2] = -length / 4 + w * 1.25 * length
+        walls.append((points.astype(np.float32), fan.astype(np.int32)))
     return placed(walls, [0, 1, 2, 3], np.repeat(np.eye(4)[None, :3], 4, axis=0))
 
 

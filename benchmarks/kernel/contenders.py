@@ -1,4 +1,4 @@
-"""Who is timed: the kernel, the floor, and two ray tracers. Each is a callable that does the whole job.
+"""Who is timed: the kernel, the floor, and two ray tracers. Each callable does the whole job.
 
 Outputs, rays and results are allocated beforehand; a ray tracer's time is its build and its trace.
 """

@@ -1,7 +1,8 @@
 """Renders one benchmark scene with Cycles, tuned for one sample, each time a line comes in.
 
-Run with a Python that has bpy: cycles_server.py ARRAYS.npz DEPTH.npy FD. A line "render" on standard
-input renders once and answers "wall_s cpu_s" on file descriptor FD; "check" writes z to DEPTH.npy.
+Run with a Python that has bpy: cycles_server.py ARRAYS.npz DEPTH.npy FD. A line "render" on
+standard input renders once and answers "wall_s cpu_s" on file descriptor FD; "check" writes z to
+DEPTH.npy.
 """
 
 from __future__ import annotations

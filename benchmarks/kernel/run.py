@@ -4,8 +4,8 @@
         [--cycles-python PYTHON] [--slowest 30]
 
 Every round runs every contender once; ratios are taken within a round and their median is printed.
-A round counts only if the kernel's bytes are those of the first round, whose depth was checked
-against brute-force rays in float64. Competitors are optional: embreex, open3d, and a Python with bpy
+The benchmark stops unless the kernel's bytes are the same in every round and its depth agrees with
+brute-force rays in float64. Competitors are optional: embreex, open3d, and a Python with bpy
 (--cycles-python, the running one by default); what is absent is named.
 """
 
@@ -35,9 +35,7 @@ class Times:
     cpu: list[float] = field(default_factory=list)
 
 
-def brute_force_depth(
-    surfaces: Surfaces, projection: Projection, pixels: np.ndarray
-) -> np.ndarray:
+def brute_force_depth(surfaces: Surfaces, projection: Projection, pixels: np.ndarray) -> np.ndarray:
     """Planar z at some (row, column) pixels: each ray against every triangle, float64."""
     x = (pixels[:, 1] + 0.5 - projection.cx) / projection.fx
     y = (pixels[:, 0] + 0.5 - projection.cy) / projection.fy
@@ -73,7 +71,9 @@ def check(surfaces: Surfaces, projection: Projection, depth: np.ndarray, count: 
     with np.errstate(invalid="ignore"):
         same |= np.abs(seen - true) <= 1e-7 * true
     if not same.all():
-        sys.exit(f"the kernel is wrong at {pixels[~same].tolist()}: {seen[~same]}, not {true[~same]}")
+        sys.exit(
+            f"the kernel is wrong at {pixels[~same].tolist()}: {seen[~same]}, not {true[~same]}"
+        )
 
 
 def agreement(depth: np.ndarray, other: np.ndarray) -> float:
@@ -122,7 +122,7 @@ def run_case(scene: str, width: int, args: argparse.Namespace, skip: set[str]) -
 
 
 def ratio(times: dict[str, Times], name: str, what: str) -> str:
-    """Median over the rounds of a contender's seconds by the kernel's; floor the other way round."""
+    """Median over the rounds of a contender's seconds by the kernel's; floor: the inverse."""
     if name not in times:
         return "-"
     ours, other = getattr(times["kernel"], what), getattr(times[name], what)
@@ -144,37 +144,54 @@ def absent(args: argparse.Namespace) -> set[str]:
     return skip
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    names = ",".join
-    parser.add_argument("--scenes", default=names(SCENES), type=lambda s: s.split(","))
-    parser.add_argument("--widths", default=[*SIZES], type=lambda s: [int(w) for w in s.split(",")])
+def names(text: str) -> list[str]:
+    """Words between commas."""
+    return text.split(",")
+
+
+def arguments() -> argparse.Namespace:
+    formatter = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=formatter)
+    parser.add_argument("--scenes", default=[*SCENES], type=names)
+    parser.add_argument("--widths", default=[*map(str, SIZES)], type=names)
     parser.add_argument("--rounds", default=5, type=int)
     parser.add_argument("--rays", default=12, type=int, help="pixels checked by brute force")
-    parser.add_argument("--against", default=["embreex", "open3d", "cycles"], type=lambda s: s.split(","))
+    parser.add_argument("--against", default=["embreex", "open3d", "cycles"], type=names)
     parser.add_argument("--cycles-python", default=sys.executable)
-    parser.add_argument("--slowest", default=30.0, type=float, help="seconds a render may be expected to take")
-    args = parser.parse_args()
+    parser.add_argument("--slowest", default=30.0, type=float, help="expected seconds a render")
+    return parser.parse_args()
+
+
+def print_table(rows: list[tuple[str, int, dict[str, Times]]]) -> None:
+    columns = [("floor", "cpu"), ("embreex", "cpu"), ("open3d", "cpu"), ("cycles", "wall")]
+    heads = ["scene", "width", "kernel wall ms", "CPU ms", "over floor, CPU"]
+    heads += ["embreex, CPU", "Open3D, CPU", "Cycles, wall"]
+    print("\n| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
+    for scene, width, times in rows:
+        ours = times["kernel"]
+        cells = [scene, str(width)]
+        cells += [f"{np.median(values) * 1e3:.1f}" for values in (ours.wall, ours.cpu)]
+        cells += [ratio(times, name, what) for name, what in columns]
+        print("| " + " | ".join(cells) + " |")
+
+
+def main() -> None:
+    args = arguments()
     never = absent(args)
+    widths = [int(width) for width in args.widths]
     rows = []
-    for scene in args.scenes if isinstance(args.scenes, list) else args.scenes.split(","):
-        skip, last = set(never), 0
-        for width in args.widths:
+    for scene in args.scenes:
+        skip = set(never)
+        for width, wider in zip(widths, [*widths[1:], 0], strict=True):
             print(f"{scene} at {width}", flush=True)
             times = run_case(scene, width, args, skip)
             rows.append((scene, width, times))
-            last = width
-            for name in ("embreex", "open3d", "cycles"):
-                growth = 0 if last == args.widths[-1] else (args.widths[args.widths.index(width) + 1] / width) ** 2
-                if name in times and np.median(times[name].wall) * growth > args.slowest:
-                    print(f"    {name}: left out above {width}, would take too long")
+            for name in sorted(times.keys() - {"kernel", "floor"}):
+                expected = np.median(times[name].wall) * (wider / width) ** 2
+                if expected > args.slowest:
+                    print(f"    {name}: left out above {width}, about {expected:.0f} s a render")
                     skip.add(name)
-    print("\n| scene | width | kernel wall ms | CPU ms | over floor, CPU | embreex, CPU | Open3D, CPU | Cycles, wall |")
-    print("|---|---|---|---|---|---|---|---|")
-    for scene, width, times in rows:
-        ours = times["kernel"]
-        cells = [ratio(times, "floor", "cpu"), ratio(times, "embreex", "cpu"), ratio(times, "open3d", "cpu"), ratio(times, "cycles", "wall")]
-        print(f"| {scene} | {width} | {np.median(ours.wall) * 1e3:.1f} | {np.median(ours.cpu) * 1e3:.1f} | {' | '.join(cells)} |")
+    print_table(rows)
 
 
 if __name__ == "__main__":

@@ -190,8 +190,15 @@ def _placing_nodes(prototype: Any) -> Any:
 
 SCENES: dict[str, Callable[[Any], None]] = {
     scene.__name__: scene
-    for scene in (objects_70k, placements_10k, mesh_5m, near_plane_room,
-                  millimetres, kilometres, far_from_origin)  # fmt: skip
+    for scene in (
+        objects_70k,
+        placements_10k,
+        mesh_5m,
+        near_plane_room,
+        millimetres,
+        kilometres,
+        far_from_origin,
+    )  # fmt: skip
 }
 
 if __name__ == "__main__":

@@ -43,9 +43,7 @@ class FrozenFiles:
     @property
     def sha256(self) -> str:
         """One hash over the content of all files."""
-        return sha256_of_text(
-            canonical_json([_plain(self.artefacts), _plain(self.dependencies)])
-        )
+        return sha256_of_text(canonical_json([_plain(self.artefacts), _plain(self.dependencies)]))
 
 
 def hash_files(folder: Path, names: Iterable[str]) -> dict[str, FileHash | None]:

@@ -180,9 +180,7 @@ class _Resolver:
         collections = self.snapshot.collections
         seen: set[int] = set()
         while level:
-            labelled = sorted(
-                (collections[c].name, c) for c in level if self._collection_label(c)
-            )
+            labelled = sorted((collections[c].name, c) for c in level if self._collection_label(c))
             if len(labelled) > 1:
                 names = tuple(name for name, _ in labelled)
                 self._in_several.setdefault(names, []).append(held_name)
@@ -269,9 +267,7 @@ class _Resolver:
         texts = []
         for names, held in sorted(self._in_several.items()):
             distinct = sorted(set(held))
-            more = f" and {len(distinct) - 1} more" if len(distinct) > 1 else ""
-            texts.append(
-                f"{distinct[0]!r}{more} {'lie' if more else 'lies'} in {len(names)} labelled collections; "
-                f"{names[0]!r} was taken"
-            )
+            others = len(distinct) - 1
+            who = f"{distinct[0]!r} and {others} more lie" if others else f"{distinct[0]!r} lies"
+            texts.append(f"{who} in {len(names)} labelled collections; {names[0]!r} was taken")
         return tuple(texts)

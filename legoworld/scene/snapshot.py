@@ -19,6 +19,10 @@ from legoworld.files import atomic_path, canonical_json
 #: Raised whenever the meaning of a snapshot changes; part of every cache key.
 SNAPSHOT_SCHEMA: Final = 2
 
+#: Coordinates and matrix entries beyond this are refused: no scene needs them, and products of two
+#: stay finite.
+LARGEST_COORDINATE: Final = 1e15
+
 ARRAYS: Final = {
     "vertices": np.float32,
     "triangles": np.int32,

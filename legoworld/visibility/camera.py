@@ -9,9 +9,7 @@ from legoworld.scene.snapshot import RenderSettings, SceneCamera
 from legoworld.visibility.projection import Projection
 
 
-def projection(
-    camera: SceneCamera, render: RenderSettings, size_wh: tuple[int, int]
-) -> Projection:
+def projection(camera: SceneCamera, render: RenderSettings, size_wh: tuple[int, int]) -> Projection:
     """What Blender would render with its resolution set to `size_wh` at 100 %.
 
     Agrees with `bpy.types.Object.calc_matrix_camera` (BKE_camera_params_compute_viewplane): the
@@ -51,9 +49,7 @@ def aspect_differs(render: RenderSettings, size_wh: tuple[int, int]) -> bool:
     return abs(w * scene_h - h * scene_w) > max(w, h, scene_w, scene_h)
 
 
-def cam_from_mesh(
-    camera: SceneCamera, world_from_mesh: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def cam_from_mesh(camera: SceneCamera, world_from_mesh: NDArray[np.float64]) -> NDArray[np.float64]:
     """(S, 3, 4) float64 camera-from-mesh transforms of (S, 3, 4) placements."""
     pose = np.asarray(camera.world_from_camera, np.float64)
     cam_from_world = np.linalg.inv(pose[:, :3])

@@ -97,8 +97,8 @@ def coverage(
 ) -> NDArray[np.uint8]:
     """Why each placement, on its own, would show something or nothing: (P,) uint8.
 
-    5: it covers a pixel centre within z_near..z_far (if it is not seen, something nearer hides it or
-    its own alpha cuts it away); 4: in view, but between pixel centres; 3: outside the view;
+    5: it covers a pixel centre within z_near..z_far (if it is not seen, something nearer hides it
+    or its own alpha cuts it away); 4: in view, but between pixel centres; 3: outside the view;
     2: entirely beyond z_far; 1: entirely nearer than z_near, or behind the camera; 0: no triangle,
     or none with an area. The highest code of its triangles counts. Raises as render() does.
     """

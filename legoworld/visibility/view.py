@@ -76,9 +76,7 @@ def unseen_reasons(
     np.maximum.at(best, grouping.surface_instance, codes)
     held_out = np.ones(len(grouping.instances), bool)
     held_out[grouping.surface_instance[snapshot.surface_holdout == 0]] = False
-    return {
-        int(i): "holdout" if held_out[i] else UNSEEN_REASONS[int(best[i])] for i in unseen
-    }
+    return {int(i): "holdout" if held_out[i] else UNSEEN_REASONS[int(best[i])] for i in unseen}
 
 
 def instance_extents(

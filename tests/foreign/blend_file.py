@@ -63,9 +63,7 @@ def blocks_of(data: bytes) -> list[Block]:
     layout = layout_of(data)
     found, at = [], layout.first_block
     while at + layout.header_bytes <= len(data):
-        fields = dict(
-            zip(layout.order, struct.unpack_from(layout.format, data, at), strict=True)
-        )
+        fields = dict(zip(layout.order, struct.unpack_from(layout.format, data, at), strict=True))
         body = at + layout.header_bytes
         found.append(Block(code=fields["code"], start=at, body=body, end=body + fields["length"]))
         at = found[-1].end

@@ -196,4 +196,3 @@ _OF_BLOCKS: Final[dict[str, Callable[[random.Random, bytes], bytes]]] = {
 }
 
 KINDS: Final = tuple(_OF_BLOCKS)
-

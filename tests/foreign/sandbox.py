@@ -18,12 +18,11 @@ from legoworld.files import sha256_of_file
 STATUSES = frozenset({"ok", "missing", "invalid", "changed", "failed", "timeout"})
 #: A whole file, read again after every so many damaged ones: it must not notice them.
 CONTROL_EVERY = 4
-FIRST = "0000-control"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """One scene folder: `kind` is what was done to `source`, None for a control."""
+    """One scene folder: `kind` is what was done to `source`, None for a whole copy of it."""
 
     name: str
     source: str
@@ -69,10 +68,13 @@ def lay_out(
     count: int,
     control: str,
 ) -> list[Planned]:
-    """Write `count` mutants, the sources in the order of `turns`, with controls between them."""
+    """Write every source whole, then `count` mutants with controls between them.
+
+    The sources take their turns as `turns` names them, again and again.
+    """
     taken = Counter[str]()
-    planned = [Planned(name=FIRST, source=control, kind=None)]
-    contents = [sources[control]]
+    planned = [Planned(name=whole(name), source=name, kind=None) for name in sources]
+    contents = list(sources.values())
     for i in range(count):
         source = turns[i % len(turns)]
         made = mutant(sources[source], seed=seed, number=taken[source])
@@ -93,6 +95,11 @@ def lay_out(
     track = {"info": {}, "images": images, "categories": []}
     (folder / "track.json").write_text(json.dumps(track))
     return planned
+
+
+def whole(source: str) -> str:
+    """The scene that is an undamaged copy of a source."""
+    return f"0000-{source}"
 
 
 def read_out(
@@ -151,7 +158,6 @@ def faults(planned: list[Planned], outcome: Outcome, folder: Path) -> list[str]:
     wrong += [f"still running: process {pid}" for pid in outcome.leftovers]
     if outcome.returncode not in (0, 1):
         wrong.append(f"exit code {outcome.returncode}")
-    good = _comparable(outcome, FIRST)
     for plan in planned:
         row = outcome.rows.get(plan.name)
         if row is None:
@@ -166,11 +172,26 @@ def faults(planned: list[Planned], outcome: Outcome, folder: Path) -> list[str]:
             wrong.append(f"{plan.name}: the reason is not one line")
         if str(folder) in json.dumps(row):
             wrong.append(f"{plan.name}: the row names a folder of this machine")
-        if plan.kind is None and _comparable(outcome, plan.name) != good:
-            wrong.append(f"{plan.name}: {row['status']} {reason}: the file before changed its row")
-    if outcome.rows[FIRST]["status"] != "ok":
-        wrong.append("the whole file was not read")
+        if plan.kind is None:
+            if row["status"] != "ok":
+                wrong.append(f"{plan.name}: a whole file is {row['status']}: {reason}")
+            if _comparable(outcome, plan.name) != _comparable(outcome, whole(plan.source)):
+                wrong.append(f"{plan.name}: the file before it changed its row")
     return wrong
+
+
+def disagreements(first: Outcome, second: Outcome) -> list[str]:
+    """Scenes whose row or predictions differ between two runs, and in what."""
+    found = []
+    for name in sorted({*first.rows, *second.rows}):
+        one, two = first.rows.get(name, {}), second.rows.get(name, {})
+        keys = sorted(k for k in {*one, *two} if one.get(k) != two.get(k))
+        if first.predictions.get(name) != second.predictions.get(name):
+            keys.append("predictions")
+        if keys:
+            shown = "; ".join(f"{k}: {one.get(k)!r} then {two.get(k)!r}" for k in keys)
+            found.append(f"{name}: {shown[:300]}")
+    return found
 
 
 def _comparable(outcome: Outcome, name: str) -> object:

@@ -45,9 +45,7 @@ class Document:
         self.binary += bytes(-len(self.binary) % 4)
         start = len(self.binary)
         self.binary += data
-        return self.add(
-            "bufferViews", buffer=0, byteOffset=start, byteLength=len(data), **fields
-        )
+        return self.add("bufferViews", buffer=0, byteOffset=start, byteLength=len(data), **fields)
 
     def accessor(self, values: Any, dtype: str = "f4", **fields: Any) -> int:
         array = np.asarray(values).astype("<" + dtype)
@@ -83,7 +81,9 @@ class Document:
         placed = {"name": "Camera", "translation": [0, 0, 10]}
         return self.node(camera=number, **(placed | node))
 
-    def quad(self, name: str, x: float, y: float, side: float = 8, z: float = 0, **node: Any) -> int:
+    def quad(
+        self, name: str, x: float, y: float, side: float = 8, z: float = 0, **node: Any
+    ) -> int:
         """A square whose lower left corner is (x, y)."""
         mesh = self.mesh(*square(x, y, side, z))
         return self.node(name=name, mesh=mesh, **node)

@@ -108,7 +108,8 @@ def _json_mutant(whole: bytes, kind: str, rng: np.random.Generator) -> bytes:
             except ValueError:  # it now holds itself
                 holder[key], other[name] = 0, 0
         else:
-            holder[key] = [holder[key]] * int(rng.integers(2, 2000))
+            room = (1 << 20) // len(json.dumps(holder[key]))
+            holder[key] = [holder[key]] * int(rng.integers(2, max(3, min(2000, room))))
     return glb_of(json.dumps(document).encode(), whole[28 + length :])
 
 

@@ -78,9 +78,7 @@ def test_interleaved_vertices():
     rows = np.zeros(4, [("position", "<f4", 3), ("normal", "<f4", 3), ("uv", "<f4", 2)])
     rows["position"], rows["normal"], rows["uv"] = CORNERS, 1e9, -1e9
     view = made.view(b"head" + rows.tobytes(), byteStride=32)
-    made.add(
-        "accessors", bufferView=view, byteOffset=4, componentType=5126, count=4, type="VEC3"
-    )
+    made.add("accessors", bufferView=view, byteOffset=4, componentType=5126, count=4, type="VEC3")
     primitive = {"attributes": {"POSITION": 0}, "indices": made.accessor(TRIANGLES, "u1")}
     assert seen(primitive, made) == QUAD
 

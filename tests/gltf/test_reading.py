@@ -29,9 +29,7 @@ class NoBlender(BlenderProcess):
 def read(folder, cache=None, files=None):
     scene = SceneFolder(path=folder, name=folder.name)
     files = files or checked_artefacts(scene, require_frozen=False)
-    return read_scene(
-        scene, source="glb", blender=NoBlender(Limits()), cache=cache, files=files
-    )
+    return read_scene(scene, source="glb", blender=NoBlender(Limits()), cache=cache, files=files)
 
 
 @pytest.fixture

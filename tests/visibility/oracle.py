@@ -1,7 +1,8 @@
 """A brute-force renderer to judge the kernel by: every ray, every triangle, in long double.
 
 It shares no formula with the kernel: Moeller and Trumbore's ray-triangle test ("Fast, minimum
-storage ray-triangle intersection", 1997), barycentric alpha look-up, and a plain minimum over the hits.
+storage ray-triangle intersection", 1997), barycentric alpha look-up, and a plain minimum over all
+hits.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def camera_triangles(surfaces: Surfaces, placement: int) -> NDArray[np.longdoubl
 def rays(
     projection: Projection, size_wh: tuple[int, int]
 ) -> tuple[NDArray[np.longdouble], NDArray[np.longdouble]]:
-    """Origins and directions, (H, W, 3) each; a direction has z = 1, so length along it is depth."""
+    """Origins and directions, (H, W, 3) each; a direction has z = 1: its length unit is depth."""
     width, height = size_wh
     x = (np.arange(width, dtype=Real) + Real(0.5) - Real(projection.cx)) / Real(projection.fx)
     y = (np.arange(height, dtype=Real) + Real(0.5) - Real(projection.cy)) / Real(projection.fy)

@@ -19,9 +19,8 @@ def crowd(seed):
     floor = mesh(
         [(-50, 1.5, -50), (50, 1.5, -50), (50, 1.5, 50), (-50, 1.5, 50)], [(0, 1, 2), (0, 2, 3)]
     )
-    needle = mesh(
-        np.cumsum(rng.normal(size=(120, 3)) * [3, 1e-3, 1], axis=0) + [0, 0, 5], np.arange(120)
-    )
+    walk = np.cumsum(rng.normal(size=(120, 3)) * [3, 1e-3, 1], axis=0)
+    needle = mesh(walk + np.array([0, 0, 5]), np.arange(120))
     meshes = [sphere(8, 11), sphere(60, 90), floor, needle]
     at = [
         (

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from legoworld.conventions import CV_FROM_BLENDER_CAMERA
 from legoworld.errors import NoCameraError, NonFiniteGeometryError, UnsupportedCameraError
-from legoworld.scene.snapshot import SceneCamera
+from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
 
 _Pose = tuple[tuple[float, float, float, float], ...]
 
@@ -71,10 +71,14 @@ def scene_camera(scene: Any) -> SceneCamera:
 
 
 def _refuse_broken(name: str, kind: str, numbers: dict[str, float], pose: _Pose) -> None:
-    if not all(math.isfinite(x) for x in (*numbers.values(), *(x for row in pose for x in row))):
+    placed = (x for row in pose for x in row)
+    if not all(math.isfinite(x) for x in numbers.values()) or not all(
+        abs(x) <= LARGEST_COORDINATE for x in placed
+    ):
         raise NonFiniteGeometryError(
             f"camera {name!r} is broken",
-            found="NaN or infinity in its matrix or settings",
+            found="NaN or infinity in its settings, or in its matrix, or a place beyond "
+            f"{LARGEST_COORDINATE:g}",
             expected="finite numbers",
             next_step="correct the camera's transform and lens",
         )

@@ -19,11 +19,10 @@ from legoworld.scene.blender.meshes import (
 )
 from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
 from legoworld.scene.blender.placements import Generator, Identity, Seen
+from legoworld.scene.snapshot import LARGEST_COORDINATE
 
 _NOTHING: Final = (-1, -1)
 _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
-#: Far beyond any scene, and small enough that a product of two such numbers is finite.
-_LARGEST_ENTRY: Final = 1e15
 
 
 @dataclass(kw_only=True)
@@ -127,11 +126,13 @@ class _Walker:
         self, shown: Any, mesh: Any, rules: tuple[int, ...], *, held_out: bool
     ) -> tuple[int, int]:
         vertices = mesh_vertices(mesh)
-        if not np.isfinite(vertices).all():
+        limit = LARGEST_COORDINATE
+        if not (vertices.min() >= -limit and vertices.max() <= limit):
+            broken = (~(np.abs(vertices) <= limit)).any(1)
             raise NonFiniteGeometryError(
                 f"mesh of object {shown.original.name!r} has broken vertices",
-                found=f"{int((~np.isfinite(vertices)).any(1).sum())} of {len(vertices)} vertices "
-                "hold NaN or infinity",
+                found=f"{int(broken.sum())} of {len(vertices)} vertices hold NaN, infinity or more "
+                f"than {limit:g}",
                 expected="finite coordinates",
                 next_step="remove those vertices, or the modifier that makes them",
             )
@@ -192,13 +193,13 @@ def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
 def _refuse_broken_matrices(seen: list[Seen]) -> None:
     shows = [s for s in seen if s.mesh >= 0 or s.holdout_mesh >= 0]
     rows = np.array([s.world_from_mesh for s in shows], np.float64).reshape(-1, 12)
-    broken = np.flatnonzero(~(np.abs(rows) <= _LARGEST_ENTRY).all(1))
+    broken = np.flatnonzero(~(np.abs(rows) <= LARGEST_COORDINATE).all(1))
     if not len(broken):
         return
     first = min((shows[i] for i in broken), key=lambda s: (s.object, s.top, s.path))
     raise NonFiniteGeometryError(
         f"object {first.object[0]!r} stands nowhere",
-        found=f"its world matrix holds NaN, infinity or more than {_LARGEST_ENTRY:g}",
+        found=f"its world matrix holds NaN, infinity or more than {LARGEST_COORDINATE:g}",
         expected="finite numbers",
         next_step="correct its location, rotation, scale, constraints or drivers",
     )

@@ -71,10 +71,11 @@ def resolve_placements(
     generators: Mapping[Identity, Generator],
     object_index: Mapping[Identity, int],
 ) -> Placements:
-    """Occurrences and surfaces in canonical order: by outermost instancer, path, and object.
+    """Occurrences and surfaces in canonical order.
 
     What an object generates of itself (the mesh of a curve, geometry nodes) is a surface of the
-    same occurrence.
+    same occurrence. The order is by the names and placements that lead to an occurrence, from the
+    outermost instancer inwards: the order in which a collection lists its members is not in it.
     """
     ordered = sorted(seen, key=lambda s: (s.top, s.path, s.object))
     resolver = _Resolver(ordered, generators, object_index)
@@ -85,7 +86,29 @@ def resolve_placements(
             surfaces.append(_Surface(occurrence, entry.mesh, False, entry.world_from_mesh))
         if entry.holdout_mesh >= 0:
             surfaces.append(_Surface(occurrence, entry.holdout_mesh, True, entry.world_from_mesh))
-    return _as_placements(resolver.rows, surfaces)
+    rows, number = _canonical(resolver.rows)
+    surfaces = [s._replace(occurrence=number[s.occurrence]) for s in surfaces]
+    return _as_placements(rows, sorted(surfaces, key=lambda s: s.occurrence))
+
+
+_Row = tuple[int, int, Path]  # object, instancer's row, frame
+
+
+def _canonical(rows: list[_Row]) -> tuple[list[_Row], list[int]]:
+    """The rows in canonical order, instancers before what they made; each one's new number."""
+    keys: list[tuple[tuple[int, Path], ...]] = []
+    for shown, instancer, frame in rows:  # an instancer's row is always made before
+        above = keys[instancer] if instancer >= 0 else ()
+        keys.append((*above, (shown, frame)))
+    order = sorted(range(len(rows)), key=keys.__getitem__)
+    number = [0] * len(rows)
+    for new, old in enumerate(order):
+        number[old] = new
+    reordered = [
+        (shown, number[instancer] if instancer >= 0 else -1, frame)
+        for shown, instancer, frame in (rows[old] for old in order)
+    ]
+    return reordered, number
 
 
 class _Surface(NamedTuple):
@@ -104,7 +127,7 @@ class _Resolver:
         generators: Mapping[Identity, Generator],
         object_index: Mapping[Identity, int],
     ) -> None:
-        self.rows: list[tuple[int, int, Path]] = []
+        self.rows: list[_Row] = []
         self._generators = generators
         self._object_index = object_index
         self._occurrence: dict[tuple[Identity, Path, Identity], int] = {}
@@ -126,7 +149,7 @@ class _Resolver:
         if key in self._occurrence:
             return self._occurrence[key]
         if not path:
-            row: tuple[int, int, Path] = (self._object_index[shown], -1, ())
+            row: _Row = (self._object_index[shown], -1, ())
         else:
             maker, maker_path, used = self._maker(top, path, shown)
             instancer = self._occurrence_at(top, maker_path, maker)

@@ -115,7 +115,7 @@ def _relative(uri: str, folder: Path) -> str:
     """A URI as a path inside the folder. Raises SceneInvalidError where it is not one."""
     refused = SceneInvalidError(
         "scene.glb names a file outside its folder",
-        found=uri,
+        found=uri[:200],
         expected="a relative path inside the scene folder",
         next_step="export a self-contained .glb",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -31,7 +32,7 @@ class Fields:
 
     def wrong(self, name: str, expected: str) -> UnreadableGltfError:
         """The verdict for a value, as an exception to raise."""
-        found = repr(self.values[name]) if name in self.values else "nothing"
+        found = _shown(self.values[name]) if name in self.values else "nothing"
         return unreadable(f"{self.at(name)} is {one_line(found, 80)}", expected)
 
     def integer(self, name: str, default: int | None = None) -> int:
@@ -119,6 +120,14 @@ class Fields:
         """One of the object's extensions; None where it does not have it."""
         extensions = self.child("extensions")
         return extensions.child(name) if name in extensions else None
+
+
+def _shown(value: Any) -> str:
+    """A value's text, cut before it is made: a list may be as long as the file."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return "a number of very many digits"
 
 
 def _finite(value: float) -> bool:

@@ -1,0 +1,47 @@
+"""`legoworld evidence`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from legoworld.commands import options
+
+
+@click.command("evidence", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("action", type=click.Choice(["verify"]))
+@click.argument("folder", type=options.EXISTING_FOLDER)
+@click.option(
+    "--root",
+    type=options.EXISTING_FOLDER,
+    help="Look for the inputs below here [default: where they were, seen from FOLDER].",
+)
+@options.output_options
+def command(
+    action: str, folder: Path, root: Path | None, as_json: bool, quiet: bool, verbose: bool
+) -> int:
+    """Check that an evaluation FOLDER is what its evidence.json says.
+
+    Every file of the folder and every input is hashed again; the numbers of summary.json are
+    computed again from matches.npz and per_image.jsonl. Exit code 1 when anything differs or an
+    input is not there.
+
+    \b
+    Examples:
+      legoworld evidence verify evals/coco
+      legoworld evidence verify evals/coco --root /data
+    """
+    from legoworld.evaluation.evidence import verify
+
+    checks = verify(folder, root)
+    bad = [check for check in checks if check.status != "ok"]
+    if as_json:
+        options.print_json({"ok": not bad, "checks": [check.__dict__ for check in checks]})
+    else:
+        shown = checks if verbose else bad
+        if shown:
+            rows = [(check.status, check.what, check.found) for check in shown]
+            click.echo(options.table(("", "what", "found"), rows))
+        click.echo(f"{len(checks) - len(bad)} of {len(checks)} checks hold: {folder}")
+    return 1 if bad else 0
