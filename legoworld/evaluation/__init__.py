@@ -1,0 +1,1 @@
+"""Scoring: a run and a truth in, an evaluation folder out. Reads files only."""

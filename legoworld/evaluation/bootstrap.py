@@ -1,0 +1,68 @@
+"""Bootstrap draws over groups (images, or ETH3D scenes), shared by every score and comparison."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import UsageError
+
+LEVEL: Final = 0.95
+
+
+def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
+    """How often each group is in each bootstrap sample: (draws, n_groups), rows sum to n_groups.
+
+    Row k depends on n_groups, seed and k alone, so more draws extend fewer, and two methods
+    resampled over the same groups share their samples (paired differences).
+    """
+    if n_groups < 1 or draws < 1 or seed < 0:
+        raise UsageError(
+            "a bootstrap needs something to draw",
+            found=f"{n_groups} groups, {draws} draws, seed {seed}",
+            expected="at least one group and one draw, and a seed of at least 0",
+        )
+    random = np.random.default_rng([seed, n_groups])
+    counts = np.empty((draws, n_groups), np.int32)
+    for row in counts:
+        row[:] = np.bincount(random.integers(0, n_groups, n_groups), minlength=n_groups)
+    return counts
+
+
+def resampled_means(
+    values: NDArray[np.float64], group_of_value: NDArray[np.int64], counts: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Mean of values in each bootstrap sample of their groups: (draws,).
+
+    values: (n,), finite; group_of_value: (n,) column of `counts`. A value counts as often as its
+    group was drawn. NaN where no value was drawn.
+    """
+    n_groups = counts.shape[1]
+    sums = np.bincount(group_of_value, weights=values, minlength=n_groups)
+    sizes = np.bincount(group_of_value, minlength=n_groups)
+    weights = counts.astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means: NDArray[np.float64] = (weights @ sums) / (weights @ sizes)
+    return means
+
+
+def interval(samples: NDArray[np.float64], *, unit: str) -> dict[str, Any]:
+    """The percentile interval of a metric's bootstrap samples, as summary.json holds it.
+
+    samples: (draws,), NaN where a sample left the metric undefined: those are left out and
+    counted. low and high are None when every sample is.
+    """
+    defined = samples[~np.isnan(samples)]
+    low = high = None
+    if len(defined):
+        low, high = (float(x) for x in np.quantile(defined, [(1 - LEVEL) / 2, (1 + LEVEL) / 2]))
+    return {
+        "low": low,
+        "high": high,
+        "level": LEVEL,
+        "unit": unit,
+        "draws": len(samples),
+        "undefined_draws": len(samples) - len(defined),
+    }

@@ -1,0 +1,97 @@
+"""Boxes checked for sense: x, y, width, height in pixels, and not another format in disguise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import LegoWorldError
+
+#: A box may leave its image by this much before it counts as outside.
+_TOLERANCE_PX: Final = 2.0
+#: When a larger share of boxes leaves its image, they are in another format: one in which all
+#: would lie inside, or, from the larger share on, an unknown one.
+_MAX_SHARE_OUTSIDE: Final = 0.1
+_MAX_SHARE_UNEXPLAINED: Final = 0.5
+_XYWH: Final = "pass x, y, width, height in pixels of the image"
+
+
+class BoxFormatError(LegoWorldError):
+    """Boxes are not x, y, width, height in pixels of their image."""
+
+    code = "box_format"
+
+
+def check_box_format(
+    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
+) -> dict[str, int]:
+    """Counted oddities of boxes that can be scored. BoxFormatError for boxes that cannot."""
+    if not entries:
+        return {}
+    for entry in entries:
+        box = entry["bbox"]
+        if not isinstance(box, list) or len(box) != 4 or not all(map(_is_finite, box)):
+            raise _error(f"image {entry['image_id']}: bbox {box!r}", "four finite numbers")
+    boxes = np.array([e["bbox"] for e in entries], np.float64)
+    sizes = np.array([sizes_wh[e["image_id"]] for e in entries], np.float64)
+    negative = (boxes[:, 2:] < 0).any(axis=1)
+    outside = _outside(boxes[:, :2], boxes[:, :2] + boxes[:, 2:], sizes)
+    if negative.any():
+        first = int(np.argmax(negative))
+        raise _error(
+            _shown(entries, first), "a width and height of at least 0", _hint(boxes, sizes)
+        )
+    if (boxes <= 1.0).all() and (boxes % 1 != 0).any() and (sizes > 8).all():
+        raise _error(_shown(entries, 0), "pixels", "these look like fractions of the image's size")
+    hint = _hint(boxes, sizes)
+    if outside.mean() > (_MAX_SHARE_OUTSIDE if hint != _XYWH else _MAX_SHARE_UNEXPLAINED):
+        raise _error(
+            f"{int(outside.sum())} of {len(boxes)} boxes leave their image, such as "
+            + _shown(entries, int(np.argmax(outside))),
+            "boxes inside their images",
+            hint,
+        )
+    odd = {
+        "boxes that leave their image by over 2 px": int(outside.sum()),
+        "boxes without any area": int((boxes[:, 2:] == 0).any(axis=1).sum()),
+    }
+    return {what: count for what, count in odd.items() if count}
+
+
+def _outside(
+    low: NDArray[np.float64], high: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    found: NDArray[np.bool_] = ((low < -_TOLERANCE_PX) | (high > sizes + _TOLERANCE_PX)).any(axis=1)
+    return found
+
+
+def _hint(boxes: NDArray[np.float64], sizes: NDArray[np.float64]) -> str:
+    """The format in which all boxes would lie inside their images."""
+    corners = boxes[:, 2:] >= boxes[:, :2]
+    if corners.all() and not _outside(boxes[:, :2], boxes[:, 2:], sizes).any():
+        return "these look like x1, y1, x2, y2: pass x, y, width, height"
+    half = boxes[:, 2:] / 2
+    if (half >= 0).all() and not _outside(boxes[:, :2] - half, boxes[:, :2] + half, sizes).any():
+        return "these look like centre x, centre y, width, height: pass x, y, width, height"
+    return _XYWH
+
+
+def _error(found: str, expected: str, hint: str = _XYWH) -> BoxFormatError:
+    return BoxFormatError(
+        "the boxes are not x, y, width, height in pixels",
+        found=found,
+        expected=expected,
+        next_step=hint,
+    )
+
+
+def _shown(entries: Sequence[dict[str, Any]], index: int) -> str:
+    return f"image {entries[index]['image_id']}: bbox {entries[index]['bbox']}"
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

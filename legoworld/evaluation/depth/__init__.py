@@ -1,0 +1,1 @@
+"""Depth scoring: a run's depth files against measured depth, affine-invariant in disparity."""

@@ -1,0 +1,98 @@
+"""Scale and shift in disparity by least squares, in one pass over the pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import ShapeError
+
+F64 = NDArray[np.float64]
+FitStatus = Literal["ok", "inverted", "degenerate"]
+
+#: A spread below float32's resolution of the mean is rounding, not information.
+_NO_SPREAD: Final = 2.0**-24
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """Centred second moments of n pairs: m_xx = sum (x - mean_x)^2, m_xy likewise."""
+
+    n: int = 0
+    mean_x: float = 0.0
+    mean_y: float = 0.0
+    m_xx: float = 0.0
+    m_xy: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """aligned disparity = scale * predicted disparity + shift."""
+
+    scale: float
+    shift: float
+    status: FitStatus
+
+
+def moments_of(x: F64, y: F64) -> Moments:
+    """Moments of paired values, x and y: (n,) float64, finite. ShapeError otherwise."""
+    if x.shape != y.shape or x.ndim != 1:
+        raise ShapeError("paired values", found=f"{x.shape} and {y.shape}", expected="(n,) twice")
+    if not len(x):
+        return Moments()
+    mean_x, mean_y = float(np.mean(x)), float(np.mean(y))
+    centred_x = x - mean_x
+    return Moments(
+        n=len(x),
+        mean_x=mean_x,
+        mean_y=mean_y,
+        m_xx=float(np.sum(centred_x * centred_x)),
+        m_xy=float(np.sum(centred_x * (y - mean_y))),
+    )
+
+
+def merged(a: Moments, b: Moments) -> Moments:
+    """Moments of both sets together (Chan, Golub, LeVeque 1979, pairwise update)."""
+    if not a.n or not b.n:
+        return a if a.n else b
+    n = a.n + b.n
+    step_x, step_y = b.mean_x - a.mean_x, b.mean_y - a.mean_y
+    weight = a.n * b.n / n
+    return Moments(
+        n=n,
+        mean_x=a.mean_x + step_x * b.n / n,
+        mean_y=a.mean_y + step_y * b.n / n,
+        m_xx=a.m_xx + b.m_xx + step_x * step_x * weight,
+        m_xy=a.m_xy + b.m_xy + step_x * step_y * weight,
+    )
+
+
+def solve(moments: Moments) -> Fit:
+    """The line y = scale * x + shift of least squares; x predicted, y true disparity.
+
+    Without spread in x the best line is the constant mean_y: "degenerate". A scale that is not
+    positive is kept and called "inverted".
+    """
+    if moments.n == 0 or math.sqrt(moments.m_xx / moments.n) <= _NO_SPREAD * abs(moments.mean_x):
+        return Fit(scale=0.0, shift=moments.mean_y, status="degenerate")
+    scale = moments.m_xy / moments.m_xx
+    return Fit(
+        scale=scale,
+        shift=moments.mean_y - scale * moments.mean_x,
+        status="ok" if scale > 0 else "inverted",
+    )
+
+
+def aligned_z(disparity: F64, fit: Fit, min_disparity: float) -> tuple[F64, NDArray[np.bool_]]:
+    """Aligned depth in the truth's unit, and where the disparity was clamped from below.
+
+    disparity: (n,) predicted; min_disparity: 1 / max(valid truth), so that no aligned depth is
+    beyond the deepest truth.
+    """
+    aligned = fit.scale * disparity + fit.shift
+    clamped = aligned < min_disparity
+    return 1.0 / np.maximum(aligned, min_disparity), clamped

@@ -1,0 +1,117 @@
+"""Depth arrays that say what they hold, and their disparity at single pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.depth.alignment import F64
+from legoworld.evaluation.depth.errors import DepthFileError
+
+Space = Literal["depth", "disparity", "ray_distance"]
+SPACES: Final[tuple[Space, ...]] = get_args(Space)
+Intrinsics = tuple[float, float, float, float]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthArray:
+    """(H, W) float32 or float64 values and what they are.
+
+    space: "depth" is planar z, "ray_distance" the distance from the camera's centre, "disparity"
+    anything affine in 1 / z. unit: of the values, None when they have no known scale.
+    intrinsics_px: fx, fy, cx, cy at this array's size, origin at the top left corner of the top
+    left pixel; ray distance cannot be turned into depth without them.
+    """
+
+    values: NDArray[Any]
+    space: Space
+    unit: str | None
+    intrinsics_px: Intrinsics | None
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """(width, height)."""
+        return int(self.values.shape[1]), int(self.values.shape[0])
+
+    def disparity_at(self, rows: Index, cols: Index) -> tuple[F64, NDArray[np.bool_]]:
+        """Disparity at pixels (n,), 0 where there is no prediction, and where there is one.
+
+        A depth or distance is a prediction when finite and positive. A disparity is one when
+        finite: it is fitted with a free shift, so its sign has no meaning.
+        """
+        values = self.values[rows, cols].astype(np.float64)
+        predicted = np.isfinite(values)
+        if self.space == "disparity":
+            return np.where(predicted, values, 0.0), predicted
+        predicted &= values > 0
+        disparity = np.zeros_like(values)
+        np.divide(1.0, values, out=disparity, where=predicted)
+        if self.space == "ray_distance":
+            disparity *= self._ray_lengths(rows, cols)
+        return disparity, predicted
+
+    def _ray_lengths(self, rows: Index, cols: Index) -> F64:
+        """Ray distance over planar z at pixel centres."""
+        assert self.intrinsics_px is not None
+        return ray_lengths(self.intrinsics_px, rows, cols)
+
+
+def ray_lengths(intrinsics_px: Intrinsics, rows: Index, cols: Index) -> F64:
+    """sqrt(1 + x^2 + y^2) of the rays with planar z 1 through pixel centres; shapes broadcast."""
+    fx, fy, cx, cy = intrinsics_px
+    x = (cols + 0.5 - cx) / fx
+    y = (rows + 0.5 - cy) / fy
+    lengths: F64 = np.sqrt(1.0 + x * x + y * y)
+    return lengths
+
+
+def checked_array(
+    values: NDArray[Any],
+    *,
+    space: object,
+    unit: str | None,
+    intrinsics_px: Intrinsics | None,
+    source: str,
+) -> DepthArray:
+    """A depth array after every check that needs no other file. DepthFileError otherwise."""
+    if space not in SPACES:
+        raise DepthFileError(
+            f"{source} does not say what its numbers are",
+            found=f"space {space!r}",
+            expected=" | ".join(SPACES),
+            next_step="declare it: a disparity scored as a depth gives a plausible wrong number",
+        )
+    if values.ndim != 2 or not values.size:
+        raise DepthFileError(
+            f"{source} is not one depth image",
+            found=f"shape {values.shape}",
+            expected="(height, width)",
+        )
+    if values.dtype.kind != "f" or values.dtype.itemsize not in (4, 8):
+        raise DepthFileError(
+            f"{source} holds numbers of the wrong type",
+            found=str(values.dtype),
+            expected="float32 or float64 (float16 keeps 3 digits and overflows at 65504)",
+        )
+    if space == "ray_distance" and intrinsics_px is None:
+        raise DepthFileError(
+            f"{source} holds ray distances and no intrinsics",
+            found="no intrinsics_px",
+            expected="fx, fy, cx, cy at the array's size",
+            next_step="give --intrinsics when importing",
+        )
+    if intrinsics_px is not None and not _usable(intrinsics_px):
+        raise DepthFileError(
+            f"{source} has intrinsics that cannot be used",
+            found=str(intrinsics_px),
+            expected="finite fx, fy, cx, cy with positive focal lengths",
+        )
+    return DepthArray(values=values, space=space, unit=unit, intrinsics_px=intrinsics_px)
+
+
+def _usable(intrinsics_px: Intrinsics) -> bool:
+    return bool(np.all(np.isfinite(intrinsics_px))) and min(intrinsics_px[:2]) > 0

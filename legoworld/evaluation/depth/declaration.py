@@ -1,0 +1,72 @@
+"""depth.toml: what the arrays of a folder are, where the files cannot say it themselves."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.evaluation.depth.arrays import SPACES, Intrinsics
+from legoworld.evaluation.depth.errors import DepthTruthError
+
+DECLARATION: Final = "depth.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declaration:
+    """What a truth folder's files hold; None where nothing is declared.
+
+    space: depth | ray_distance | disparity; unit: "m" or "mm" of floats, one of INTEGER_UNITS of
+    16-bit integers, "px" of a disparity; array: the name inside an .npz; intrinsics_px: fx, fy,
+    cx, cy for ray_distance; focal_px, baseline_m, doffs_px: z = focal * baseline / (d + doffs) of
+    a disparity; invalid_value: the integer that means "nothing measured", besides 0.
+    """
+
+    space: str | None = None
+    unit: str | None = None
+    array: str | None = None
+    intrinsics_px: Intrinsics | None = None
+    focal_px: float | None = None
+    baseline_m: float | None = None
+    doffs_px: float | None = None
+    invalid_value: int | None = None
+
+
+def read_declaration(folder: Path) -> Declaration:
+    """The folder's depth.toml; nothing declared where there is none. DepthTruthError if wrong."""
+    path = folder / DECLARATION
+    if not path.is_file():
+        return Declaration()
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DepthTruthError(f"{DECLARATION} cannot be read", found=str(error)) from error
+    known = {f.name for f in fields(Declaration)}
+    wrong = [key for key in values if key not in known]
+    wrong += [key for key, value in values.items() if key in known and not _fits(key, value)]
+    if wrong:
+        raise DepthTruthError(
+            f"{DECLARATION} declares something unknown",
+            found=f"{wrong[0]} = {values[wrong[0]]!r}",
+            expected=", ".join(sorted(known)) + "; space " + " | ".join(SPACES),
+        )
+    if "intrinsics_px" in values:
+        values["intrinsics_px"] = tuple(float(x) for x in values["intrinsics_px"])
+    return Declaration(**values)
+
+
+def _fits(key: str, value: Any) -> bool:
+    if key == "space":
+        return value in SPACES
+    if key in ("unit", "array"):
+        return isinstance(value, str)
+    if key == "invalid_value":
+        return type(value) is int and 0 <= value <= 65535
+    if key == "intrinsics_px":
+        return isinstance(value, list) and len(value) == 4 and all(map(_is_number, value))
+    return _is_number(value)
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float)

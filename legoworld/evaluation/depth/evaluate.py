@@ -1,0 +1,136 @@
+"""`legoworld evaluate` of a depth run: its files and the truth's in, an evaluation folder out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from legoworld.errors import UsageError
+from legoworld.evaluation.depth.declaration import DECLARATION
+from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.predictions import DepthRun, read_depth_run
+from legoworld.evaluation.depth.protocol import CAMERA_MODELS, DepthProtocol, depth_protocol
+from legoworld.evaluation.depth.rows import score_row
+from legoworld.evaluation.depth.summary import Settings, summarise
+from legoworld.evaluation.depth.truth import TruthFile, find_truth
+from legoworld.evaluation.folder import (
+    Evaluation,
+    InputFile,
+    Row,
+    input_file,
+    prepare_folder,
+    write_evaluation,
+)
+from legoworld.running.run_folder import ROWS, RUN
+
+
+def evaluate_depth(
+    run: Path,
+    truth: Path,
+    output: Path,
+    *,
+    camera_model: str = "none",
+    draws: int = 2000,
+    seed: int = 0,
+    overwrite: bool = False,
+    progress: Callable[[Row], None] | None = None,
+) -> dict[str, Any]:
+    """Score a depth run and write the evaluation folder; returns its summary.
+
+    truth: ETH3D's folder, or one of arrays named like the photos. camera_model "dataset" reads a
+    scene's pinhole depth where each distorted truth pixel looks. One image is in memory at a time.
+    Raises before scoring when run, truth, options and output do not go together; what is wrong
+    with one prediction is that image's row.
+    """
+    protocol = depth_protocol()
+    settings = Settings(camera_model=camera_model, draws=draws, seed=seed)
+    depth_run = read_depth_run(run)
+    files = find_truth(truth, [image.image for image in depth_run.images])
+    _check(depth_run, files, settings)
+    inputs = _inputs(depth_run, truth, files)
+    configuration = _configuration(protocol, settings)
+    prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
+    rows: list[Row] = []
+    views: dict[str, Any] = {}
+    for image, file in zip(depth_run.images, files, strict=True):
+        camera = file.camera if camera_model == "dataset" else None
+        result = score_row(image, file, camera, protocol)
+        rows.append(result.row)
+        if result.view is not None:
+            views[f"{image.image.id}.json"] = result.view
+        if progress is not None:
+            progress(result.row)
+    summary = summarise(
+        rows,
+        kind=depth_run.kind,
+        partial=depth_run.run.partial,
+        protocol=protocol,
+        settings=settings,
+    )
+    evaluation = Evaluation(
+        summary=summary,
+        configuration=configuration,
+        inputs=inputs,
+        per_image=rows,
+        view=views,
+        evidence={"protocol": summary["protocol"], "metrics": summary["metrics"]},
+    )
+    write_evaluation(output, evaluation, overwrite=overwrite)
+    return summary
+
+
+def _check(run: DepthRun, files: Sequence[TruthFile], settings: Settings) -> None:
+    if settings.draws < 1 or settings.seed < 0:
+        raise UsageError(
+            "the bootstrap cannot be drawn like this",
+            found=f"{settings.draws} draws, seed {settings.seed}",
+            expected="at least one draw, and a seed of at least 0",
+        )
+    if settings.camera_model not in CAMERA_MODELS:
+        raise UsageError(
+            "there is no such camera model",
+            found=repr(settings.camera_model),
+            expected=" or ".join(CAMERA_MODELS),
+        )
+    if settings.camera_model == "none":
+        return
+    if run.kind != "scene":
+        raise UsageError(
+            "only a scene's depth can be warped to the dataset's camera",
+            found=f"a run of kind {run.kind!r}, which saw the distorted photo itself",
+            expected="a run of `legoworld readout`",
+            next_step="score it with --camera-model none",
+        )
+    without = [file.path.name for file in files if file.camera is None]
+    if without:
+        raise DepthTruthError(
+            "--camera-model dataset needs the camera of every photo",
+            found=f"{len(without)} of {len(files)} without one, such as {without[0]}",
+            expected="<scene>/dslr_calibration_jpg/cameras.txt and images.txt",
+        )
+
+
+def _configuration(protocol: DepthProtocol, settings: Settings) -> dict[str, Any]:
+    return {
+        "task": "eth3d",
+        "card_version": protocol.card.version,
+        "card_sha256": protocol.card.sha256,
+        "camera_model": settings.camera_model,
+        "draws": settings.draws,
+        "seed": settings.seed,
+    }
+
+
+def _inputs(run: DepthRun, truth: Path, files: Sequence[TruthFile]) -> list[InputFile]:
+    """Every file the score depends on, hashed; one that is shared by images comes once."""
+    paths = [("run", run.run.folder / RUN), ("run_rows", run.run.folder / ROWS)]
+    paths += [("prediction", image.path) for image in run.images if image.path.is_file()]
+    paths += [("truth", file.path) for file in files]
+    if (truth / DECLARATION).is_file():
+        paths.append(("truth_declaration", truth / DECLARATION))
+    folders = sorted({file.calibration for file in files if file.calibration})
+    for folder in folders:
+        names = ("cameras.txt", "images.txt")
+        paths += [("calibration", folder / name) for name in names if (folder / name).is_file()]
+    return [input_file(role, path) for role, path in paths]

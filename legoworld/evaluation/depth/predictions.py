@@ -1,0 +1,112 @@
+"""A depth run's predictions: where each image's file is, and its array or why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from legoworld.errors import UsageError
+from legoworld.evaluation.depth.arrays import DepthArray
+from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
+from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.folder import read_rows
+from legoworld.evaluation.run import Run, RunImage, read_run
+from legoworld.files import sha256_of_file
+from legoworld.readouts.depth import depth_file
+from legoworld.running.run_folder import ROWS
+
+_TASK: Final = "eth3d"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthImage:
+    """One attempted image. path: of its depth file, which may be absent.
+
+    reason: why the run has nothing, None where it has something. sha256, rendered_wh: what the
+    run recorded of the file, None where it did not.
+    """
+
+    image: RunImage
+    path: Path
+    reason: str | None
+    sha256: str | None
+    rendered_wh: tuple[int, int] | None
+
+    @property
+    def stem(self) -> str:
+        """The photo's path without its extension, "/"-separated."""
+        return photo_stem(self.image.file_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthRun:
+    """A finished depth run. kind: "scene", or what made the predictions instead."""
+
+    run: Run
+    kind: str
+    images: tuple[DepthImage, ...]
+
+
+def read_depth_run(folder: Path) -> DepthRun:
+    """A depth run and its images, ascending id. RunUnusableError or UsageError otherwise."""
+    run = read_run(folder)
+    if run.task != _TASK:
+        raise UsageError(
+            f"{folder.name or folder} is no depth run",
+            found=f"task {run.task!r}",
+            expected=f"a run of the task {_TASK!r}",
+        )
+    rows = {int(row["image_id"]): row for row in read_rows(folder / ROWS)}
+    return DepthRun(
+        run=run,
+        kind=str(run.configuration.get("kind")),
+        images=tuple(_depth_image(folder, image, rows[image.id]) for image in run.images),
+    )
+
+
+def load_prediction(image: DepthImage) -> DepthArray:
+    """The image's prediction.
+
+    DepthMissingError when there is no file; DepthPredictionError or DepthFileError when there is
+    one that cannot be used: its bytes are not those the run recorded, it does not say what it
+    holds, or it is not of the size the run rendered.
+    """
+    if not image.path.is_file():
+        raise DepthMissingError(
+            "there is no depth file", found="nothing", expected=depth_file(image.stem)
+        )
+    if image.sha256 is not None and sha256_of_file(image.path) != image.sha256:
+        raise DepthPredictionError(
+            "the depth file is not the one the run wrote",
+            found="another sha256",
+            expected=image.sha256,
+            next_step="run the readout again",
+        )
+    array = read_labelled(image.path, Declaration())
+    if image.rendered_wh is not None and array.size_wh != image.rendered_wh:
+        raise DepthPredictionError(
+            "the depth file is not of the size the run recorded",
+            found="{}x{}".format(*array.size_wh),
+            expected="{}x{}".format(*image.rendered_wh),
+        )
+    return array
+
+
+def photo_stem(file_name: str) -> str:
+    """A photo's path without its extension, "/"-separated: how depth files are named."""
+    return str(PurePosixPath(file_name).with_suffix(""))
+
+
+def _depth_image(folder: Path, image: RunImage, row: dict[str, object]) -> DepthImage:
+    depth = row.get("depth")
+    recorded = depth if isinstance(depth, dict) else {}
+    rendered = row.get("rendered_wh")
+    return DepthImage(
+        image=image,
+        path=folder / str(recorded.get("file") or depth_file(photo_stem(image.file_name))),
+        reason=str(row["reason"]) if row.get("reason") is not None else None,
+        sha256=recorded.get("sha256"),
+        rendered_wh=(int(rendered[0]), int(rendered[1])) if isinstance(rendered, list) else None,
+    )

@@ -1,0 +1,103 @@
+"""The depth protocol as its card declares it; a card that declares something else is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from legoworld.cards import Card, load_card
+from legoworld.errors import CatalogError
+
+HolePolicy = Literal["error_1", "exclude", "far"]
+HOLE_POLICIES: Final[tuple[HolePolicy, ...]] = ("error_1", "exclude", "far")
+PRIMARY_POLICY: Final[HolePolicy] = "error_1"
+#: Metrics that a hole has a value for, so they exist under every policy.
+HOLE_METRICS: Final = ("abs_rel", "delta1", "delta2", "delta3")
+#: Metrics over predicted pixels only.
+EXCLUDE_METRICS: Final = ("rmse_m", "log10", "silog")
+CAMERA_MODELS: Final = ("none", "dataset")
+
+_FIXED: Final[dict[str, Any]] = {
+    "scoring.protocol": "affine_invariant_depth",
+    "scoring.primary_metric": "abs_rel",
+    "scoring.metrics": list(HOLE_METRICS),
+    "scoring.metrics_exclude_only": list(EXCLUDE_METRICS),
+    "scoring.aggregate": "unweighted_image_mean",
+    "scoring.resolution": "truth",
+    "scoring.resample": "bilinear_in_disparity_with_mask",
+    "scoring.valid_truth": "finite_and_positive",
+    "scoring.images": "track",
+    "scoring.failed_image": "left_out_and_listed",
+    "scoring.camera_models": list(CAMERA_MODELS),
+    "scoring.bootstrap_unit": "scene",
+    "alignment.space": "disparity",
+    "alignment.model": "scale_shift",
+    "alignment.solver": "least_squares",
+    "alignment.weights": "uniform",
+    "alignment.precision": "float64",
+    "alignment.chunked_centred_merge": True,
+    "alignment.fit_pixels": "valid_truth_and_prediction",
+    "alignment.disparity_floor": "1/max_valid_truth",
+    "alignment.non_positive_scale": "inverted",
+    "alignment.no_variance": "degenerate",
+    "alignment.warn_above_constant_fit": True,
+    "holes.policies": list(HOLE_POLICIES),
+    "holes.primary": PRIMARY_POLICY,
+    "holes.exclude": "not_scored",
+    "holes.far": "max_valid_truth",
+}
+
+#: What a reader needs beside every number, copied from the card into the summary.
+_DECLARED: Final = (
+    "alignment.space",
+    "alignment.model",
+    "alignment.solver",
+    "alignment.disparity_floor",
+    "alignment.fit_pixels",
+    "scoring.aggregate",
+    "scoring.resolution",
+    "scoring.resample",
+    "scoring.valid_truth",
+    "holes.policies",
+    "holes.primary",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthProtocol:
+    """The numbers of the card. hole_abs_rel: a hole's error under error_1."""
+
+    card: Card
+    evaluator: str
+    evaluator_version: str
+    min_valid_px: int
+    delta_base: float
+    hole_abs_rel: float
+    failed_image_abs_rel: float
+
+    def declared(self) -> dict[str, Any]:
+        """The choices that decide a depth number, by the last part of their card key."""
+        chosen = {key.split(".")[1]: self.card.value(key) for key in _DECLARED}
+        return {**chosen, "min_valid_px": self.min_valid_px}
+
+
+def depth_protocol(card: Card | None = None) -> DepthProtocol:
+    """The shipped card's protocol. CatalogError when a fixed value is not what the code does."""
+    card = card or load_card("eth3d")
+    for key, expected in _FIXED.items():
+        if card.value(key) != expected:
+            raise CatalogError(
+                "the depth card declares what the code does not do",
+                found=f"{key} = {card.value(key)!r}",
+                expected=f"{key} = {expected!r}",
+                next_step="restore the card; another protocol is another evaluator version",
+            )
+    return DepthProtocol(
+        card=card,
+        evaluator=str(card.value("scoring.evaluator")),
+        evaluator_version=str(card.value("scoring.evaluator_version")),
+        min_valid_px=int(card.value("scoring.min_valid_px")),
+        delta_base=float(card.value("scoring.delta_base")),
+        hole_abs_rel=float(card.value("holes.error_1_abs_rel")),
+        failed_image_abs_rel=float(card.value("scoring.failed_image_abs_rel")),
+    )

@@ -1,0 +1,127 @@
+"""Disparity of a prediction at the truth's pixels: the same, scaled, or warped ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import ShapeError
+from legoworld.evaluation.depth.alignment import F64
+from legoworld.evaluation.depth.arrays import DepthArray, Index
+from legoworld.evaluation.depth.cameras import Camera, pinhole_from_distorted
+from legoworld.evaluation.depth.errors import DepthPredictionError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampled:
+    """A prediction at n truth pixels, all (n,).
+
+    disparity: 0 where not predicted. outside: not predicted because the pixel lies outside the
+    prediction's view.
+    """
+
+    disparity: F64
+    predicted: NDArray[np.bool_]
+    outside: NDArray[np.bool_]
+
+
+#: Truth pixels (rows, cols), each (n,), to what the prediction says there.
+Sample = Callable[[Index, Index], Sampled]
+
+#: A network's input sides are multiples of 14 or so: the aspect may be off by that much.
+_ASPECT_TOLERANCE: Final = 0.05
+#: Less than half the weight on predicted neighbours: the point is a hole.
+_MIN_WEIGHT: Final = 0.5
+#: Positions this far outside the picture are rounding of its edge.
+_EDGE_PX: Final = 1e-6
+
+
+def sampler(prediction: DepthArray, truth_wh: tuple[int, int], camera: Camera | None) -> Sample:
+    """How to read a prediction at the truth's pixels.
+
+    camera: None reads at the same place of the picture; otherwise the truth's pixels are the
+    distorted camera's, and the prediction is its pinhole's. DepthPredictionError when the
+    prediction is larger than the truth or of another aspect.
+    """
+    check_size(prediction.size_wh, truth_wh)
+    if camera is not None and camera.size_wh != truth_wh:
+        raise ShapeError(
+            "a camera of another size", found=str(camera.size_wh), expected=str(truth_wh)
+        )
+    if prediction.size_wh == truth_wh and camera is None:
+        return lambda rows, cols: _same_pixels(prediction, rows, cols)
+    scale_xy = np.array([p / t for p, t in zip(prediction.size_wh, truth_wh, strict=True)])
+
+    def sample(rows: Index, cols: Index) -> Sampled:
+        xy_px = np.stack([cols + 0.5, rows + 0.5], axis=1)
+        if camera is not None:
+            xy_px = pinhole_from_distorted(camera, xy_px)
+        return bilinear(prediction, xy_px * scale_xy)
+
+    return sample
+
+
+def bilinear(prediction: DepthArray, xy_px: F64) -> Sampled:
+    """Disparity at positions (n, 2), x and y from the top left corner; pixel centres are at .5.
+
+    Weights are those of bilinear interpolation (edge pixels continue outwards by half a pixel),
+    renormalised over the neighbours that hold a prediction. A point is a hole when they carry
+    less than half of the weight, or when it lies outside the picture.
+    """
+    width, height = prediction.size_wh
+    x, y = xy_px[:, 0], xy_px[:, 1]
+    inside = (x >= -_EDGE_PX) & (x <= width + _EDGE_PX)
+    inside &= (y >= -_EDGE_PX) & (y <= height + _EDGE_PX)
+    left, right_weight = _neighbours(np.where(inside, x, 0.0))
+    top, bottom_weight = _neighbours(np.where(inside, y, 0.0))
+    total = np.zeros(len(x))
+    weights = np.zeros(len(x))
+    for row_step, row_weight in ((0, 1.0 - bottom_weight), (1, bottom_weight)):
+        rows = np.clip(top + row_step, 0, height - 1)
+        for col_step, col_weight in ((0, 1.0 - right_weight), (1, right_weight)):
+            cols = np.clip(left + col_step, 0, width - 1)
+            disparity, predicted = prediction.disparity_at(rows, cols)
+            weight = row_weight * col_weight * predicted
+            total += weight * disparity
+            weights += weight
+    found = inside & (weights >= _MIN_WEIGHT)
+    values = np.zeros(len(x))
+    np.divide(total, weights, out=values, where=found)
+    return Sampled(disparity=values, predicted=found, outside=~inside)
+
+
+def _same_pixels(prediction: DepthArray, rows: Index, cols: Index) -> Sampled:
+    disparity, predicted = prediction.disparity_at(rows, cols)
+    return Sampled(disparity=disparity, predicted=predicted, outside=np.zeros_like(predicted))
+
+
+def check_size(prediction_wh: tuple[int, int], truth_wh: tuple[int, int]) -> None:
+    """DepthPredictionError unless a prediction is the truth's picture, as large or smaller."""
+    if prediction_wh == truth_wh:
+        return
+    width, height = prediction_wh
+    expected = truth_wh[1] * width / truth_wh[0]
+    same_aspect = abs(height - expected) <= max(1.0, _ASPECT_TOLERANCE * expected)
+    smaller = width <= truth_wh[0] and height <= truth_wh[1]
+    if same_aspect and smaller:
+        return
+    transposed = prediction_wh == truth_wh[::-1]
+    raise DepthPredictionError(
+        "the predicted depth is of another size",
+        found=f"{width}x{height}" + (", rotated by 90 degrees" if transposed else ""),
+        expected=f"{truth_wh[0]}x{truth_wh[1]}, or smaller with the same aspect",
+        next_step="a photo's EXIF rotation is never applied; resize to the truth's size"
+        if transposed
+        else "predict at the photo's size",
+    )
+
+
+def _neighbours(position_px: F64) -> tuple[Index, F64]:
+    """The index of the pixel centre at or before a position, and the next one's weight."""
+    shifted = position_px - 0.5
+    first = np.floor(shifted)
+    return first.astype(np.intp), shifted - first

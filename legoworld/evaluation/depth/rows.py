@@ -1,0 +1,145 @@
+"""One image of a depth evaluation as a row: its verdict, what it was scored on, its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from legoworld.evaluation.depth.cameras import Camera
+from legoworld.evaluation.depth.errors import (
+    DepthFileError,
+    DepthMissingError,
+    DepthPredictionError,
+)
+from legoworld.evaluation.depth.eth3d import scene_of
+from legoworld.evaluation.depth.metrics import Metrics
+from legoworld.evaluation.depth.predictions import DepthImage, load_prediction
+from legoworld.evaluation.depth.protocol import HOLE_POLICIES, DepthProtocol
+from legoworld.evaluation.depth.resampling import Sample, sampler
+from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
+from legoworld.evaluation.depth.truth import DepthTruth, TruthFile, load_truth
+from legoworld.evaluation.depth.view import small_view
+from legoworld.evaluation.folder import Row
+
+#: Statuses of images that have numbers; every other status has none.
+SCORED: Final = ("ok", "inverted", "degenerate")
+#: What a flagged fit may mean. A disparity labelled as depth can score well: only its sign tells.
+_FLAGS: Final = {
+    "inverted": "the prediction falls where the truth rises: is its space declared right?",
+    "degenerate": "the prediction is the same at every scored pixel",
+}
+#: Equal but for rounding is not worse.
+_ROUNDING: Final = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageResult:
+    """A per_image row, and the image's view (None where nothing was scored)."""
+
+    row: Row
+    view: Any
+
+
+def score_row(
+    image: DepthImage, file: TruthFile, camera: Camera | None, protocol: DepthProtocol
+) -> ImageResult:
+    """Score one image; both arrays are read here and let go of on return.
+
+    camera: the truth's distorted camera when predictions are pinhole views to be warped. What is
+    wrong with the prediction becomes the row's status and reason; what is wrong with the truth is
+    raised.
+    """
+    truth = load_truth(file)
+    row = _truth_row(image, file, truth)
+    if row["n_valid"] < protocol.min_valid_px:
+        reason = f"{row['n_valid']} valid truth pixels, {protocol.min_valid_px} are needed"
+        return ImageResult(row={**row, "status": "no_gt", "reason": reason}, view=None)
+    if image.image.status != "ok":
+        left = {"status": image.image.status, "reason": image.reason}
+        return ImageResult(row={**row, **left}, view=None)
+    try:
+        prediction = load_prediction(image)
+        sample = sampler(prediction, truth.size_wh, camera)
+    except (DepthMissingError, DepthPredictionError, DepthFileError) as error:
+        left = {"status": error.status, "code": error.code, "reason": str(error)}
+        return ImageResult(row={**row, **left}, view=None)
+    row |= {
+        "prediction_wh": list(prediction.size_wh),
+        "space": prediction.space,
+        "unit": prediction.unit,
+        "resampled": prediction.size_wh != truth.size_wh,
+        "warped": camera is not None,
+    }
+    score = score_image(truth.z_m, sample, protocol)
+    return _scored(row, truth, sample, score, protocol)
+
+
+def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> Row:
+    step = max(1, (1 << 20) // truth.size_wh[0])
+    starts = range(0, truth.size_wh[1], step)
+    n_valid = sum(int(valid_truth(truth.z_m[i : i + step]).sum()) for i in starts)
+    warnings = []
+    if file.size_from == "track":
+        warnings.append("no cameras.txt: the truth's size is the track's, held to its bytes")
+    if truth.nan_px or truth.non_positive_px:
+        warnings.append(
+            f"invalid truth left out: {truth.nan_px} NaN, {truth.non_positive_px} not positive"
+        )
+    return {
+        "image_id": image.image.id,
+        "file_name": image.image.file_name,
+        "group": scene_of(image.image.file_name) or image.image.file_name,
+        "status": "",
+        "code": None,
+        "reason": None,
+        "run_status": image.image.status,
+        "truth_wh": list(truth.size_wh),
+        "n_valid": n_valid,
+        "truth_inf_px": truth.inf_px,
+        "truth_nan_px": truth.nan_px,
+        "truth_non_positive_px": truth.non_positive_px,
+        "warnings": warnings,
+    }
+
+
+def _scored(
+    row: Row, truth: DepthTruth, sample: Sample, score: ImageScore, protocol: DepthProtocol
+) -> ImageResult:
+    counts = score.counts
+    row |= {
+        "n_predicted": counts.predicted,
+        "hole_share": 1.0 - counts.predicted / counts.truth,
+        "outside_view_share": counts.outside / counts.truth,
+    }
+    if score.fit is None or score.metrics is None or score.constant is None:
+        reason = (
+            f"{counts.predicted} of {counts.truth} valid truth pixels have a prediction,"
+            f" {protocol.min_valid_px} are needed"
+        )
+        left = {"status": "invalid", "code": "too_few_pixels", "reason": reason}
+        return ImageResult(row={**row, **left}, view=None)
+    worse = worse_than_constant(score.metrics, score.constant)
+    warnings = list(row["warnings"])
+    if score.fit.status in _FLAGS:
+        warnings.append(_FLAGS[score.fit.status])
+    if worse:
+        warnings.append(f"AbsRel is above that of a constant under {', '.join(worse)}")
+    row |= {
+        "status": score.fit.status,
+        "s": score.fit.scale,
+        "t": score.fit.shift,
+        "clamped_share": counts.clamped / counts.predicted,
+        "deepest_truth_z_m": score.deepest_z_m,
+        "metrics": score.metrics,
+        "constant": score.constant,
+        "worse_than_constant": worse,
+        "warnings": warnings,
+    }
+    view = small_view(truth.z_m, sample, score.fit, score.deepest_z_m)
+    return ImageResult(row=row, view={**view, "fit": asdict(score.fit)})
+
+
+def worse_than_constant(metrics: Metrics, constant: Metrics) -> list[str]:
+    """The hole policies under which AbsRel is above the zero-information constant's."""
+    ours, zero = metrics["abs_rel"], constant["abs_rel"]
+    return [p for p in HOLE_POLICIES if ours[p] > zero[p] * (1.0 + _ROUNDING) + _ROUNDING]

@@ -1,0 +1,203 @@
+"""The truth of every image of a run: found before anything is scored, read one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
+from legoworld.evaluation.depth.cameras import Camera
+from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
+from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
+from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.depth.pictures import (
+    SUFFIXES,
+    check_raw_float32,
+    read_raw_float32,
+    refuse_photo,
+)
+from legoworld.evaluation.depth.predictions import photo_stem
+from legoworld.evaluation.run import RunImage
+
+_BAND_ROWS: Final = 64
+_METRES: Final = {"m": 1.0, "mm": 1000.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TruthFile:
+    """One image's truth. size_wh, camera: of ETH3D's calibration, None for other folders."""
+
+    kind: Literal["eth3d_raw", "array"]
+    path: Path
+    declared: Declaration
+    size_wh: tuple[int, int] | None
+    size_from: Literal["cameras.txt", "track", "file"]
+    camera: Camera | None
+    calibration: Path | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthTruth:
+    """z_m: (H, W) float32 or float64 planar metres, valid where finite and positive."""
+
+    z_m: NDArray[Any]
+    inf_px: int
+    nan_px: int
+    non_positive_px: int
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """(width, height)."""
+        return int(self.z_m.shape[1]), int(self.z_m.shape[0])
+
+
+def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]:
+    """The truth of every image, in their order, sizes and first bytes checked.
+
+    ETH3D's tree (or Marigold's) is looked for first, then an array named like the photo.
+    DepthTruthError or DepthFileError: nothing is scored against a truth that has gaps.
+    """
+    declared = read_declaration(truth)
+    found: list[TruthFile] = []
+    absent: list[RunImage] = []
+    for image in images:
+        file = _eth3d(truth, image) or _array(truth, image, declared)
+        if file is None:
+            absent.append(image)
+        else:
+            found.append(file)
+    if absent:
+        raise DepthTruthError(
+            f"{truth.name or truth} lacks the depth of {len(absent)} of {len(images)} images",
+            found=f"nothing for {absent[0].file_name}",
+            expected="ETH3D's <scene>/ground_truth_depth/dslr_images/, or"
+            f" {photo_stem(absent[0].file_name)} with one of {' '.join(SUFFIXES)}",
+            next_step="point --truth at the dataset's folder, or use a track of what is there",
+        )
+    return tuple(found)
+
+
+def load_truth(file: TruthFile) -> DepthTruth:
+    """Read one truth as planar metres and count what is invalid in it."""
+    if file.kind == "eth3d_raw":
+        assert file.size_wh is not None
+        z_m: NDArray[Any] = read_raw_float32(file.path, file.size_wh)
+    else:
+        z_m = planar_metres(read_labelled(file.path, file.declared), file.declared, file.path.name)
+    counts = np.zeros(3, np.int64)
+    for start in range(0, len(z_m), _BAND_ROWS):
+        band = z_m[start : start + _BAND_ROWS]
+        counts += [np.count_nonzero(x) for x in (band == np.inf, np.isnan(band), band <= 0)]
+    inf_px, nan_px, non_positive_px = (int(n) for n in counts)
+    return DepthTruth(z_m=z_m, inf_px=inf_px, nan_px=nan_px, non_positive_px=non_positive_px)
+
+
+def planar_metres(array: DepthArray, declared: Declaration, source: str) -> NDArray[Any]:
+    """Truth of any declared space as planar z in metres; a truth needs a unit.
+
+    A disparity becomes z = focal * baseline / (d + doffs); where it is inf (Middlebury's
+    "unknown") or d + doffs is not positive, z is inf.
+    """
+    if array.space == "disparity":
+        return _from_disparity(array, declared, source)
+    if array.unit not in _METRES:
+        raise DepthTruthError(
+            f"{source} is a truth without a unit",
+            found=f"unit {array.unit!r}",
+            expected=" or ".join(_METRES),
+            next_step=f'declare it in {DECLARATION}: unit = "m"',
+        )
+    if array.space == "depth" and array.unit == "m":
+        return array.values
+    z_m = np.empty(array.values.shape, np.float64)
+    cols = np.arange(z_m.shape[1])[None, :]
+    for start in range(0, len(z_m), _BAND_ROWS):
+        band = array.values[start : start + _BAND_ROWS].astype(np.float64) / _METRES[array.unit]
+        if array.space == "ray_distance":
+            assert array.intrinsics_px is not None
+            rows = np.arange(start, start + len(band))[:, None]
+            band /= ray_lengths(array.intrinsics_px, rows, cols)
+        z_m[start : start + _BAND_ROWS] = band
+    return z_m
+
+
+def _from_disparity(array: DepthArray, declared: Declaration, source: str) -> NDArray[np.float64]:
+    focal, baseline, doffs = declared.focal_px, declared.baseline_m, declared.doffs_px
+    if focal is None or baseline is None or doffs is None or array.unit != "px":
+        raise DepthTruthError(
+            f"{source} is a disparity without the stereo pair's numbers",
+            found=f"unit {array.unit!r}, focal_px {focal}, baseline_m {baseline}, doffs_px {doffs}",
+            expected='unit = "px", focal_px, baseline_m and doffs_px (0 when there is none)',
+            next_step=f"declare them in {DECLARATION}",
+        )
+    z_m = np.full(array.values.shape, np.inf)
+    for start in range(0, len(z_m), _BAND_ROWS):
+        shifted = array.values[start : start + _BAND_ROWS].astype(np.float64) + doffs
+        band = z_m[start : start + _BAND_ROWS]
+        np.divide(focal * baseline, shifted, out=band, where=np.isfinite(shifted) & (shifted > 0))
+        band[np.isnan(shifted)] = np.nan
+    return z_m
+
+
+def _eth3d(truth: Path, image: RunImage) -> TruthFile | None:
+    files = find_files(truth, image.file_name)
+    if files is None:
+        return None
+    camera = photo_camera(files.calibration, files.name) if files.calibration else None
+    size_wh = camera.size_wh if camera else image.size_wh
+    if size_wh is None:
+        raise _unknown_size(files)
+    if image.size_wh is not None and size_wh != image.size_wh:
+        raise DepthTruthError(
+            f"the run's {image.file_name} is of another size than its camera",
+            found=f"{image.size_wh[0]}x{image.size_wh[1]} in the run",
+            expected=f"{size_wh[0]}x{size_wh[1]} in cameras.txt",
+            next_step="make the track from this dataset",
+        )
+    check_raw_float32(files.depth, size_wh)
+    return TruthFile(
+        kind="eth3d_raw",
+        path=files.depth,
+        declared=Declaration(),
+        size_wh=size_wh,
+        size_from="cameras.txt" if camera else "track",
+        camera=camera,
+        calibration=files.calibration,
+    )
+
+
+def _array(truth: Path, image: RunImage, declared: Declaration) -> TruthFile | None:
+    stem = truth / photo_stem(image.file_name)
+    found = [p for p in (stem.with_name(stem.name + s) for s in SUFFIXES) if p.is_file()]
+    if len(found) > 1:
+        raise DepthTruthError(
+            f"{image.file_name} has more than one truth",
+            found=", ".join(p.name for p in found),
+            expected="one depth file",
+        )
+    if not found:
+        return None
+    refuse_photo(found[0])
+    return TruthFile(
+        kind="array",
+        path=found[0],
+        declared=declared,
+        size_wh=None,
+        size_from="file",
+        camera=None,
+        calibration=None,
+    )
+
+
+def _unknown_size(files: Eth3dFiles) -> DepthTruthError:
+    return DepthTruthError(
+        f"the size of {files.scene}/{files.name} is not known",
+        found="no dslr_calibration_jpg/cameras.txt, and the run has no image size",
+        expected="cameras.txt of the scene, or a track with sizes",
+    )

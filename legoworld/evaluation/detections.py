@@ -1,0 +1,238 @@
+"""`legoworld evaluate` for boxes and masks: a run and a truth to an evaluation folder."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.evaluation import lvis_package, matches_file
+from legoworld.evaluation.accumulation import truths_per_category
+from legoworld.evaluation.evaluators import EvaluatorKind
+from legoworld.evaluation.folder import (
+    Evaluation,
+    InputFile,
+    input_file,
+    prepare_folder,
+    write_evaluation,
+)
+from legoworld.evaluation.matched_metrics import matched_document
+from legoworld.evaluation.matching import FALSE_POSITIVE
+from legoworld.evaluation.predictions import (
+    Predictions,
+    check_predictions,
+    with_equal_confidence,
+)
+from legoworld.evaluation.protocols import DetectionProtocol, detection_protocol
+from legoworld.evaluation.rows import per_category_rows, per_image_rows, views
+from legoworld.evaluation.run import Run, read_predictions, read_run
+from legoworld.evaluation.scoring import (
+    Notice,
+    Score,
+    ScoreRequest,
+    frequencies_of,
+    named_metrics,
+    score,
+)
+from legoworld.evaluation.truth import Truth, read_truth
+from legoworld.running.run_folder import PREDICTIONS, ROWS, RUN
+
+
+def evaluate_detections(
+    run_folder: Path,
+    truth_path: Path,
+    output: Path,
+    *,
+    evaluator: EvaluatorKind | None,
+    draws: int,
+    seed: int,
+    overwrite: bool,
+    notice: Notice,
+) -> Evaluation:
+    """Score a coco or lvis run and write the evaluation folder.
+
+    evaluator: None for the official one where it is installed, else the fast one. Every
+    LegoWorldError is raised before anything is written.
+    """
+    run = read_run(run_folder)
+    protocol = detection_protocol(run.task)
+    kind = evaluator or default_evaluator(protocol, notice)
+    truth = read_truth(truth_path, run, protocol)
+    inputs = _inputs(run, truth_path)
+    configuration = {
+        "task": run.task,
+        "evaluator": kind,
+        "draws": draws,
+        "seed": seed,
+        "card_sha256": protocol.card.sha256,
+    }
+    prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
+    predictions = check_predictions(read_predictions(run), run=run, truth=truth, protocol=protocol)
+    request = ScoreRequest(truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed)
+    own = score(request, predictions, notice)
+    equal = None
+    if not predictions.equally_confident:
+        notice("the same predictions under equal confidence")
+        equal = score(request, _kept_equal(predictions, own), notice)
+    evaluation = Evaluation(
+        summary=_summary(run, request, predictions, own, equal),
+        configuration=configuration,
+        inputs=inputs,
+        per_image=per_image_rows(run, predictions, own),
+        per_category=per_category_rows(truth, own),
+        matches=matches_file.arrays_of(own, equal),
+        view=views(truth, predictions, own),
+        evidence=_evidence(run, protocol, predictions, own, equal),
+    )
+    write_evaluation(output, evaluation, overwrite=overwrite)
+    return evaluation
+
+
+def default_evaluator(protocol: DetectionProtocol, notice: Notice) -> EvaluatorKind:
+    """The official evaluator; hotcoco, with a word about it, where lvis is not installed."""
+    if protocol.federated and not lvis_package.installed():
+        notice(
+            "the official LVIS evaluator is not installed: scoring with hotcoco, whose numbers "
+            f"agree to 1e-12; for the official one: {lvis_package.HOW_TO_INSTALL}"
+        )
+        return "fast"
+    return "official"
+
+
+def _inputs(run: Run, truth_path: Path) -> list[InputFile]:
+    return [
+        input_file("truth", truth_path),
+        *(
+            input_file(role, run.folder / name)
+            for role, name in (("run", RUN), ("per_image", ROWS), ("predictions", PREDICTIONS))
+        ),
+    ]
+
+
+def _kept_equal(predictions: Predictions, own: Score) -> Predictions:
+    """What the cap kept by the predictions' own scores, none ranked above another."""
+    kept = sorted(own.problem.detections.entry.tolist())
+    return with_equal_confidence(
+        replace(predictions, entries=tuple(predictions.entries[k] for k in kept))
+    )
+
+
+def _summary(
+    run: Run,
+    request: ScoreRequest,
+    predictions: Predictions,
+    own: Score,
+    equal: Score | None,
+) -> dict[str, Any]:
+    truth, protocol = request.truth, request.protocol
+    policy = equal or own
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "task": protocol.task,
+        "kind": run.configuration.get("kind"),
+        "partial": run.partial,
+        "dataset_version": truth.version,
+        "evaluator": {"name": own.scores.name, "version": own.scores.version},
+        "iou_type": protocol.iou_type,
+        "coverage": _coverage(run, own),
+        "metrics": named_metrics(protocol, own.scores.official),
+        "official": list(own.scores.official),
+        "ties": own.ties.document(),
+        "equal_confidence": {
+            "already_equal": equal is None,
+            "metrics": named_metrics(protocol, policy.scores.official),
+            "official": list(policy.scores.official),
+            "ties": policy.ties.document(),
+        },
+        "matched": {
+            "class_aware": matched_document(own.aware, class_aware=True),
+            "class_agnostic": matched_document(own.agnostic, class_aware=False),
+        },
+        "intervals": own.intervals,
+        "counts": _counts(truth, protocol, predictions, own),
+        "warnings": [*truth.warnings, *predictions.warnings],
+    }
+
+
+def _coverage(run: Run, own: Score) -> dict[str, Any]:
+    """Every denominator: images attempted, scored, with truth, and both."""
+    n_truth = own.aware.per_image[:, 0]
+    scored = np.array([i.status == "ok" for i in run.images])
+    with_predictions = set(own.problem.image_ids[own.problem.detections.image].tolist())
+    return {
+        "attempted": len(run.images),
+        "scored": int(scored.sum()),
+        "with_truth": int((n_truth > 0).sum()),
+        "scored_with_truth": int((scored & (n_truth > 0)).sum()),
+        "scored_without_predictions": sum(
+            i.status == "ok" and i.id not in with_predictions for i in run.images
+        ),
+        "by_status": dict(sorted(Counter(i.status for i in run.images).items())),
+    }
+
+
+def _counts(
+    truth: Truth, protocol: DetectionProtocol, predictions: Predictions, own: Score
+) -> dict[str, Any]:
+    table, problem = own.table, own.problem
+    n_truths = truths_per_category(table)[0]
+    false = table.state[0, 0] == FALSE_POSITIVE
+    found: dict[str, Any] = {
+        "categories": len(table.category_ids),
+        "categories_with_truth": int((n_truths > 0).sum()),
+        "truth_instances": int(n_truths.sum()),
+        "truth_ignored": int(problem.truths.ignored.sum()),
+        "predictions": len(predictions.entries),
+        "empty_masks_dropped": predictions.n_dropped_empty,
+        "lost_to_cap": problem.n_over_cap,
+        "unverified_dropped": problem.n_unverified,
+        "false_positives_in_absent_categories": int(
+            (false & (n_truths[table.category] == 0)).sum()
+        ),
+    }
+    if protocol.federated:
+        frequencies = frequencies_of(truth)
+        found["frequency_groups"] = {
+            letter: {
+                "categories": int((frequencies == letter).sum()),
+                "categories_with_truth": int(((frequencies == letter) & (n_truths > 0)).sum()),
+                "truth_instances": int(n_truths[frequencies == letter].sum()),
+            }
+            for letter in "rcf"
+        }
+    return found
+
+
+def _evidence(
+    run: Run,
+    protocol: DetectionProtocol,
+    predictions: Predictions,
+    own: Score,
+    equal: Score | None,
+) -> dict[str, Any]:
+    """What evidence.json adds: the raw numbers and the exports they belong to."""
+    exported = with_equal_confidence(predictions)
+    return {
+        "run": {
+            key: run.configuration.get(key)
+            for key in ("kind", "source", "track_sha256", "images_sha256", "vocabulary_sha256")
+        },
+        "protocol": {
+            "task": protocol.task,
+            "card_version": protocol.card.version,
+            "card_sha256": protocol.card.sha256,
+        },
+        "raw": {
+            "official": list(own.scores.official),
+            "lines": list(own.scores.lines),
+            "canonical_predictions_sha256": predictions.sha256,
+        },
+        "equal_confidence": {
+            "predictions_sha256": exported.sha256,
+            "official": list((equal or own).scores.official),
+        },
+    }

@@ -1,0 +1,134 @@
+"""The evaluators: pycocotools and lvis unchanged, or hotcoco, all answering in one form."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any, Literal
+
+import numpy as np
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation import lvis_package
+from legoworld.evaluation.predictions import Predictions
+from legoworld.evaluation.problem import Floats
+from legoworld.evaluation.protocols import DetectionProtocol, IouType
+from legoworld.evaluation.truth import Truth
+
+EvaluatorKind = Literal["official", "fast"]
+
+
+class EvaluatorDisagreesError(LegoWorldError):
+    """An evaluator's numbers are not those that follow from the matches on record."""
+
+    code = "evaluator_disagrees"
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfficialScores:
+    """What an evaluator says.
+
+    official: its 12 or 13 numbers in its order, -1 where undefined; lines: its own wording;
+    precision: (T, R, K, A), at the protocol's own cap, -1 where a category has no truth.
+    """
+
+    name: str
+    version: str
+    official: tuple[float, ...]
+    lines: tuple[str, ...]
+    precision: Floats
+
+
+def run_evaluator(
+    truth: Truth, predictions: Predictions, protocol: DetectionProtocol, kind: EvaluatorKind
+) -> OfficialScores:
+    """Score predictions over the truth's images, which are the track's."""
+    if kind == "fast":
+        return _hotcoco(truth, predictions, protocol)
+    if protocol.federated:
+        return _lvis(truth, predictions)
+    return _pycocotools(truth, predictions, protocol.iou_type)
+
+
+def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> OfficialScores:
+    from pycocotools.coco import COCO
+    from pycocotools.cocoeval import COCOeval
+
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        true = COCO()
+        true.dataset = truth.document()
+        true.createIndex()
+        if predictions.entries:
+            found = true.loadRes(predictions.results())
+        else:  # loadRes cannot read an empty list
+            found = COCO()
+            found.dataset = {**truth.document(), "annotations": []}
+            found.createIndex()
+        evaluation = COCOeval(true, found, iou_type)
+        evaluation.params.imgIds = [i["id"] for i in truth.images]
+        evaluation.evaluate()
+        evaluation.accumulate()
+        printed.seek(0)
+        printed.truncate()
+        evaluation.summarize()
+    return OfficialScores(
+        name="pycocotools",
+        version=metadata.version("pycocotools"),
+        official=tuple(float(x) for x in evaluation.stats),
+        lines=_printed_lines(printed.getvalue()),
+        precision=np.asarray(evaluation.eval["precision"])[..., -1],
+    )
+
+
+def _lvis(truth: Truth, predictions: Predictions) -> OfficialScores:
+    package = lvis_package.load()
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), lvis_package.quiet():
+        true = lvis_package.dataset(package, truth.document())
+        found = lvis_package.results(package, true, predictions.results())
+        evaluation = package.LVISEval(true, found, "segm")
+        evaluation.params.img_ids = [i["id"] for i in truth.images]
+        evaluation.run()
+        evaluation.print_results()
+    return OfficialScores(
+        name="lvis",
+        version=metadata.version("lvis"),
+        official=tuple(float(x) for x in evaluation.get_results().values()),
+        lines=_printed_lines(printed.getvalue()),
+        precision=np.asarray(evaluation.eval["precision"]),
+    )
+
+
+def _hotcoco(truth: Truth, predictions: Predictions, protocol: DetectionProtocol) -> OfficialScores:
+    import hotcoco
+
+    true = hotcoco.COCO(truth.document())
+    results = predictions.results()
+    if not results:
+        found = hotcoco.COCO({**truth.document(), "annotations": []})
+    elif protocol.federated:
+        found = hotcoco.LVISResults(true, results, max_dets=protocol.per_image_cap)
+    else:
+        found = true.load_res(results)
+    evaluation: Any = hotcoco.COCOeval(
+        true, found, protocol.iou_type, lvis_style=protocol.federated
+    )
+    evaluation.params.img_ids = [i["id"] for i in truth.images]
+    evaluation.evaluate()
+    evaluation.accumulate()
+    with contextlib.redirect_stdout(io.StringIO()):
+        evaluation.summarize()
+    return OfficialScores(
+        name="hotcoco",
+        version=metadata.version("hotcoco"),
+        official=tuple(float(x) for x in evaluation.stats),
+        lines=tuple(evaluation.summary_lines()),
+        precision=np.asarray(evaluation.eval["precision"])[..., -1],
+    )
+
+
+def _printed_lines(text: str) -> tuple[str, ...]:
+    return tuple(line for line in text.splitlines() if line.strip())

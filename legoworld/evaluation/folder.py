@@ -1,0 +1,238 @@
+"""The evaluation folder: every task writes one through here. Private: it may hold truth."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld import __version__
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.errors import ConfigurationMismatchError, LegoWorldError
+from legoworld.files import (
+    TEMPORARY_SUFFIX,
+    atomic_path,
+    canonical_json,
+    readable_json,
+    sha256_of_file,
+    write_text,
+)
+
+SUMMARY: Final = "summary.json"
+PER_IMAGE: Final = "per_image.jsonl"
+PER_CATEGORY: Final = "per_category.jsonl"
+MATCHES: Final = "matches.npz"
+EVIDENCE: Final = "evidence.json"
+VIEW: Final = "view"
+
+#: Packages a score can depend on; those that are installed are named in evidence.json.
+_PACKAGES: Final = ("numpy", "scipy", "pycocotools", "lvis", "hotcoco", "OpenEXR")
+
+Row = dict[str, Any]
+
+
+class EvaluationFolderError(LegoWorldError):
+    """An evaluation folder is not what it should be."""
+
+    code = "evaluation_folder"
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputFile:
+    """A file a score was computed from. role: truth, run, predictions, ... ."""
+
+    role: str
+    path: Path
+    sha256: str
+    size_bytes: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """Everything an evaluation folder holds; JSON values only, NaN and inf as None.
+
+    configuration: what the result depends on besides the inputs' bytes; with the inputs it
+    decides whether a folder holds this same evaluation. per_image: ascending image_id, one row
+    for every image of the track. matches: arrays of matches.npz. view: file name in view/ to
+    JSON value. evidence: what the task adds to evidence.json, such as the raw evaluator metrics.
+    """
+
+    summary: dict[str, Any]
+    configuration: dict[str, Any]
+    inputs: Sequence[InputFile]
+    per_image: Sequence[Row]
+    per_category: Sequence[Row] = ()
+    matches: Mapping[str, NDArray[Any]] | None = None
+    view: Mapping[str, Any] = field(default_factory=dict)
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+
+def input_file(role: str, path: Path) -> InputFile:
+    """Hash an input file."""
+    return InputFile(
+        role=role, path=path, sha256=sha256_of_file(path), size_bytes=path.stat().st_size
+    )
+
+
+def prepare_folder(
+    folder: Path,
+    *,
+    configuration: Mapping[str, Any],
+    inputs: Sequence[InputFile],
+    overwrite: bool,
+) -> None:
+    """Refuse early what `write_evaluation` would refuse; make the folder otherwise.
+
+    The same evaluation is written again over itself. ConfigurationMismatchError names what differs
+    from an earlier one; with `overwrite` that one is replaced. A folder with other files in it is
+    never touched.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    strangers = sorted(p.name for p in folder.iterdir() if not _is_ours(p.name))
+    if strangers:
+        raise ConfigurationMismatchError(
+            "the output folder holds something that is not an evaluation",
+            found=", ".join(strangers[:5]),
+            expected="an empty folder or an earlier evaluation",
+            next_step="choose another -o",
+        )
+    evidence = folder / EVIDENCE
+    if not evidence.is_file() or overwrite:
+        return
+    earlier = json.loads(evidence.read_text(encoding="utf-8"))
+    before = {**earlier["configuration"], **_inputs_by_role(earlier["inputs"])}
+    now = {**json.loads(canonical_json(configuration)), **_inputs_by_role(_entries(inputs, folder))}
+    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
+    if changed:
+        raise ConfigurationMismatchError(
+            "the output folder holds another evaluation",
+            found="; ".join(
+                f"{k}: {_short(before.get(k))} -> {_short(now.get(k))}" for k in changed
+            ),
+            expected="the same run, truth and options",
+            next_step="choose another -o, or pass --overwrite",
+        )
+
+
+def write_evaluation(folder: Path, evaluation: Evaluation, *, overwrite: bool) -> None:
+    """Write every file of an evaluation, each whole or not at all, evidence.json last."""
+    prepare_folder(
+        folder,
+        configuration=evaluation.configuration,
+        inputs=evaluation.inputs,
+        overwrite=overwrite,
+    )
+    _delete_earlier(folder)
+    write_text(folder / PER_IMAGE, _lines(evaluation.per_image))
+    if evaluation.per_category:
+        write_text(folder / PER_CATEGORY, _lines(evaluation.per_category))
+    if evaluation.matches is not None:
+        with atomic_path(folder / MATCHES) as temporary, temporary.open("wb") as stream:
+            np.savez_compressed(stream, **dict(evaluation.matches))
+    for name, value in sorted(evaluation.view.items()):
+        write_text(folder / VIEW / name, canonical_json(value) + "\n")
+    write_text(folder / SUMMARY, readable_json(evaluation.summary))
+    write_text(folder / EVIDENCE, readable_json(_evidence(folder, evaluation)))
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """summary.json. EvaluationFolderError when the folder is no finished evaluation."""
+    if not (folder / EVIDENCE).is_file() or not (folder / SUMMARY).is_file():
+        raise EvaluationFolderError(
+            f"{folder.name or folder} is no finished evaluation",
+            found=f"no {SUMMARY} with {EVIDENCE}",
+            expected="a folder that `legoworld evaluate` wrote",
+        )
+    summary: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    return summary
+
+
+def read_rows(path: Path) -> list[Row]:
+    """The rows of per_image.jsonl or per_category.jsonl."""
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def number(value: float) -> float | None:
+    """A metric as JSON holds it: None for NaN and inf."""
+    return float(value) if np.isfinite(value) else None
+
+
+def installed_versions() -> dict[str, str]:
+    """Versions of everything a score can depend on; packages that are absent are left out."""
+    versions = {"legoworld": __version__, "python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def _evidence(folder: Path, evaluation: Evaluation) -> dict[str, Any]:
+    written = sorted(p for p in folder.rglob("*") if p.is_file())
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "evaluation",
+        "task": evaluation.summary["task"],
+        "evaluator": evaluation.summary["evaluator"],
+        "coverage": evaluation.summary["coverage"],
+        "configuration": dict(evaluation.configuration),
+        "versions": installed_versions(),
+        "inputs": _entries(evaluation.inputs, folder),
+        "files": {p.relative_to(folder).as_posix(): sha256_of_file(p) for p in written},
+        **evaluation.evidence,
+    }
+
+
+def _entries(inputs: Sequence[InputFile], folder: Path) -> list[Row]:
+    """Inputs as evidence.json lists them: paths relative to the evaluation folder."""
+    return [
+        {
+            "role": i.role,
+            "path": Path(os.path.relpath(i.path.resolve(), folder.resolve())).as_posix(),
+            "sha256": i.sha256,
+            "bytes": i.size_bytes,
+        }
+        for i in inputs
+    ]
+
+
+def _inputs_by_role(entries: Sequence[Row]) -> dict[str, Any]:
+    """Hashes by role: the same bytes are the same input wherever they lie."""
+    found: dict[str, list[str]] = {}
+    for entry in entries:
+        found.setdefault(f"input {entry['role']}", []).append(entry["sha256"])
+    return dict(found)
+
+
+def _is_ours(name: str) -> bool:
+    known = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, EVIDENCE, VIEW)
+    return name in known or (name.startswith(".") and name.endswith(TEMPORARY_SUFFIX))
+
+
+def _delete_earlier(folder: Path) -> None:
+    """Remove an earlier evaluation, evidence.json first: half of one is never taken for whole."""
+    for name in (EVIDENCE, SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES):
+        (folder / name).unlink(missing_ok=True)
+    for leftover in folder.glob(f".*{TEMPORARY_SUFFIX}"):
+        leftover.unlink()
+    view = folder / VIEW
+    for path in sorted(view.rglob("*"), reverse=True) if view.is_dir() else ():
+        path.rmdir() if path.is_dir() else path.unlink()
+
+
+def _lines(rows: Sequence[Row]) -> str:
+    return "".join(canonical_json(row) + "\n" for row in rows)
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,108 @@
+"""The published lvis package on today's numpy, without what its import drags in.
+
+lvis 0.5.3 says np.float (gone since numpy 1.24), imports cv2 and matplotlib for drawing, and calls
+logging.basicConfig on the root logger. None of its code is copied or changed: its drawing module
+is replaced while it is imported, and its evaluation module is given a numpy that has `float`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import logging
+import sys
+import types
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from legoworld.errors import LegoWorldError
+
+HOW_TO_INSTALL = "pip install --no-deps lvis==0.5.3"
+
+
+class LvisMissingError(LegoWorldError):
+    """The official LVIS evaluator is not installed."""
+
+    code = "lvis_missing"
+
+
+def installed() -> bool:
+    """Whether the official LVIS evaluator is here."""
+    return importlib.util.find_spec("lvis") is not None
+
+
+def load() -> Any:
+    """The lvis package, ready to score. LvisMissingError when it is not installed."""
+    if not installed():
+        raise LvisMissingError(
+            "the official LVIS evaluator is not installed",
+            found="no package lvis",
+            expected="lvis 0.5.3",
+            next_step=f"{HOW_TO_INSTALL}, or score with --evaluator fast",
+        )
+    package = sys.modules.get("lvis") or _import()
+    evaluation = importlib.import_module("lvis.eval")
+    if not isinstance(evaluation.np, _NumpyWithFloat):
+        evaluation.np = _NumpyWithFloat()  # type: ignore[attr-defined]
+    return package
+
+
+def dataset(package: Any, document: dict[str, Any]) -> Any:
+    """An lvis.LVIS of a document, which its own constructor only takes as a path."""
+    made = package.LVIS.__new__(package.LVIS)
+    return _filled(made, document)
+
+
+def results(package: Any, truth: Any, entries: list[dict[str, Any]]) -> Any:
+    """An lvis.LVISResults; also of an empty list, which its own constructor cannot read."""
+    if entries:
+        return package.LVISResults(truth, entries)
+    made = package.LVISResults.__new__(package.LVISResults)
+    return _filled(made, {**truth.dataset, "annotations": []})
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without lvis's remarks: they are about things that were checked before."""
+    logger = logging.getLogger("lvis")
+    before = logger.disabled, logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # logger.warn
+            yield
+    finally:
+        logger.disabled, logger.level = before
+
+
+class _NumpyWithFloat:
+    """numpy with the name `float`, which lvis.eval uses for Python's own."""
+
+    float = float
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(np, name)
+
+
+def _filled(made: Any, document: dict[str, Any]) -> Any:
+    made.logger = logging.getLogger("lvis.lvis")
+    made.dataset = document
+    made._create_index()
+    return made
+
+
+def _import() -> Any:
+    """Import lvis with a stand-in for its drawing module and without its logging set-up."""
+    stub = types.ModuleType("lvis.vis")
+    stub.LVISVis = type("LVISVis", (), {})  # type: ignore[attr-defined]
+    set_up, logging.basicConfig = logging.basicConfig, lambda **_: None
+    sys.modules["lvis.vis"] = stub
+    try:
+        return importlib.import_module("lvis")
+    finally:
+        logging.basicConfig = set_up
+        del sys.modules["lvis.vis"]

@@ -1,0 +1,144 @@
+"""The score-free numbers that follow from pairs: per image, over all images, over samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from legoworld.evaluation.folder import number
+from legoworld.evaluation.pairing import HIT, Pairs
+from legoworld.evaluation.problem import Floats, Ints, Problem
+
+#: Columns of MatchedCounts.per_image. quality: pairs above HIT, panoptic quality's own rule.
+_COLUMNS: Final = (
+    "n_gt",
+    "n_dt",
+    "iou_sum",
+    "n_matched",
+    "n_hits",
+    "n_quality",
+    "quality_sum",
+    "n_hits_right_label",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchedCounts:
+    """Sums that every score-free number is made of.
+
+    per_image: (images, columns) as named by `_COLUMNS`. For the macro mean, per truth cell
+    (image and category that have truth): cell_image, cell_category, cell_n_gt, cell_iou_sum.
+    """
+
+    per_image: Floats
+    cell_image: Ints
+    cell_category: Ints
+    cell_n_gt: Floats
+    cell_iou_sum: Floats
+
+
+def matched_counts(problem: Problem, pairs: Pairs) -> MatchedCounts:
+    """Sums of one run's pairs."""
+    detections, truths = problem.detections, problem.truths
+    n_images, n_categories = len(problem.image_ids), len(problem.category_ids)
+    image = detections.image[pairs.detection]
+    hit, quality = pairs.iou >= HIT, pairs.iou > HIT
+    right = detections.category[pairs.detection] == truths.category[pairs.truth]
+    scored = ~truths.ignored
+
+    def per_image(which: Ints, weights: Floats | None = None) -> Floats:
+        return np.bincount(which, weights, minlength=n_images).astype(np.float64)
+
+    columns = {
+        "n_gt": per_image(truths.image[scored]),
+        "n_dt": per_image(detections.image[pairs.counted]),
+        "iou_sum": per_image(image, pairs.iou),
+        "n_matched": per_image(image),
+        "n_hits": per_image(image[hit]),
+        "n_quality": per_image(image[quality]),
+        "quality_sum": per_image(image[quality], pairs.iou[quality]),
+        "n_hits_right_label": per_image(image[hit & right]),
+    }
+    cells, cell = np.unique(
+        truths.image[scored] * n_categories + truths.category[scored], return_inverse=True
+    )
+    position = np.full(len(truths.image), -1)
+    position[scored] = cell
+    return MatchedCounts(
+        per_image=np.stack([columns[c] for c in _COLUMNS], axis=1),
+        cell_image=cells // n_categories,
+        cell_category=cells % n_categories,
+        cell_n_gt=np.bincount(cell, minlength=len(cells)).astype(np.float64),
+        cell_iou_sum=np.bincount(position[pairs.truth], pairs.iou, len(cells)).astype(np.float64),
+    )
+
+
+def matched_metrics(counts: MatchedCounts, samples: NDArray[np.int32]) -> dict[str, Floats]:
+    """Every score-free number of every sample of images: (n,), NaN where undefined.
+
+    samples: (n, images) how often each image is in each; one row of ones is the run itself.
+    """
+    sums = dict(zip(_COLUMNS, (samples.astype(np.float64) @ counts.per_image).T, strict=True))
+    n_gt, n_dt, hits = sums["n_gt"], sums["n_dt"], sums["n_hits"]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sq = sums["quality_sum"] / sums["n_quality"]
+        rq = 2 * sums["n_quality"] / (n_gt + n_dt)
+        return {
+            "miou_gt_micro": sums["iou_sum"] / n_gt,
+            "miou_gt_macro": _macro(counts, samples),
+            "miou_matched": sums["iou_sum"] / sums["n_matched"],
+            "n_matched": sums["n_matched"],
+            "precision_50": hits / n_dt,
+            "recall_50": hits / n_gt,
+            "f1_50": 2 * hits / (n_gt + n_dt),
+            "sq": sq,
+            "rq": rq,
+            "pq": 2 * sums["quality_sum"] / (n_gt + n_dt),
+            "n_gt": n_gt,
+            "n_dt": n_dt,
+            "n_hits_50": hits,
+            "label_accuracy": sums["n_hits_right_label"] / hits,
+        }
+
+
+def matched_document(counts: MatchedCounts, *, class_aware: bool) -> dict[str, Any]:
+    """The run's own numbers as summary.json holds them: counts as integers, NaN as None."""
+    found = matched_metrics(counts, np.ones((1, len(counts.per_image)), np.int32))
+    if class_aware:
+        del found["label_accuracy"]  # right by construction
+    return {
+        name: int(value[0]) if name.startswith("n_") else number(value[0])
+        for name, value in found.items()
+    }
+
+
+def image_rows(counts: MatchedCounts) -> list[dict[str, float]]:
+    """The sums of each image, as per_image.jsonl holds them."""
+    return [
+        {
+            name: float(value) if name.endswith("_sum") else int(value)
+            for name, value in zip(_COLUMNS, row, strict=True)
+        }
+        for row in counts.per_image
+    ]
+
+
+def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:
+    """Mean over categories with truth of their summed IoU over their number of truths."""
+    categories, column = np.unique(counts.cell_category, return_inverse=True)
+    shape = len(categories), samples.shape[1]
+
+    def per_category(values: Floats) -> Floats:
+        matrix = sparse.csr_matrix((values, (column, counts.cell_image)), shape=shape)
+        return np.asarray(matrix @ samples.T.astype(np.float64))
+
+    n_gt, iou = per_category(counts.cell_n_gt), per_category(counts.cell_iou_sum)
+    present = n_gt > 0
+    means = np.where(present, iou / np.where(present, n_gt, 1), 0.0)
+    with np.errstate(invalid="ignore"):
+        result: Floats = means.sum(axis=0) / present.sum(axis=0)
+    return result

@@ -1,0 +1,65 @@
+"""matches.npz: what comparison, intervals and evidence need, so that nobody matches again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.matched_metrics import MatchedCounts
+from legoworld.evaluation.matching import MatchTable
+from legoworld.evaluation.protocols import AREA_RANGES, IOU_THRESHOLDS
+from legoworld.evaluation.scoring import Score
+
+Arrays = Mapping[str, NDArray[Any]]
+
+#: Policies: the predictions' own scores, and all scores equal. The second is stored only where it
+#: differs from the first.
+OWN, EQUAL = "", "equal_"
+
+_COUNTS: Final = ("per_image", "cell_image", "cell_category", "cell_n_gt", "cell_iou_sum")
+_TABLE: Final = (
+    "image",
+    "category",
+    "score",
+    "rank",
+    "entry",
+    "state",
+    "truth_image",
+    "truth_category",
+    "n_truths",
+)
+
+
+def arrays_of(score: Score, equal: Score | None) -> dict[str, NDArray[Any]]:
+    """Everything matches.npz holds. Positions point into image_ids and category_ids."""
+    found: dict[str, NDArray[Any]] = {
+        "image_ids": score.table.image_ids,
+        "category_ids": score.table.category_ids,
+        "iou_thresholds": IOU_THRESHOLDS,
+        "area_ranges_px": np.array(AREA_RANGES),
+    }
+    for prefix, one in ((OWN, score), (EQUAL, equal)):
+        if one is not None:
+            found |= {prefix + name: getattr(one.table, name) for name in _TABLE}
+    for prefix, counts in (("aware_", score.aware), ("agnostic_", score.agnostic)):
+        found |= {prefix + name: getattr(counts, name) for name in _COUNTS}
+    return found
+
+
+def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
+    """The match table of a policy; the equal one is the own one where that was equal already."""
+    prefix = policy if policy + "state" in arrays else OWN
+    return MatchTable(
+        image_ids=arrays["image_ids"],
+        category_ids=arrays["category_ids"],
+        **{name: arrays[prefix + name] for name in _TABLE},
+    )
+
+
+def counts_from(arrays: Arrays, *, class_aware: bool) -> MatchedCounts:
+    """The sums of the score-free numbers."""
+    prefix = "aware_" if class_aware else "agnostic_"
+    return MatchedCounts(**{name: arrays[prefix + name] for name in _COUNTS})

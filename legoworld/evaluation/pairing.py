@@ -1,0 +1,88 @@
+"""Matched IoU, free of scores: one-to-one pairs that maximise total overlap (Kuhn, Hungarian).
+
+docs/protocols/coco.md and lvis.md define the numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from legoworld.evaluation.matching import ImageOverlaps
+from legoworld.evaluation.problem import Bools, Floats, Ints, Problem
+
+#: A pair at least this good is a true positive of precision and recall.
+HIT: Final = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pairs:
+    """Pairs of a whole run and what they are counted against.
+
+    detection, truth: (P,) positions in the problem's columns; iou: (P,), all above 0; counted:
+    (D,) detections that are answered for: paired at HIT or better, or not forgiven by the
+    official rules (in a crowd, category unverified or not exhaustively annotated).
+    """
+
+    detection: Ints
+    truth: Ints
+    iou: Floats
+    counted: Bools
+
+
+class Pairer:
+    """Collects the pairs of all images; within categories, or across them."""
+
+    def __init__(self, problem: Problem, *, class_aware: bool) -> None:
+        self._problem = problem
+        self._class_aware = class_aware
+        self._detections: list[Ints] = []
+        self._truths: list[Ints] = []
+        self._ious: list[Floats] = []
+        self._forgiven = ~problem.detections.exhaustive | ~problem.detections.verified
+
+    def add(self, found: ImageOverlaps) -> None:
+        """Pair one image's detections and truths."""
+        detections, truths = self._problem.detections, self._problem.truths
+        categories = detections.category[found.detections]
+        true_categories = truths.category[found.truths]
+        if not self._class_aware:
+            self._pair(found, np.arange(len(categories)), np.arange(len(true_categories)))
+            return
+        verified = detections.verified[found.detections]
+        for category in np.intersect1d(categories[verified], true_categories):
+            rows = np.flatnonzero(categories == category)
+            self._pair(found, rows, np.flatnonzero(true_categories == category))
+
+    def result(self) -> Pairs:
+        """Everything added so far."""
+        detection = np.concatenate([*self._detections, np.empty(0, np.int64)])
+        iou = np.concatenate([*self._ious, np.empty(0)])
+        counted = ~self._forgiven
+        counted[detection[iou >= HIT]] = True
+        return Pairs(
+            detection=detection,
+            truth=np.concatenate([*self._truths, np.empty(0, np.int64)]),
+            iou=iou,
+            counted=counted,
+        )
+
+    def _pair(self, found: ImageOverlaps, rows: Ints, columns: Ints) -> None:
+        ignored = self._problem.truths.ignored[found.truths][columns]
+        iou = found.iou[np.ix_(rows, columns)]
+        chosen, true = best_pairs(iou[:, ~ignored])
+        self._detections.append(found.detections.start + rows[chosen])
+        self._truths.append(found.truths.start + columns[~ignored][true])
+        self._ious.append(iou[:, ~ignored][chosen, true])
+        in_ignored = (iou[:, ignored] >= HIT).any(axis=1)
+        self._forgiven[found.detections.start + rows[in_ignored]] = True
+
+
+def best_pairs(iou: Floats) -> tuple[Ints, Ints]:
+    """Rows and columns of the one-to-one pairs of greatest total overlap, without zero pairs."""
+    rows, columns = linear_sum_assignment(iou, maximize=True)
+    some = iou[rows, columns] > 0
+    return rows[some], columns[some]

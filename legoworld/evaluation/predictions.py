@@ -1,0 +1,204 @@
+"""Predictions checked entry by entry and put into canonical order before anything scores them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pycocotools import mask as coco_mask
+
+from legoworld.conventions import EQUAL_CONFIDENCE
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.box_formats import check_box_format
+from legoworld.evaluation.masks import rle_problem
+from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.evaluation.run import Run
+from legoworld.evaluation.truth import Truth
+from legoworld.files import canonical_json, sha256_of_text
+
+
+class PredictionsInvalidError(LegoWorldError):
+    """A results list holds something that would make a wrong number."""
+
+    code = "predictions_invalid"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Predictions:
+    """Checked results in canonical order: image id, category id, payload.
+
+    entries: {"image_id", "category_id", "score"} and "bbox" or "segmentation", nothing else.
+    warnings: counted repairs. n_dropped_empty: masks without a pixel, dropped.
+    """
+
+    entries: tuple[dict[str, Any], ...]
+    warnings: tuple[str, ...]
+    n_dropped_empty: int
+
+    def results(self) -> list[dict[str, Any]]:
+        """A list an evaluator may write into: nothing in it is shared."""
+        return [
+            {
+                k: list(v) if isinstance(v, list) else dict(v) if isinstance(v, dict) else v
+                for k, v in entry.items()
+            }
+            for entry in self.entries
+        ]
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the entries as JSON, one line each."""
+        return sha256_of_text("".join(canonical_json(e) + "\n" for e in self.entries))
+
+    @property
+    def equally_confident(self) -> bool:
+        """Whether no entry is ranked above another."""
+        return len({e["score"] for e in self.entries}) <= 1
+
+
+def check_predictions(
+    entries: Sequence[Any], *, run: Run, truth: Truth, protocol: DetectionProtocol
+) -> Predictions:
+    """Check a results list against the run's images and the truth's categories.
+
+    PredictionsInvalidError names the first offender and how many there are.
+    """
+    payload = "bbox" if protocol.iou_type == "bbox" else "segmentation"
+    _check_keys(entries, payload, protocol)
+    _check_ids(entries, run, truth)
+    sizes_wh = {i["id"]: (i["width"], i["height"]) for i in truth.images}
+    warnings: Counter[str] = Counter()
+    if payload == "bbox":
+        warnings.update(check_box_format(entries, sizes_wh))
+        kept = [_box_entry(e) for e in entries]
+    else:
+        kept = [_mask_entry(e, sizes_wh[e["image_id"]], warnings) for e in entries]
+        areas = coco_mask.area([e["segmentation"] for e in kept]) if kept else ()
+        kept = [e for e, area in zip(kept, areas, strict=True) if area > 0]
+    return Predictions(
+        entries=tuple(sorted(kept, key=canonical_key)),
+        warnings=tuple(f"{count} {what}" for what, count in sorted(warnings.items())),
+        n_dropped_empty=len(entries) - len(kept),
+    )
+
+
+def canonical_key(entry: dict[str, Any]) -> tuple[Any, ...]:
+    """Image id, category id, payload (box numbers or RLE bytes), higher score first."""
+    payload = entry.get("bbox") or entry["segmentation"]["counts"].encode("ascii")
+    return entry["image_id"], entry["category_id"], payload, -entry["score"]
+
+
+def with_equal_confidence(predictions: Predictions) -> Predictions:
+    """The same predictions, none ranked above another."""
+    return replace(
+        predictions,
+        entries=tuple({**e, "score": EQUAL_CONFIDENCE} for e in predictions.entries),
+    )
+
+
+def _refuse(bad: Sequence[Any], what: str, found: str, expected: str, next_step: str = "") -> None:
+    if bad:
+        raise PredictionsInvalidError(
+            f"{len(bad)} predictions {what}", found=found, expected=expected, next_step=next_step
+        )
+
+
+def _check_keys(entries: Sequence[Any], payload: str, protocol: DetectionProtocol) -> None:
+    strangers = [e for e in entries if not isinstance(e, dict)]
+    _refuse(strangers, "are no objects", repr(strangers[:1])[:80], '{"image_id", ...}')
+    for key in ("image_id", "category_id", "score", payload):
+        bad = [e for e in entries if key not in e]
+        _refuse(bad, f"have no {key}", repr(bad[:1])[:120], f"{key} in every prediction")
+    for key in ("image_id", "category_id"):
+        bad = [e for e in entries if type(e[key]) is not int]
+        _refuse(bad, f"have a {key} that is no integer", repr(bad[0][key]) if bad else "", "an int")
+    bad = [e for e in entries if not _is_finite(e["score"])]
+    _refuse(bad, "have no usable score", repr(bad[0]["score"]) if bad else "", "a finite number")
+    if protocol.iou_type == "segm":
+        bad = [e for e in entries if "bbox" in e]
+        _refuse(
+            bad,
+            "of masks carry a bbox",
+            f"bbox {bad[0]['bbox']!r}" if bad else "",
+            "segmentation alone",
+            "drop bbox: the official evaluator takes its area for the mask's",
+        )
+
+
+def _check_ids(entries: Sequence[dict[str, Any]], run: Run, truth: Truth) -> None:
+    status = {i.id: i.status for i in run.images}
+    bad = [e for e in entries if e["image_id"] not in status]
+    _refuse(
+        bad,
+        "are of images the run does not have",
+        f"image {bad[0]['image_id']}" if bad else "",
+        f"one of the run's {len(status)} images, such as {run.images[0].id}",
+    )
+    bad = [e for e in entries if status[e["image_id"]] != "ok"]
+    _refuse(
+        bad,
+        "are of images the run calls unread",
+        f"image {bad[0]['image_id']}: {status[bad[0]['image_id']]}" if bad else "",
+        "predictions of images with status ok alone",
+    )
+    known = {c.id for c in truth.vocabulary.categories}
+    bad = [e for e in entries if e["category_id"] not in known]
+    found = {e["category_id"] for e in entries}
+    _refuse(
+        bad,
+        "are of categories the truth does not have",
+        f"category ids {sorted({e['category_id'] for e in bad})[:8]}",
+        f"one of {len(known)} ids between {min(known)} and {max(known)}",
+        _mapping_hint(found, known),
+    )
+
+
+def _mapping_hint(found: set[int], known: set[int]) -> str:
+    """What unknown ids look like: positions in the list of categories instead of its ids."""
+    n = len(known)
+    for first in (0, 1):
+        if found <= set(range(first, first + n)) and known != set(range(first, first + n)):
+            return (
+                f"these look like positions {first}..{first + n - 1}, not the dataset's ids "
+                f"{min(known)}..{max(known)}: map categories by name"
+            )
+    return "map categories by name"
+
+
+def _box_entry(entry: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "image_id": entry["image_id"],
+        "category_id": entry["category_id"],
+        "bbox": list(entry["bbox"]),
+        "score": entry["score"],
+    }
+
+
+def _mask_entry(
+    entry: dict[str, Any], size_wh: tuple[int, int], warnings: Counter[str]
+) -> dict[str, Any]:
+    mask = entry["segmentation"]
+    problem = rle_problem(mask, size_wh)
+    if problem:
+        raise PredictionsInvalidError(
+            f"a mask of image {entry['image_id']}, category {entry['category_id']} is unusable",
+            found=problem,
+            expected='{"size": [height, width] of the image, "counts": compressed RLE}',
+        )
+    if isinstance(mask["counts"], list):
+        warnings["masks with uncompressed RLE, compressed before scoring"] += 1
+        mask = coco_mask.frPyObjects(mask, *mask["size"])
+        mask = {"size": mask["size"], "counts": mask["counts"].decode("ascii")}
+    return {
+        "image_id": entry["image_id"],
+        "category_id": entry["category_id"],
+        "segmentation": {"size": list(mask["size"]), "counts": mask["counts"]},
+        "score": entry["score"],
+    }
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,202 @@
+"""Truth and predictions of a run as columns, in the order the official evaluators use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pycocotools import mask as coco_mask
+
+from legoworld.evaluation.predictions import Predictions
+from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.evaluation.truth import Truth
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detections:
+    """Kept detections, ordered by image, category, falling score, canonical order.
+
+    image, category: (D,) positions in Problem.image_ids and .category_ids; rank: (D,) place in
+    its image and category, from 0; entry: (D,) position in the predictions; verified: the
+    category is present in the image's truth or known to be absent (always so in COCO);
+    exhaustive: all its instances are annotated there (always so in COCO).
+    """
+
+    image: Ints
+    category: Ints
+    score: Floats
+    area: Floats
+    rank: Ints
+    entry: Ints
+    verified: Bools
+    exhaustive: Bools
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueInstances:
+    """Truth instances that take part, ordered by image; file order inside an image.
+
+    ignored: LVIS's `ignore` or COCO's crowd; crowd: COCO's iscrowd.
+    """
+
+    image: Ints
+    category: Ints
+    area: Floats
+    ignored: Bools
+    crowd: Bools
+    annotation: Ints
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Everything matching needs, besides the overlaps.
+
+    n_over_cap: predictions lost to the protocol's cap; n_unverified: predictions in categories
+    nobody checked for in their image, which LVIS drops.
+    """
+
+    protocol: DetectionProtocol
+    image_ids: Ints
+    category_ids: Ints
+    detections: Detections
+    truths: TrueInstances
+    n_over_cap: int
+    n_unverified: int
+
+
+def build_problem(truth: Truth, predictions: Predictions, protocol: DetectionProtocol) -> Problem:
+    """Columns of checked truth and predictions, after the protocol's caps."""
+    image_ids = np.array([i["id"] for i in truth.images], np.int64)
+    category_ids = np.array([c.id for c in truth.vocabulary.categories], np.int64)
+    truths = _truths(truth, image_ids, category_ids, protocol)
+    detections, n_over_cap = _detections(
+        truth, predictions.entries, image_ids, category_ids, truths, protocol
+    )
+    return Problem(
+        protocol=protocol,
+        image_ids=image_ids,
+        category_ids=category_ids,
+        detections=detections,
+        truths=truths,
+        n_over_cap=n_over_cap,
+        n_unverified=int((~detections.verified).sum()),
+    )
+
+
+def _truths(
+    truth: Truth, image_ids: Ints, category_ids: Ints, protocol: DetectionProtocol
+) -> TrueInstances:
+    image = _positions(image_ids, [a["image_id"] for a in truth.annotations])
+    category = _positions(category_ids, [a["category_id"] for a in truth.annotations])
+    area = np.array([a["area"] for a in truth.annotations], np.float64)
+    crowd = np.array([bool(a.get("iscrowd", 0)) for a in truth.annotations], bool)
+    ignored = np.array([bool(a.get("ignore", 0)) for a in truth.annotations], bool)
+    if protocol.federated:
+        crowd[:] = False  # lvis compares every mask by IoU
+    else:
+        ignored = crowd  # cocoeval overwrites `ignore` with `iscrowd`
+    order = np.argsort(image, kind="stable")
+    if protocol.federated:
+        order = order[area[order] > 0]  # lvis loads annotations by area > 0
+    return TrueInstances(
+        image=image[order],
+        category=category[order],
+        area=area[order],
+        ignored=ignored[order],
+        crowd=crowd[order],
+        annotation=order,
+    )
+
+
+def _detections(
+    truth: Truth,
+    entries: Sequence[dict[str, Any]],
+    image_ids: Ints,
+    category_ids: Ints,
+    truths: TrueInstances,
+    protocol: DetectionProtocol,
+) -> tuple[Detections, int]:
+    image = _positions(image_ids, [e["image_id"] for e in entries])
+    category = _positions(category_ids, [e["category_id"] for e in entries])
+    score = np.array([e["score"] for e in entries], np.float64)
+    place = np.arange(len(entries))
+    kept = np.ones(len(entries), bool)
+    if protocol.per_image_cap is not None:
+        by_image = np.lexsort((place, -score, image))
+        kept[by_image] = _rank(image[by_image]) < protocol.per_image_cap
+    order = np.lexsort((place, -score, category, image))
+    order = order[kept[order]]
+    rank = _rank(image[order] * len(category_ids) + category[order])
+    if protocol.per_category_cap is not None:
+        within = rank < protocol.per_category_cap
+        order, rank = order[within], rank[within]
+    cell = image[order] * len(category_ids) + category[order]
+    verified, exhaustive = _federated(truth, cell, category_ids, truths, protocol)
+    return Detections(
+        image=image[order],
+        category=category[order],
+        score=score[order],
+        area=_areas(entries, protocol)[order],
+        rank=rank,
+        entry=order,
+        verified=verified,
+        exhaustive=exhaustive,
+    ), len(entries) - len(order)
+
+
+def _federated(
+    truth: Truth,
+    cell: Ints,
+    category_ids: Ints,
+    truths: TrueInstances,
+    protocol: DetectionProtocol,
+) -> tuple[Bools, Bools]:
+    """Which detections (by image * n_categories + category) are verified and exhaustive."""
+    if not protocol.federated:
+        return np.ones(len(cell), bool), np.ones(len(cell), bool)
+    n = len(category_ids)
+    negative = _cells(truth, "neg_category_ids", category_ids)
+    partial = _cells(truth, "not_exhaustive_category_ids", category_ids)
+    present = truths.image * n + truths.category
+    return np.isin(cell, present) | np.isin(cell, negative), ~np.isin(cell, partial)
+
+
+def _cells(truth: Truth, key: str, category_ids: Ints) -> Ints:
+    """image * n_categories + category for an LVIS image's list of category ids."""
+    found = [
+        (i, c) for i, image in enumerate(truth.images) for c in image[key] if c in category_ids
+    ]
+    if not found:
+        return np.empty(0, np.int64)
+    images, categories = np.array(found, np.int64).T
+    return images * len(category_ids) + _positions(category_ids, categories)
+
+
+def _areas(entries: Sequence[dict[str, Any]], protocol: DetectionProtocol) -> Floats:
+    """What the evaluators take for a detection's area: of the box, or of the mask."""
+    if not entries:
+        return np.empty(0)
+    if protocol.iou_type == "bbox":
+        boxes = np.array([e["bbox"] for e in entries], np.float64)
+        return np.asarray(boxes[:, 2] * boxes[:, 3])
+    return np.asarray(coco_mask.area([e["segmentation"] for e in entries]), np.float64)
+
+
+def _positions(sorted_ids: Ints, ids: Any) -> Ints:
+    return np.asarray(np.searchsorted(sorted_ids, np.asarray(ids, np.int64)), np.int64)
+
+
+def _rank(sorted_groups: Ints) -> Ints:
+    """Place inside its run of equal values, from 0."""
+    if not len(sorted_groups):
+        return np.empty(0, np.int64)
+    starts = np.flatnonzero(np.diff(sorted_groups, prepend=sorted_groups[0] - 1))
+    sizes = np.diff(starts, append=len(sorted_groups))
+    return np.arange(len(sorted_groups)) - np.repeat(starts, sizes)

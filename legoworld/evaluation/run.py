@@ -1,0 +1,107 @@
+"""Reading a finished run folder: its images are the denominator of every number."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legoworld.errors import LegoWorldError
+from legoworld.running.run_folder import JOURNAL, PREDICTIONS, ROWS, RUN
+
+
+class RunUnusableError(LegoWorldError):
+    """A run folder cannot be scored."""
+
+    code = "run_unusable"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunImage:
+    """One attempted image. status: ok, or why there is nothing to score."""
+
+    id: int
+    file_name: str
+    size_wh: tuple[int, int] | None
+    status: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """A finished run. images: ascending id; configuration and scenes: run.json's."""
+
+    folder: Path
+    task: str
+    configuration: dict[str, Any]
+    images: tuple[RunImage, ...]
+
+    @property
+    def partial(self) -> bool:
+        """Whether the run attempted only some of its track's images."""
+        return bool(self.configuration.get("partial"))
+
+
+def read_run(folder: Path) -> Run:
+    """The run in a folder. RunUnusableError when it is absent, unfinished or inconsistent."""
+    document = _read_json(folder / RUN, "a run folder holds run.json; make one with readout")
+    if (folder / JOURNAL).exists():
+        raise RunUnusableError(
+            f"the run in {folder.name} has not ended",
+            found=f"{JOURNAL} is still there",
+            expected="a finished run",
+            next_step="run its command again: it goes on where it stopped",
+        )
+    try:
+        configuration = document["configuration"]
+        task = configuration["task"]
+        lines = (folder / ROWS).read_text(encoding="utf-8").splitlines()
+        images = tuple(sorted((_image(json.loads(x)) for x in lines), key=lambda i: i.id))
+        attempted = configuration["attempted"]
+    except (KeyError, TypeError, ValueError, OSError) as error:
+        raise RunUnusableError(
+            f"the run in {folder.name} cannot be read",
+            found=f"{type(error).__name__}: {error}",
+            expected=f"{RUN} and {ROWS} as a run writes them",
+        ) from error
+    if len({i.id for i in images}) != len(images) or len(images) != attempted or not images:
+        raise RunUnusableError(
+            f"the run in {folder.name} does not cover its own track",
+            found=f"{len(images)} rows of {len({i.id for i in images})} images",
+            expected=f"{attempted} images, one row each",
+            next_step="run its command again",
+        )
+    return Run(folder=folder, task=str(task), configuration=configuration, images=images)
+
+
+def read_predictions(run: Run) -> list[Any]:
+    """The run's predictions.json, unchecked beyond being a list."""
+    entries = _read_json(run.folder / PREDICTIONS, "a finished run of boxes or masks")
+    if not isinstance(entries, list):
+        raise RunUnusableError(
+            f"{PREDICTIONS} of {run.folder.name} is not a list of results",
+            found=type(entries).__name__,
+            expected="COCO or LVIS results: a list of objects",
+        )
+    return entries
+
+
+def _image(row: dict[str, Any]) -> RunImage:
+    size = row.get("size_wh")
+    return RunImage(
+        id=int(row["image_id"]),
+        file_name=str(row["file_name"]),
+        size_wh=(int(size[0]), int(size[1])) if size else None,
+        status=str(row["status"]),
+    )
+
+
+def _read_json(path: Path, expected: str) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunUnusableError(
+            f"{path.parent.name}/{path.name} cannot be read",
+            found=getattr(error, "strerror", None) or str(error),
+            expected=expected,
+        ) from error

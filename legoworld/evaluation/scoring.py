@@ -1,0 +1,171 @@
+"""One set of predictions scored under one policy: evaluator, matches, ties, intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.accumulation import Curves, accumulate, metric_value
+from legoworld.evaluation.bootstrap import interval, resample_counts
+from legoworld.evaluation.evaluators import (
+    EvaluatorDisagreesError,
+    EvaluatorKind,
+    OfficialScores,
+    run_evaluator,
+)
+from legoworld.evaluation.matched_metrics import MatchedCounts, matched_counts, matched_metrics
+from legoworld.evaluation.matching import MatchTable, match_image, match_table, unmatched
+from legoworld.evaluation.overlaps import image_overlaps
+from legoworld.evaluation.pairing import Pairer, Pairs
+from legoworld.evaluation.predictions import Predictions
+from legoworld.evaluation.problem import Floats, Problem, build_problem
+from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.ties import TieResult, tie_orders
+from legoworld.evaluation.truth import Truth
+
+#: Largest difference between an evaluator's number and ours: summation order, nothing more.
+AGREEMENT: Final = 1e-12
+
+Notice = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreRequest:
+    """What is scored and how."""
+
+    truth: Truth
+    protocol: DetectionProtocol
+    kind: EvaluatorKind
+    draws: int
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """Everything one policy gives. aware and agnostic: counts within and across categories."""
+
+    scores: OfficialScores
+    problem: Problem
+    table: MatchTable
+    curves: Curves
+    ties: TieResult
+    pairs_aware: Pairs
+    pairs_agnostic: Pairs
+    aware: MatchedCounts
+    agnostic: MatchedCounts
+    intervals: dict[str, dict[str, Any]]
+
+
+def frequencies_of(truth: Truth) -> NDArray[np.str_]:
+    """(K,) LVIS's frequency letter of each category; empty where there is none."""
+    by_id = {c["id"]: str(c.get("frequency", "")) for c in truth.categories}
+    return np.array([by_id[c.id] for c in truth.vocabulary.categories])
+
+
+def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Score:
+    """Score predictions. EvaluatorDisagreesError when evaluator and matches do not agree."""
+    truth, protocol = request.truth, request.protocol
+    notice("matching")
+    problem = build_problem(truth, predictions, protocol)
+    state = unmatched(problem)
+    aware, agnostic = Pairer(problem, class_aware=True), Pairer(problem, class_aware=False)
+    for found in image_overlaps(problem, truth, predictions):
+        match_image(problem, found, state)
+        aware.add(found)
+        agnostic.add(found)
+    table = match_table(problem, state)
+    curves = accumulate(table, protocol)
+    notice("running the evaluator")
+    scores = run_evaluator(truth, predictions, protocol, request.kind)
+    check_agreement(scores, curves, truth, protocol)
+    notice(f"{request.draws} tie orders")
+    ties = tie_orders(table, draws=request.draws, seed=request.seed)
+    pairs_aware, pairs_agnostic = aware.result(), agnostic.result()
+    counts_aware = matched_counts(problem, pairs_aware)
+    counts_agnostic = matched_counts(problem, pairs_agnostic)
+    notice(f"{request.draws} bootstrap samples")
+    samples = resample_counts(len(problem.image_ids), request.draws, request.seed)
+    return Score(
+        scores=scores,
+        problem=problem,
+        table=table,
+        curves=curves,
+        ties=ties,
+        pairs_aware=pairs_aware,
+        pairs_agnostic=pairs_agnostic,
+        aware=counts_aware,
+        agnostic=counts_agnostic,
+        intervals=_intervals(request, scores, table, counts_aware, counts_agnostic, samples),
+    )
+
+
+def check_agreement(
+    scores: OfficialScores, curves: Curves, truth: Truth, protocol: DetectionProtocol
+) -> None:
+    """Hold an evaluator's numbers to those that follow from the matches on record."""
+    frequencies = frequencies_of(truth)
+    ours = np.array([metric_value(m, curves, frequencies) for m in protocol.metrics])
+    theirs = np.array(scores.official)
+    worst = float(np.abs(ours - theirs).max())
+    precision = float(np.abs(curves.precision - scores.precision).max(initial=0.0))
+    if max(worst, precision) > AGREEMENT:
+        raise EvaluatorDisagreesError(
+            f"{scores.name} {scores.version} disagrees with the matches on record",
+            found=f"metrics differ by {worst:.3g}, precision by {precision:.3g}",
+            expected=f"at most {AGREEMENT:g}",
+            next_step="this is a bug: report it with the run and the truth; no number was written",
+        )
+
+
+def _intervals(
+    request: ScoreRequest,
+    scores: OfficialScores,
+    table: MatchTable,
+    aware: MatchedCounts,
+    agnostic: MatchedCounts,
+    samples: NDArray[np.int32],
+) -> dict[str, dict[str, Any]]:
+    """Bootstrap intervals over images of every official and every score-free number."""
+    protocol = request.protocol
+    found = resampled_metrics(table, protocol, samples, frequencies_of(request.truth))
+    values = dict(zip((m.name for m in protocol.metrics), scores.official, strict=True))
+    whole = np.ones((1, samples.shape[1]), np.int32)
+    for prefix, counts in (("class_aware", aware), ("class_agnostic", agnostic)):
+        resampled, point = matched_metrics(counts, samples), matched_metrics(counts, whole)
+        for name in resampled:
+            if not name.startswith("n_"):
+                found[f"{prefix}.{name}"] = resampled[name]
+                values[f"{prefix}.{name}"] = float(point[name][0])
+    del found["class_aware.label_accuracy"]
+    return {
+        name: interval(resampled, value=_defined(values[name]), unit="image")
+        for name, resampled in found.items()
+    }
+
+
+def _defined(value: float) -> float:
+    """An official -1 is no value."""
+    return float("nan") if value == -1 else value
+
+
+def undefined_as_none(values: dict[str, float]) -> dict[str, float | None]:
+    """-1 and NaN as None."""
+    return {k: None if v == -1 or not np.isfinite(v) else float(v) for k, v in values.items()}
+
+
+def named_metrics(protocol: DetectionProtocol, official: tuple[float, ...]) -> dict[str, Any]:
+    """The evaluator's numbers by name, None where undefined."""
+    names = (m.name for m in protocol.metrics)
+    return undefined_as_none(dict(zip(names, official, strict=True)))
+
+
+def category_precision(curves: Curves) -> Floats:
+    """(K, 3) AP, AP50, AP75 over all areas; NaN where a category has no truth."""
+    p = curves.precision[..., 0]
+    values = np.stack([p.mean(axis=(0, 1)), p[0].mean(axis=0), p[5].mean(axis=0)], axis=1)
+    return np.where(values < 0, np.nan, values)

@@ -1,0 +1,146 @@
+"""A detection evaluation as people read it: the evaluator's own lines, then ours with counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from legoworld.evaluation.protocols import DetectionProtocol, Metric
+
+Table = Callable[[Sequence[str], Sequence[Sequence[object]]], str]
+
+_TITLES = {"AP": "Average Precision", "AR": "Average Recall"}
+
+
+def official_lines(protocol: DetectionProtocol, official: Sequence[float]) -> list[str]:
+    """The 12 or 13 lines as pycocotools and lvis word them (a test holds them to it)."""
+    word = _lvis_line if protocol.federated else _coco_line
+    return [word(m, v) for m, v in zip(protocol.metrics, official, strict=True)]
+
+
+def evaluation_text(
+    summary: dict[str, Any], protocol: DetectionProtocol, table: Table
+) -> str:
+    """Everything `legoworld evaluate` prints for boxes and masks."""
+    evaluator = summary["evaluator"]
+    parts = [
+        f"{evaluator['name']} {evaluator['version']}, {summary['iou_type']}, "
+        + _images(summary["coverage"]),
+        "\n".join(official_lines(protocol, summary["official"])),
+        table(("metric", "value", "95 % interval", "over"), _rows(summary, protocol)),
+        "\n".join(_notes(summary)),
+    ]
+    return "\n\n".join(parts)
+
+
+def _coco_line(metric: Metric, value: float) -> str:
+    iou = f"{metric.iou:0.2f}" if metric.iou else "0.50:0.95"
+    cap = metric.max_rank or 100
+    return (
+        f" {_TITLES[metric.kind]:<18} ({metric.kind}) @[ IoU={iou:<9} | area={metric.area:>6s} "
+        f"| maxDets={cap:>3d} ] = {value:0.3f}"
+    )
+
+
+def _lvis_line(metric: Metric, value: float) -> str:
+    """lvis shortens the area to its first letter and names the frequency group."""
+    iou = f"{metric.iou:0.2f}" if metric.iou else "0.50:0.95"
+    area = "all" if metric.area == "all" else metric.area[0]
+    return (
+        f" {_TITLES[metric.kind]:<18} ({metric.kind}) @[ IoU={iou:<9} | area={area:>6s} "
+        f"| maxDets={300:>3d} catIds={metric.frequency or 'all':>3s}] = {value:0.3f}"
+    )
+
+
+def _images(coverage: dict[str, Any]) -> str:
+    return (
+        f"{coverage['attempted']} images attempted, {coverage['scored']} scored, "
+        f"{coverage['with_truth']} with truth"
+    )
+
+
+def _rows(summary: dict[str, Any], protocol: DetectionProtocol) -> list[tuple[str, ...]]:
+    counts, coverage = summary["counts"], summary["coverage"]
+    images = f"{coverage['attempted']} images"
+    categories = f"{images}, {counts['categories_with_truth']} categories"
+    rows = []
+    for metric in protocol.metrics:
+        over = categories
+        if metric.frequency:
+            group = counts["frequency_groups"][metric.frequency]
+            over = f"{images}, {group['categories_with_truth']} categories"
+        rows.append(_row(summary, metric.name, summary["metrics"][metric.name], over))
+    rows += _tie_rows(summary, categories)
+    for prefix, found in summary["matched"].items():
+        truths = f"{found['n_gt']} truths"
+        over = {
+            "miou_gt_micro": truths,
+            "miou_gt_macro": f"{counts['categories_with_truth']} categories",
+            "miou_matched": f"{found['n_matched']} pairs",
+            "precision_50": f"{found['n_dt']} predictions",
+            "recall_50": truths,
+            "label_accuracy": f"{found['n_hits_50']} pairs at IoU 0.5",
+        }
+        for name in (n for n in found if not n.startswith("n_")):
+            default = f"{truths}, {found['n_dt']} predictions"
+            label = f"{prefix}.{name}"
+            rows.append(_row(summary, label, found[name], over.get(name, default)))
+    return rows
+
+
+def _row(summary: dict[str, Any], name: str, value: float | None, over: str) -> tuple[str, ...]:
+    found = summary["intervals"].get(name)
+    spread = "-"
+    if value is not None and found and found["low"] is not None:
+        spread = f"{found['low']:.4f} .. {found['high']:.4f}"
+    return name, "-" if value is None else f"{value:.4f}", spread, over
+
+
+def _tie_rows(summary: dict[str, Any], over: str) -> list[tuple[str, ...]]:
+    rows = []
+    blocks = [("", summary["ties"])]
+    equal = summary["equal_confidence"]
+    if not equal["already_equal"]:
+        blocks.append(("equal confidence: ", equal["ties"]))
+        rows.append(("equal confidence: AP", _value(equal["metrics"]["AP"]), "-", over))
+    for prefix, ties in blocks:
+        if ties["expected"] is not None:
+            rows.append(
+                (
+                    f"{prefix}AP over {ties['draws']} tie orders",
+                    f"{ties['expected']:.4f}",
+                    f"sd {ties['sd']:.4f}",
+                    f"{ties['n_tied']} tied predictions",
+                )
+            )
+            bounds = f"{ties['worst']:.4f} .. {ties['best']:.4f}"
+            rows.append((f"{prefix}AP bounds over tie orders", "-", bounds, over))
+    return rows
+
+
+def _notes(summary: dict[str, Any]) -> list[str]:
+    counts, coverage = summary["counts"], summary["coverage"]
+    statuses = ", ".join(f"{n} {name}" for name, n in coverage["by_status"].items())
+    lines = [
+        f"images: {statuses}; {coverage['scored_without_predictions']} scored without predictions",
+        f"truth: {counts['truth_instances']} instances in {counts['categories_with_truth']} of "
+        f"{counts['categories']} categories, {counts['truth_ignored']} crowd or ignored",
+        f"predictions: {counts['predictions']}; {counts['lost_to_cap']} lost to the cap, "
+        f"{counts['unverified_dropped']} in unverified categories, "
+        f"{counts['empty_masks_dropped']} empty; "
+        f"{counts['false_positives_in_absent_categories']} false positives are in categories "
+        "without truth here and cost nothing",
+    ]
+    for letter, group in counts.get("frequency_groups", {}).items():
+        lines.append(
+            f"AP{letter}: {group['categories_with_truth']} of {group['categories']} categories "
+            f"have truth, {group['truth_instances']} instances"
+        )
+    if summary["partial"]:
+        lines.append("partial run: only some images of its track were attempted")
+    lines += [f"warning: {text}" for text in summary["warnings"]]
+    return lines
+
+
+def _value(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"

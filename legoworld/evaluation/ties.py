@@ -1,0 +1,186 @@
+"""What equal confidence leaves open: AP over random orders of tied detections, and its bounds.
+
+The matches stay as they are (docs/protocols/ties.md); only the ranking of equally confident
+detections of a category changes. One order of a category's detections serves all IoU thresholds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.accumulation import (
+    category_slices,
+    gained_thresholds,
+    mean_precision,
+    segments,
+    truths_per_category,
+)
+from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
+from legoworld.evaluation.problem import Floats, Ints
+
+#: Elements of one block of draws, to bound memory; results do not depend on it.
+_BLOCK_ELEMENTS: Final = 1 << 21
+
+Counts = NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TieResult:
+    """AP under random tie orders: mean and standard deviation over `draws`, and its bounds."""
+
+    expected: float
+    sd: float
+    worst: float
+    best: float
+    draws: int
+    seed: int
+    n_tied: int
+
+    def document(self) -> dict[str, Any]:
+        """As summary.json holds it; None where AP is undefined."""
+        if np.isnan(self.expected):
+            return {**self.__dict__, "expected": None, "sd": None, "worst": None, "best": None}
+        return dict(self.__dict__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ranking:
+    """One category's detections that count at some threshold, in runs of equal score.
+
+    special: (S,) positions of detections that are not a false positive at every threshold;
+    group: (S,) their run of equal scores; plain_before, plain_in: (runs,) detections that are a
+    false positive at every threshold, before the run and in it.
+    """
+
+    true: NDArray[np.bool_]  # (T, S)
+    false: NDArray[np.bool_]  # (T, S)
+    group: Ints
+    plain_before: Ints
+    plain_in: Ints
+
+
+def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
+    """AP over all areas under `draws` random orders; NaN when no category has truth."""
+    n_truths = truths_per_category(table)[0]
+    total = np.zeros(draws)
+    bounds = np.zeros(2)
+    scored = np.flatnonzero(n_truths)
+    slices = category_slices(table)
+    for k in scored:
+        rows = slices[k]
+        ranking = _ranking(table.state[0, :, rows], table.score[rows])
+        gained = gained_thresholds(int(n_truths[k]))
+        random = np.random.default_rng([seed, int(table.category_ids[k])])
+        total += _sampled(ranking, gained, draws, random)
+        bounds += _bounds(ranking, gained)
+    n = len(scored)
+    aps = total / n if n else np.full(draws, np.nan)
+    worst, best = bounds / n if n else (np.nan, np.nan)
+    return TieResult(
+        expected=float(aps.mean()),
+        sd=float(aps.std(ddof=1)) if draws > 1 else 0.0,
+        worst=float(worst),
+        best=float(best),
+        draws=draws,
+        seed=seed,
+        n_tied=sum(
+            run.stop - run.start
+            for k in scored
+            for run in segments(table.score[slices[k]])
+            if run.stop - run.start > 1
+        ),
+    )
+
+
+def _ranking(state: NDArray[np.uint8], score: Floats) -> _Ranking:
+    """state: (T, D) of one category, by falling score."""
+    counted = (state != IGNORED).any(axis=0)
+    state, score = state[:, counted], score[counted]
+    special = (state != FALSE_POSITIVE).any(axis=0)
+    group = np.cumsum(np.diff(score, prepend=score[:1]) != 0)
+    n_groups = int(group[-1]) + 1 if len(group) else 0
+    plain_in = np.bincount(group[~special], minlength=n_groups).astype(np.int64)
+    return _Ranking(
+        true=state[:, special] == TRUE_POSITIVE,
+        false=state[:, special] == FALSE_POSITIVE,
+        group=group[special],
+        plain_before=np.cumsum(plain_in) - plain_in,
+        plain_in=plain_in,
+    )
+
+
+def _sampled(
+    ranking: _Ranking, gained: NDArray[np.uint8], draws: int, random: np.random.Generator
+) -> Floats:
+    """(draws,) AP of one category under random orders, averaged over thresholds."""
+    n_special = len(ranking.group)
+    if not n_special:
+        return np.zeros(draws)
+    block = max(1, _BLOCK_ELEMENTS // n_special)
+    values = np.empty(draws)
+    for start in range(0, draws, block):
+        n = min(block, draws - start)
+        order, plain = _random_order(ranking, n, random)
+        values[start : start + n] = np.mean(
+            [
+                _average_precision(true[order], false[order], plain, gained)
+                for true, false in zip(ranking.true, ranking.false, strict=True)
+            ],
+            axis=0,
+        )
+    return values
+
+
+def _random_order(
+    ranking: _Ranking, n: int, random: np.random.Generator
+) -> tuple[NDArray[np.int64], Counts]:
+    """n random orders of the special detections, and the plain false positives above each.
+
+    Both (S, n). Within a run of equal scores, every order of its special and plain detections is
+    equally likely: the gaps between the special ones share out the plain ones as a symmetric
+    Dirichlet-multinomial with parameter 1, which is uniform over all ways to share them out.
+    """
+    size = len(ranking.group)
+    order = np.repeat(np.arange(size)[:, None], n, axis=1)
+    plain = np.repeat(ranking.plain_before[ranking.group].astype(np.int32)[:, None], n, axis=1)
+    for run in segments(ranking.group.astype(np.float64)):
+        n_special = run.stop - run.start
+        n_plain = int(ranking.plain_in[ranking.group[run.start]])
+        if n_special > 1:
+            keys = random.random((n_special, n), np.float32)
+            order[run] = run.start + np.argsort(keys, axis=0, kind="stable")
+        if n_plain:
+            gaps = random.standard_exponential((n, n_special + 1))
+            shares = random.multinomial(n_plain, gaps / gaps.sum(axis=1, keepdims=True))
+            plain[run] += np.cumsum(shares[:, :-1], axis=1).T.astype(np.int32)
+    return order, plain
+
+
+def _bounds(ranking: _Ranking, gained: NDArray[np.uint8]) -> Floats:
+    """(worst, best) AP of one category: false positives first in every run, or last."""
+    values = np.zeros(2)
+    if not len(ranking.group):
+        return values
+    n_groups = len(ranking.plain_in)
+    for true, false in zip(ranking.true, ranking.false, strict=True):
+        false_in = ranking.plain_in + np.bincount(ranking.group[false], minlength=n_groups)
+        until = np.cumsum(false_in)
+        group = ranking.group[true]
+        above = np.stack([until[group], (until - false_in)[group]], axis=1)
+        n_true = np.repeat(np.arange(1, len(group) + 1)[:, None], 2, axis=1)
+        values += mean_precision(n_true, above, gained[n_true])
+    result: Floats = values / len(ranking.true)
+    return result
+
+
+def _average_precision(
+    true: NDArray[np.bool_], false: NDArray[np.bool_], plain: Counts, gained: NDArray[np.uint8]
+) -> Floats:
+    """(n,) from one threshold's flags in n orders, each (S, n)."""
+    n_true = np.cumsum(true, axis=0, dtype=np.int32)
+    n_false = np.cumsum(false, axis=0, dtype=np.int32) + plain
+    return mean_precision(n_true, n_false, gained[n_true])

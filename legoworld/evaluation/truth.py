@@ -1,0 +1,249 @@
+"""Private truth: COCO instances and LVIS JSON, checked and cut down to a run's images."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any, TypeGuard
+
+from legoworld.catalog import folder
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.evaluation.run import Run, RunImage
+from legoworld.vocabulary import Vocabulary, from_json, load
+
+_FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
+_LVIS_V05_CATEGORIES = 1230
+
+
+class TruthInvalidError(LegoWorldError):
+    """A truth file cannot be scored against."""
+
+    code = "truth_invalid"
+
+
+class TruthMismatchError(LegoWorldError):
+    """Truth and run are not about the same images, categories or version."""
+
+    code = "truth_mismatch"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """The truth of a run's images.
+
+    images, annotations, categories: as in the file, in its order, annotations numbered from 1.
+    version: the dataset's, such as "1.0" or "0.5" for LVIS. warnings: counted repairs.
+    """
+
+    images: tuple[dict[str, Any], ...]
+    annotations: tuple[dict[str, Any], ...]
+    categories: tuple[dict[str, Any], ...]
+    vocabulary: Vocabulary
+    version: str
+    warnings: tuple[str, ...]
+
+    def document(self) -> dict[str, Any]:
+        """A COCO-style document an evaluator may write into: nothing in it is shared."""
+        return {
+            "info": {},
+            "images": [dict(i) for i in self.images],
+            "annotations": [dict(a) for a in self.annotations],
+            "categories": [dict(c) for c in self.categories],
+        }
+
+
+def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
+    """The truth for a run's images.
+
+    TruthInvalidError: the file is broken. TruthMismatchError: it is about other images, other
+    categories or another version than the run.
+    """
+    document = _document(path)
+    vocabulary = from_json(document["categories"], path.name)
+    version = dataset_version(vocabulary, protocol.task)
+    _check_vocabulary(path, vocabulary, version, run)
+    images = _images_of_run(path, document["images"], run, protocol)
+    wanted = {image["id"] for image in images}
+    annotations, warnings = _annotations(
+        path,
+        [a for a in document["annotations"] if isinstance(a, dict) and a.get("image_id") in wanted],
+        {i["id"]: i for i in images},
+        vocabulary,
+        protocol,
+    )
+    if protocol.federated:
+        _check_frequencies(path, document["categories"])
+    return Truth(
+        images=tuple(images),
+        annotations=tuple(annotations),
+        categories=tuple(sorted(document["categories"], key=lambda c: int(c["id"]))),
+        vocabulary=vocabulary,
+        version=version,
+        warnings=tuple(warnings),
+    )
+
+
+def dataset_version(vocabulary: Vocabulary, task: str) -> str:
+    """The version of a dataset by its categories; "custom" when they are nobody's."""
+    shipped = load(folder("datasets") / task / "categories.json")
+    if vocabulary.sha256 == shipped.sha256:
+        return {"coco": "2017", "lvis": "1.0"}[task]
+    if task == "lvis" and len(vocabulary.categories) == _LVIS_V05_CATEGORIES:
+        return "0.5"
+    return "custom"
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        document: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise TruthInvalidError(
+            f"the truth {path.name} cannot be read",
+            found=str(error),
+            expected="COCO instances or LVIS JSON",
+        ) from error
+    for key in ("images", "annotations", "categories"):
+        if not isinstance(document, dict) or not isinstance(document.get(key), list):
+            raise TruthInvalidError(
+                f"the truth {path.name} has no {key}",
+                found=f"keys {sorted(document)[:8]}" if isinstance(document, dict) else "no object",
+                expected="COCO instances or LVIS JSON with images, annotations and categories",
+                next_step="a track is no truth: pass the dataset's own annotation file",
+            )
+    found: dict[str, Any] = document
+    return found
+
+
+def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run) -> None:
+    expected = run.configuration.get("vocabulary_sha256")
+    if vocabulary.sha256 == expected:
+        return
+    raise TruthMismatchError(
+        "run and truth have different categories",
+        found=f"{path.name}: {len(vocabulary.categories)} categories, version {version}, "
+        f"{vocabulary.sha256[:12]}",
+        expected=f"the run's vocabulary, {str(expected)[:12]}",
+        next_step="make the track from this truth with `legoworld track make` and run with it",
+    )
+
+
+def _images_of_run(
+    path: Path, entries: list[Any], run: Run, protocol: DetectionProtocol
+) -> list[dict[str, Any]]:
+    """The truth's entries of the run's images, ascending id."""
+    by_id = {e["id"]: e for e in entries if isinstance(e, dict) and "id" in e}
+    unknown = [i for i in run.images if i.id not in by_id]
+    if unknown:
+        raise TruthMismatchError(
+            f"{len(unknown)} of the run's {len(run.images)} images are not in the truth",
+            found=f"image {unknown[0].id} ({unknown[0].file_name}) is not in {path.name}",
+            expected="every image of the track in the truth",
+            next_step="pass the truth the track was made from",
+        )
+    for image in run.images:
+        _check_same_photo(path, image, by_id[image.id])
+        if protocol.federated and not all(
+            isinstance(by_id[image.id].get(k), list) for k in _FEDERATED_KEYS
+        ):
+            raise TruthInvalidError(
+                f"image {image.id} of {path.name} lacks LVIS's verified categories",
+                found=f"keys {sorted(by_id[image.id])}",
+                expected=" and ".join(_FEDERATED_KEYS),
+            )
+    return [by_id[image.id] for image in run.images]
+
+
+def _check_same_photo(path: Path, image: RunImage, entry: dict[str, Any]) -> None:
+    names = {PurePosixPath(str(entry[k])).name for k in ("file_name", "coco_url") if entry.get(k)}
+    size_wh = (entry.get("width"), entry.get("height"))
+    if PurePosixPath(image.file_name).name not in names:
+        raise TruthMismatchError(
+            f"image {image.id} is another photo in the truth",
+            found=f"{sorted(names)} in {path.name}",
+            expected=f"{image.file_name}, as in the run",
+            next_step="score a run whose track was made from this truth",
+        )
+    if image.size_wh is not None and image.size_wh != size_wh:
+        raise TruthMismatchError(
+            f"image {image.id} has another size in the truth",
+            found=f"{size_wh[0]}x{size_wh[1]} in {path.name}",
+            expected=f"{image.size_wh[0]}x{image.size_wh[1]}, as in the run",
+        )
+
+
+def _annotations(
+    path: Path,
+    entries: Sequence[dict[str, Any]],
+    images: dict[int, dict[str, Any]],
+    vocabulary: Vocabulary,
+    protocol: DetectionProtocol,
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Checked copies numbered from 1 in file order, and what was repaired."""
+    known = {c.id for c in vocabulary.categories}
+    repairs: Counter[str] = Counter()
+    if len({a.get("id") for a in entries}) != len(entries):
+        raise TruthInvalidError(
+            f"annotation ids repeat in {path.name}",
+            found=f"{len(entries)} annotations, {len({a.get('id') for a in entries})} ids",
+            expected="distinct ids",
+        )
+    checked = []
+    for number, entry in enumerate(entries, start=1):
+        problem = _annotation_problem(entry, images[entry["image_id"]], known, protocol)
+        if problem:
+            raise TruthInvalidError(
+                f"annotation {entry.get('id')!r} of {path.name} cannot be scored against",
+                found=problem,
+                expected="a known category, a bbox of 4 numbers, an area, a segmentation in masks",
+            )
+        if entry["id"] == 0:
+            repairs["annotation id 0, which the official evaluator takes for unmatched"] += 1
+        copy = {**entry, "id": number}
+        if not protocol.federated and "iscrowd" not in entry:
+            repairs["annotations without iscrowd, taken as 0"] += 1
+            copy["iscrowd"] = 0
+        checked.append(copy)
+    return checked, [f"{count} {what}" for what, count in sorted(repairs.items())]
+
+
+def _annotation_problem(
+    entry: dict[str, Any],
+    image: dict[str, Any],
+    known: set[int],
+    protocol: DetectionProtocol,
+) -> str | None:
+    if entry.get("category_id") not in known:
+        return f"category {entry.get('category_id')!r}"
+    box, area = entry.get("bbox"), entry.get("area")
+    if not isinstance(box, list) or len(box) != 4 or not all(map(_is_number, box)):
+        return f"bbox {box!r}"
+    if not _is_number(area) or area < 0:
+        return f"area {area!r}"
+    if entry.get("iscrowd", 0) not in (0, 1):
+        return f"iscrowd {entry['iscrowd']!r}"
+    mask = entry.get("segmentation")
+    if protocol.iou_type == "segm":
+        if not mask or not isinstance(mask, list | dict):
+            return "no segmentation"
+        if isinstance(mask, dict) and mask.get("size") != [image["height"], image["width"]]:
+            return f"RLE size {mask.get('size')}, image {[image['height'], image['width']]}"
+    return None
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _check_frequencies(path: Path, categories: list[dict[str, Any]]) -> None:
+    bad = [c for c in categories if c.get("frequency") not in ("r", "c", "f")]
+    if bad:
+        raise TruthInvalidError(
+            f"{len(bad)} categories of {path.name} have no frequency group",
+            found=f"{bad[0]['name']}: {bad[0].get('frequency')!r}",
+            expected="r, c or f on each, as LVIS has them",
+        )
