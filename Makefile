@@ -59,3 +59,11 @@ $(VENV)/tests-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KER
 $(VENV)/dev-installed: $(VENV)/tests-installed
 	$(INSTALL) -e '.[examples,test,dev]'
 	@touch $@
+
+# The full counts of what the tests do with a few; minutes each. See docs/robustness.md.
+.PHONY: fuzz soak
+fuzz: $(VENV)/tests-installed
+	@for program in benchmarks/fuzz/fuzz_*.py; do $(PYTHON) $$program || exit 1; done
+
+soak: $(VENV)/tests-installed
+	$(PYTHON) benchmarks/soak/soak.py

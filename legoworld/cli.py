@@ -15,7 +15,10 @@ _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",
     "freeze": "check scene artefacts and put their hashes on record",
     "inspect": "what is in one scene: instances, buffers, overlay",
+    "track": "make a public track from annotations, or check one",
     "readout": "read labels out of scenes into a run folder",
+    "evaluate": "score a run against private truth",
+    "evidence": "re-check an evaluation's hashes and numbers",
     "list": "tasks, datasets and what else can be named",
     "doctor": "check that this machine has what legoworld needs",
 }

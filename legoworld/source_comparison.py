@@ -53,6 +53,15 @@ class SourceComparison:
     differences: tuple[str, ...]
 
     @property
+    def differing_px(self) -> int:
+        """Pixels that show an instance of another name, or one and nothing."""
+        names = [np.array([e["name"] for e in x.entries] + [None]) for x in (self.blend, self.glb)]
+        shown = [
+            n[x.view.buffers.instance] for n, x in zip(names, (self.blend, self.glb), strict=True)
+        ]
+        return int((shown[0] != shown[1]).sum())
+
+    @property
     def disagreeing(self) -> int:
         """Shared instances whose masks differ."""
         return sum(pair.iou < SAME_IOU for pair in self.pairs)

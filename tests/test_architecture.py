@@ -12,11 +12,12 @@ PACKAGE = Path(__file__).parents[1] / "legoworld"
 #: From the ground up: a room may import rooms before it, and itself.
 ROOMS = [
     ("errors", "conventions", "files", "catalog", "system_libraries"),
-    ("cards", "vocabulary", "track"),
+    ("cards", "vocabulary", "track", "dataset_versions"),
     ("scene",),
     ("visibility",),
     ("readouts", "pictures"),
-    ("running", "inspection", "source_comparison"),
+    ("running", "inspection", "source_comparison", "track_making"),
+    ("evaluation",),
     ("commands",),
     ("cli", "__main__"),
 ]

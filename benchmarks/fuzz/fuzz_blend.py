@@ -56,7 +56,10 @@ def main() -> int:
         if not arguments.once:
             second = _run(place, planned, "run-2", arguments.workers)
             wrong += faults(planned, second, place)
-            wrong += disagreements(first, second)
+            unstable, other = disagreements(first, second)
+            wrong += other
+            for line in unstable:
+                print(f"unstable: {line}")
     for line in wrong:
         print(f"WRONG: {line}")
     return 1 if wrong else 0

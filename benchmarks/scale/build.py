@@ -198,7 +198,7 @@ SCENES: dict[str, Callable[[Any], None]] = {
         millimetres,
         kilometres,
         far_from_origin,
-    )  # fmt: skip
+    )
 }
 
 if __name__ == "__main__":

@@ -16,12 +16,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 from answers import CASES, Case
 from foreign.processes import Usage, run_measured
 
+HERE = Path(__file__).resolve().parent
 STAGES = ("open", "evaluate", "extract", "save", "load", "group", "kernel", "encode")
 
 

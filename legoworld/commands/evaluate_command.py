@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +75,9 @@ def command(
     if task == "eth3d":
         if evaluator is not None:
             raise click.UsageError("--evaluator is for boxes and masks: depth has one evaluator")
-        return _depth(
+        from legoworld.evaluation.depth.evaluate import evaluate_depth
+
+        summary = evaluate_depth(
             run,
             truth,
             output,
@@ -82,8 +85,9 @@ def command(
             draws=draws,
             seed=seed,
             overwrite=overwrite,
-            as_json=as_json,
         )
+        _show(summary, _depth_text, output, as_json=as_json)
+        return 0
     if camera_model is not None:
         raise click.UsageError("--camera-model is for depth: boxes and masks are not warped")
     from legoworld.evaluation.detections import evaluate_detections
@@ -101,10 +105,56 @@ def command(
         notice=notice,
         warn=options.notifier(quiet),
     )
-    if as_json:
-        options.print_json({"evaluation": str(output), "summary": evaluation.summary})
-    else:
-        protocol = detection_protocol(task)
-        click.echo(evaluation_text(evaluation.summary, protocol, options.table))
-        click.echo(f"-> {output}")
+    protocol = detection_protocol(task)
+    _show(
+        evaluation.summary,
+        lambda summary: evaluation_text(summary, protocol, options.table),
+        output,
+        as_json=as_json,
+    )
     return 0
+
+
+def _show(
+    summary: dict[str, Any],
+    text: Callable[[dict[str, Any]], str],
+    output: Path,
+    *,
+    as_json: bool,
+) -> None:
+    if as_json:
+        options.print_json({"evaluation": str(output), "summary": summary})
+    else:
+        click.echo(f"{text(summary)}\n\n-> {output}")
+
+
+def _depth_text(summary: dict[str, Any]) -> str:
+    """Means by hole policy with the constant beside them, intervals and denominators."""
+    coverage, groups = summary["coverage"], summary["bootstrap"]
+    rows = []
+    for metric, by_policy in summary["metrics"].items():
+        for policy, value in by_policy.items():
+            found = summary["intervals"][metric][policy]
+            known = found["low"] is not None
+            spread = f"{found['low']:.4f} .. {found['high']:.4f}" if known else "-"
+            constant = summary["constant"][metric][policy]
+            shown = ["-" if x is None else f"{x:.4f}" for x in (value, constant)]
+            rows.append((metric, policy, shown[0], spread, shown[1]))
+    evaluator, protocol = summary["evaluator"], summary["protocol"]
+    header = ("metric", "holes", "mean", "95 % interval", "constant")
+    every = summary["all_attempted"]
+    lines = [
+        f"{evaluator['name']} {evaluator['version']}, camera model {protocol['camera_model']}, "
+        f"{coverage['attempted']} images attempted, {coverage['scored']} scored, "
+        f"{coverage['with_truth']} with truth; intervals over {groups['groups']} "
+        f"{groups['unit']}s",
+        options.table(header, rows),
+        f"over all {every['images']} images with truth, {every['missing']} of them without a score "
+        f"at {every['missing_abs_rel']:g}: abs_rel "
+        + ", ".join(
+            f"{policy} {'-' if value is None else format(value, '.4f')}"
+            for policy, value in every["abs_rel"].items()
+        ),
+        *(f"{r['status']}: {r['file_name']}: {r['reason']}" for r in summary["not_scored"]),
+    ]
+    return "\n\n".join(lines[:3]) + "".join(f"\n{line}" for line in lines[3:])

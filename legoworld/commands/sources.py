@@ -19,6 +19,7 @@ def document(found: SourceComparison) -> dict[str, Any]:
         "size_wh": list(found.blend.view.size_wh),
         "instances": [asdict(pair) for pair in found.pairs],
         "disagreeing": found.disagreeing,
+        "differing_px": found.differing_px,
         "unseen": found.unseen,
         "lost": list(found.lost),
         "gained": list(found.gained),
@@ -48,7 +49,8 @@ def show(found: SourceComparison, *, quiet: bool, verbose: bool) -> None:
     width, height = found.blend.view.size_wh
     click.echo(
         f"\n{len(found.pairs)} instances of both sources at {width}x{height}: "
-        f"{found.disagreeing} disagree; {found.unseen} more are not seen in either"
+        f"{found.disagreeing} disagree; {found.unseen} more are not seen in either; "
+        f"{found.differing_px} pixels differ"
     )
     _one_sided("only in scene.blend", found.lost)
     _one_sided("only in scene.glb", found.gained)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +104,9 @@ def gained_thresholds(n_truths: int) -> NDArray[np.uint8]:
 
 
 def mean_precision(
-    true: NDArray[np.integer], false: NDArray[np.integer], gained: NDArray[np.uint8]
+    true: NDArray[np.signedinteger[Any]],
+    false: NDArray[np.signedinteger[Any]],
+    gained: NDArray[np.uint8],
 ) -> Floats:
     """101-point average precision of n curves, each given at S places down its ranking.
 

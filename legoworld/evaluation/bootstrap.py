@@ -48,6 +48,22 @@ def resampled_means(
     return means
 
 
+def centred_interval(samples: NDArray[np.float64], value: float, *, unit: str) -> dict[str, Any]:
+    """The interval of a metric between 0 and 1 whose samples lie off its value.
+
+    Average precision over resampled images is biased upwards: a category whose image is drawn
+    twice has its true positives doubled, one that is not drawn at all leaves the mean. The samples
+    are shifted onto the value before the percentiles are taken; `bootstrap_mean` says where they
+    lay. value: NaN where the metric is undefined.
+    """
+    mean = float(np.mean(samples[~np.isnan(samples)])) if not np.isnan(samples).all() else np.nan
+    found = interval(samples - mean + value, unit=unit)
+    if found["low"] is not None:
+        found["low"], found["high"] = (min(1.0, max(0.0, found[k])) for k in ("low", "high"))
+    found["bootstrap_mean"] = None if np.isnan(mean) else mean
+    return found
+
+
 def interval(samples: NDArray[np.float64], *, unit: str) -> dict[str, Any]:
     """The percentile interval of a metric's bootstrap samples, as summary.json holds it.
 

@@ -27,7 +27,7 @@ from legoworld.evaluation.predictions import (
     check_predictions,
     with_equal_confidence,
 )
-from legoworld.evaluation.protocols import DetectionProtocol, detection_protocol
+from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol, detection_protocol
 from legoworld.evaluation.rows import per_category_rows, per_image_rows, views
 from legoworld.evaluation.run import Run, read_predictions, read_run
 from legoworld.evaluation.scoring import (
@@ -52,15 +52,17 @@ def evaluate_detections(
     seed: int,
     overwrite: bool,
     notice: Notice,
+    warn: Notice,
 ) -> Evaluation:
     """Score a coco or lvis run and write the evaluation folder.
 
-    evaluator: None for the official one where it is installed, else the fast one. Every
-    LegoWorldError is raised before anything is written.
+    evaluator: None for the official one where it is installed, else the fast one. notice is told
+    what is being done, warn what the reader of the numbers must know. Every LegoWorldError is
+    raised before anything is written.
     """
     run = read_run(run_folder)
     protocol = detection_protocol(run.task)
-    kind = evaluator or default_evaluator(protocol, notice)
+    kind = evaluator or default_evaluator(protocol, warn)
     truth = read_truth(truth_path, run, protocol)
     inputs = _inputs(run, truth_path)
     configuration = {
@@ -92,10 +94,10 @@ def evaluate_detections(
     return evaluation
 
 
-def default_evaluator(protocol: DetectionProtocol, notice: Notice) -> EvaluatorKind:
+def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKind:
     """The official evaluator; hotcoco, with a word about it, where lvis is not installed."""
     if protocol.federated and not lvis_package.installed():
-        notice(
+        warn(
             "the official LVIS evaluator is not installed: scoring with hotcoco, whose numbers "
             f"agree to 1e-12; for the official one: {lvis_package.HOW_TO_INSTALL}"
         )
@@ -193,6 +195,14 @@ def _counts(
         "false_positives_in_absent_categories": int(
             (false & (n_truths[table.category] == 0)).sum()
         ),
+    }
+    by_area = truths_per_category(table)
+    found["areas"] = {
+        area: {
+            "categories_with_truth": int((by_area[a] > 0).sum()),
+            "truth_instances": int(by_area[a].sum()),
+        }
+        for a, area in enumerate(AREA_NAMES)
     }
     if protocol.federated:
         frequencies = frequencies_of(truth)

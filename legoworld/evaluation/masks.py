@@ -1,11 +1,47 @@
-"""Whether an RLE mask is one: pycocotools itself reads any text as some mask."""
+"""RLE masks: pycocotools' own functions, and whether a text is a mask, which it never asks."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pycocotools import mask as _mask
+
+_API: Any = _mask  # its stubs know neither lists of RLE nor text counts
+
+#: pycocotools' area() casts the number of masks to uint8, which numpy 2 refuses from 256 on.
+_MOST_AREAS: Final = 255
+
+Rle = dict[str, Any]
+
+
+def areas_px(masks: Sequence[Rle]) -> NDArray[np.float64]:
+    """(n,) pixels of compressed masks."""
+    parts = [
+        _API.area(list(masks[i : i + _MOST_AREAS])) for i in range(0, len(masks), _MOST_AREAS)
+    ]
+    return np.concatenate([*parts, np.empty(0)]).astype(np.float64)
+
+
+def overlaps(
+    detections: Sequence[Any], truths: Sequence[Any], crowd: Sequence[int]
+) -> NDArray[np.float64]:
+    """(detections, truths) IoU of boxes or compressed masks; of crowds, the detection's share."""
+    return np.asarray(_API.iou(list(detections), list(truths), list(crowd)), np.float64)
+
+
+def compressed(mask: Any, size_hw: tuple[int, int]) -> Rle:
+    """Polygons or any RLE as compressed RLE with bytes, the way annToRLE makes it."""
+    made: Rle
+    if isinstance(mask, list):
+        made = _API.merge(_API.frPyObjects(mask, *size_hw))
+    elif isinstance(mask["counts"], list):
+        made = _API.frPyObjects(mask, *size_hw)
+    else:
+        made = {"size": mask["size"], "counts": mask["counts"].encode("ascii")}
+    return made
 
 
 def rle_problem(mask: Any, size_wh: tuple[int, int]) -> str | None:

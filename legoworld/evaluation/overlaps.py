@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from pycocotools import mask as coco_mask
 
+from legoworld.evaluation.masks import compressed, overlaps
 from legoworld.evaluation.matching import ImageOverlaps
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.problem import Problem
@@ -35,23 +34,8 @@ def image_overlaps(
         else:
             size = truth.images[i]["height"], truth.images[i]["width"]
             shapes = (
-                [_as_bytes(e["segmentation"]) for e in entries],
-                [rle_of_truth(a["segmentation"], size) for a in annotations],
+                [compressed(e["segmentation"], size) for e in entries],
+                [compressed(a["segmentation"], size) for a in annotations],
             )
-        iou = np.asarray(coco_mask.iou(*shapes, crowd), np.float64)
+        iou = overlaps(*shapes, crowd)
         yield ImageOverlaps(image=i, detections=mine, truths=true, iou=iou)
-
-
-def rle_of_truth(mask: Any, size_hw: tuple[int, int]) -> dict[str, Any]:
-    """A truth's polygons or RLE as compressed RLE, the way annToRLE makes it."""
-    if isinstance(mask, list):
-        merged: dict[str, Any] = coco_mask.merge(coco_mask.frPyObjects(mask, *size_hw))
-        return merged
-    if isinstance(mask["counts"], list):
-        compressed: dict[str, Any] = coco_mask.frPyObjects(mask, *size_hw)
-        return compressed
-    return _as_bytes(mask)
-
-
-def _as_bytes(mask: dict[str, Any]) -> dict[str, Any]:
-    return {"size": mask["size"], "counts": mask["counts"].encode("ascii")}

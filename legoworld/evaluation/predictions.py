@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pycocotools import mask as coco_mask
-
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import check_box_format
-from legoworld.evaluation.masks import rle_problem
+from legoworld.evaluation.masks import areas_px, compressed, rle_problem
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.evaluation.truth import Truth
@@ -76,7 +74,7 @@ def check_predictions(
         kept = [_box_entry(e) for e in entries]
     else:
         kept = [_mask_entry(e, sizes_wh[e["image_id"]], warnings) for e in entries]
-        areas = coco_mask.area([e["segmentation"] for e in kept]) if kept else ()
+        areas = areas_px([e["segmentation"] for e in kept])
         kept = [e for e, area in zip(kept, areas, strict=True) if area > 0]
     return Predictions(
         entries=tuple(sorted(kept, key=canonical_key)),
@@ -190,8 +188,8 @@ def _mask_entry(
         )
     if isinstance(mask["counts"], list):
         warnings["masks with uncompressed RLE, compressed before scoring"] += 1
-        mask = coco_mask.frPyObjects(mask, *mask["size"])
-        mask = {"size": mask["size"], "counts": mask["counts"].decode("ascii")}
+        counts = compressed(mask, (size_wh[1], size_wh[0]))["counts"].decode("ascii")
+        mask = {"size": mask["size"], "counts": counts}
     return {
         "image_id": entry["image_id"],
         "category_id": entry["category_id"],

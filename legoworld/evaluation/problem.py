@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pycocotools import mask as coco_mask
 
+from legoworld.evaluation.masks import areas_px
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.truth import Truth
@@ -170,13 +170,13 @@ def _federated(
 
 def _cells(truth: Truth, key: str, category_ids: Ints) -> Ints:
     """image * n_categories + category for an LVIS image's list of category ids."""
-    found = [
-        (i, c) for i, image in enumerate(truth.images) for c in image[key] if c in category_ids
-    ]
+    known = set(category_ids.tolist())
+    found = [(i, c) for i, image in enumerate(truth.images) for c in image[key] if c in known]
     if not found:
         return np.empty(0, np.int64)
     images, categories = np.array(found, np.int64).T
-    return images * len(category_ids) + _positions(category_ids, categories)
+    cells: Ints = images * len(category_ids) + _positions(category_ids, categories)
+    return cells
 
 
 def _areas(entries: Sequence[dict[str, Any]], protocol: DetectionProtocol) -> Floats:
@@ -186,11 +186,12 @@ def _areas(entries: Sequence[dict[str, Any]], protocol: DetectionProtocol) -> Fl
     if protocol.iou_type == "bbox":
         boxes = np.array([e["bbox"] for e in entries], np.float64)
         return np.asarray(boxes[:, 2] * boxes[:, 3])
-    return np.asarray(coco_mask.area([e["segmentation"] for e in entries]), np.float64)
+    return areas_px([e["segmentation"] for e in entries])
 
 
 def _positions(sorted_ids: Ints, ids: Any) -> Ints:
-    return np.asarray(np.searchsorted(sorted_ids, np.asarray(ids, np.int64)), np.int64)
+    found: Ints = np.searchsorted(sorted_ids, np.asarray(ids, np.int64)).astype(np.int64)
+    return found
 
 
 def _rank(sorted_groups: Ints) -> Ints:

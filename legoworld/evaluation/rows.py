@@ -80,8 +80,11 @@ def per_category_rows(truth: Truth, score: Score) -> list[Row]:
             "n_truth": int(n_truths[k]),
             "n_images": int(n_images[k]),
             "n_predictions": int(n_predictions[k]),
-            **{name: number(precision[k, i]) for i, name in enumerate(("AP", "AP50", "AP75"))},
-            "AR": number(recall[k]),
+            **{
+                name: number(float(precision[k, i]))
+                for i, name in enumerate(("AP", "AP50", "AP75"))
+            },
+            "AR": number(float(recall[k])),
             "greedy_50": {name: int(found[k]) for name, found in outcomes.items()},
             "miou_gt": number(iou_sum[k] / n_truths[k]) if n_truths[k] else None,
         }

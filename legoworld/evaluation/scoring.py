@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.accumulation import Curves, accumulate, metric_value
-from legoworld.evaluation.bootstrap import interval, resample_counts
+from legoworld.evaluation.bootstrap import centred_interval, resample_counts
 from legoworld.evaluation.evaluators import (
     EvaluatorDisagreesError,
     EvaluatorKind,
@@ -23,7 +23,7 @@ from legoworld.evaluation.overlaps import image_overlaps
 from legoworld.evaluation.pairing import Pairer, Pairs
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.problem import Floats, Problem, build_problem
-from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
 from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.evaluation.ties import TieResult, tie_orders
 from legoworld.evaluation.truth import Truth
@@ -142,10 +142,29 @@ def _intervals(
                 found[f"{prefix}.{name}"] = resampled[name]
                 values[f"{prefix}.{name}"] = float(point[name][0])
     del found["class_aware.label_accuracy"]
+    lone = _metrics_of_one_image(table, protocol, frequencies_of(request.truth))
+    if len(np.unique(table.truth_image)) < 2:
+        lone = set(found)
     return {
-        name: interval(resampled, value=_defined(values[name]), unit="image")
+        name: centred_interval(
+            resampled, np.nan if name in lone else _defined(values[name]), unit="image"
+        )
         for name, resampled in found.items()
     }
+
+
+def _metrics_of_one_image(
+    table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_]
+) -> set[str]:
+    """Metrics whose truth lies in fewer than two images: resampling cannot show their spread."""
+    lone = set()
+    for metric in protocol.metrics:
+        cells = table.n_truths[AREA_NAMES.index(metric.area)] > 0
+        if metric.frequency is not None:
+            cells &= frequencies[table.truth_category] == metric.frequency
+        if len(np.unique(table.truth_image[cells])) < 2:
+            lone.add(metric.name)
+    return lone
 
 
 def _defined(value: float) -> float:

@@ -18,9 +18,7 @@ def official_lines(protocol: DetectionProtocol, official: Sequence[float]) -> li
     return [word(m, v) for m, v in zip(protocol.metrics, official, strict=True)]
 
 
-def evaluation_text(
-    summary: dict[str, Any], protocol: DetectionProtocol, table: Table
-) -> str:
+def evaluation_text(summary: dict[str, Any], protocol: DetectionProtocol, table: Table) -> str:
     """Everything `legoworld evaluate` prints for boxes and masks."""
     evaluator = summary["evaluator"]
     parts = [
@@ -54,35 +52,38 @@ def _lvis_line(metric: Metric, value: float) -> str:
 
 def _images(coverage: dict[str, Any]) -> str:
     return (
-        f"{coverage['attempted']} images attempted, {coverage['scored']} scored, "
+        f"{_many(coverage['attempted'], 'image')} attempted, {coverage['scored']} scored, "
         f"{coverage['with_truth']} with truth"
     )
 
 
 def _rows(summary: dict[str, Any], protocol: DetectionProtocol) -> list[tuple[str, ...]]:
     counts, coverage = summary["counts"], summary["coverage"]
-    images = f"{coverage['attempted']} images"
-    categories = f"{images}, {counts['categories_with_truth']} categories"
+    images = _many(coverage["attempted"], "image")
+    with_truth = _many(counts["categories_with_truth"], "category")
+    categories = f"{images}, {with_truth}"
     rows = []
     for metric in protocol.metrics:
-        over = categories
-        if metric.frequency:
-            group = counts["frequency_groups"][metric.frequency]
-            over = f"{images}, {group['categories_with_truth']} categories"
-        rows.append(_row(summary, metric.name, summary["metrics"][metric.name], over))
+        groups = counts["frequency_groups"] if metric.frequency else counts["areas"]
+        group = groups[metric.frequency or metric.area]
+        where = (
+            f"{images}, {_many(group['categories_with_truth'], 'category')}, "
+            f"{_many(group['truth_instances'], 'truth')}"
+        )
+        rows.append(_row(summary, metric.name, summary["metrics"][metric.name], where))
     rows += _tie_rows(summary, categories)
     for prefix, found in summary["matched"].items():
-        truths = f"{found['n_gt']} truths"
+        truths = _many(found["n_gt"], "truth")
         over = {
             "miou_gt_micro": truths,
-            "miou_gt_macro": f"{counts['categories_with_truth']} categories",
-            "miou_matched": f"{found['n_matched']} pairs",
-            "precision_50": f"{found['n_dt']} predictions",
+            "miou_gt_macro": with_truth,
+            "miou_matched": _many(found["n_matched"], "pair"),
+            "precision_50": _many(found["n_dt"], "prediction"),
             "recall_50": truths,
-            "label_accuracy": f"{found['n_hits_50']} pairs at IoU 0.5",
+            "label_accuracy": _many(found["n_hits_50"], "pair") + " at IoU 0.5",
         }
         for name in (n for n in found if not n.startswith("n_")):
-            default = f"{truths}, {found['n_dt']} predictions"
+            default = f"{truths}, {_many(found['n_dt'], 'prediction')}"
             label = f"{prefix}.{name}"
             rows.append(_row(summary, label, found[name], over.get(name, default)))
     return rows
@@ -97,7 +98,7 @@ def _row(summary: dict[str, Any], name: str, value: float | None, over: str) -> 
 
 
 def _tie_rows(summary: dict[str, Any], over: str) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     blocks = [("", summary["ties"])]
     equal = summary["equal_confidence"]
     if not equal["already_equal"]:
@@ -110,7 +111,7 @@ def _tie_rows(summary: dict[str, Any], over: str) -> list[tuple[str, ...]]:
                     f"{prefix}AP over {ties['draws']} tie orders",
                     f"{ties['expected']:.4f}",
                     f"sd {ties['sd']:.4f}",
-                    f"{ties['n_tied']} tied predictions",
+                    _many(ties["n_tied"], "tied prediction"),
                 )
             )
             bounds = f"{ties['worst']:.4f} .. {ties['best']:.4f}"
@@ -131,15 +132,21 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         f"{counts['false_positives_in_absent_categories']} false positives are in categories "
         "without truth here and cost nothing",
     ]
-    for letter, group in counts.get("frequency_groups", {}).items():
-        lines.append(
-            f"AP{letter}: {group['categories_with_truth']} of {group['categories']} categories "
-            f"have truth, {group['truth_instances']} instances"
-        )
+    lines += [
+        f"AP{letter}: {group['categories_with_truth']} of "
+        f"{_many(group['categories'], 'category')} with truth, "
+        f"{_many(group['truth_instances'], 'instance')}"
+        for letter, group in counts.get("frequency_groups", {}).items()
+    ]
     if summary["partial"]:
         lines.append("partial run: only some images of its track were attempted")
     lines += [f"warning: {text}" for text in summary["warnings"]]
     return lines
+
+
+def _many(count: int, name: str) -> str:
+    plural = f"{name[:-1]}ies" if name.endswith("y") else f"{name}s"
+    return f"{count} {name if count == 1 else plural}"
 
 
 def _value(value: float | None) -> str:

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeGuard
 
-from legoworld.catalog import folder
+from legoworld.dataset_versions import dataset_version
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run, RunImage
-from legoworld.vocabulary import Vocabulary, from_json, load
+from legoworld.vocabulary import Vocabulary, from_json
 
 _FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
-_LVIS_V05_CATEGORIES = 1230
 
 
 class TruthInvalidError(LegoWorldError):
@@ -86,16 +85,6 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
         version=version,
         warnings=tuple(warnings),
     )
-
-
-def dataset_version(vocabulary: Vocabulary, task: str) -> str:
-    """The version of a dataset by its categories; "custom" when they are nobody's."""
-    shipped = load(folder("datasets") / task / "categories.json")
-    if vocabulary.sha256 == shipped.sha256:
-        return {"coco": "2017", "lvis": "1.0"}[task]
-    if task == "lvis" and len(vocabulary.categories) == _LVIS_V05_CATEGORIES:
-        return "0.5"
-    return "custom"
 
 
 def _document(path: Path) -> dict[str, Any]:

@@ -93,6 +93,6 @@ class ColumnRuns:
         if counts[-1] == 0:
             counts = counts[:-1]
         size = [self._height, self._width]
-        rle = {"size": size, "counts": counts.tolist()}
+        rle: Any = {"size": size, "counts": counts.tolist()}
         encoded = coco_mask.frPyObjects(rle, self._height, self._width)
         return {"size": size, "counts": encoded["counts"].decode("ascii")}

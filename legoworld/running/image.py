@@ -59,8 +59,8 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
         scene = read_scene(
             folder, source=options.source, blender=blender, cache=options.cache, files=files
         )
-        grouping = group(scene.snapshot, _labels(folder, scene, options.protocol))
-        return _record(row, image, folder, scene, grouping, options)
+        labels = _labels(folder, scene, options.protocol)
+        return _record(row, image, folder, scene, labels, options)
     except LegoWorldError as error:
         row |= {"status": error.status, "code": error.code, "reason": str(error), "warnings": []}
         return {"row": row, "predictions": [], "scene": None}
@@ -102,14 +102,15 @@ def _record(
     image: TrackImage,
     folder: SceneFolder,
     scene: ReadScene,
-    grouping: Grouping,
+    labels: Labels,
     options: ImageOptions,
 ) -> Record:
     snapshot = scene.snapshot
+    grouping = group(snapshot, labels)
     full_size = image.size_wh or snapshot.render.size_wh
     size_wh = resampled_size(full_size, options.max_side)
     seen = view(snapshot, grouping, size_wh, threads=options.threads)
-    warnings = [*snapshot.warnings, *grouping.warnings]
+    warnings = [*snapshot.warnings, *labels.warnings, *grouping.warnings]
     if aspect_differs(snapshot.render, full_size):
         w, h = snapshot.render.size_wh
         warnings.append(
@@ -139,8 +140,6 @@ def _record(
         predictions = options.protocol.task.predict(image.id, grouping.instances, seen)
         row["n_predictions"] = len(predictions)
         row |= _instance_report(scene, grouping, seen, options)
-        labels = _labels(folder, scene, options.protocol)
-        warnings += labels.warnings
     row["warnings"] = warnings
     return {
         "row": row,

@@ -184,13 +184,18 @@ class BlenderProcess:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(timeout=5)
             code = self._process.returncode
-        how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+        killed = code is not None and code < 0
+        how = f"signal {-code}" if code is not None and killed else f"exit code {code}"
+        advice = (
+            "the file may be damaged: open it in Blender and save it again"
+            if killed
+            else "a library Blender needs may be missing: `legoworld doctor` checks"
+        )
         return WorkerCrashedError(
             "Blender ended while it had the scene",
             found=one_line(f"{how}; {self._last_words()}", 300),
             expected="a snapshot of the scene",
-            next_step="open the file in Blender; a library Blender needs may be missing "
-            "(`legoworld doctor` checks)",
+            next_step=advice,
         )
 
     def _out_of_memory(self) -> WorkerMemoryError:

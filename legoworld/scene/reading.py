@@ -65,11 +65,23 @@ def _read(
     names = cache.dependencies(blend_sha256)
     if names is not None:
         known = replace(files, dependencies=hash_files(scene.path, names))
-        stored = cache.snapshot_path(blend_sha256, known.dependencies)
-        if stored.is_file():
-            snapshot, content = load(stored)
-            return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+        stored = _stored(cache.snapshot_path(blend_sha256, known.dependencies))
+        if stored is not None:
+            return ReadScene(snapshot=stored[0], snapshot_sha256=stored[1], files=known)
     return _read_with_blender(scene, blend_sha256, cache, blender, files)
+
+
+def _stored(path: Path) -> tuple[Snapshot, str] | None:
+    """A cached snapshot and its content hash; None where there is none that can be read.
+
+    An entry that a full disk or a foreign hand has damaged is made again, like one that is not there.
+    """
+    if not path.is_file():
+        return None
+    try:
+        return load(path)
+    except SceneInvalidError:
+        return None
 
 
 def _read_with_blender(
@@ -118,10 +130,9 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
     names = cache.dependencies(glb.sha256) if cache else None
     if cache is not None and names is not None:
         known = _with_files_of_glb(scene, names, files)
-        stored = cache.snapshot_path(glb.sha256, known.dependencies)
-        if stored.is_file():
-            snapshot, content = load(stored)
-            return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+        stored = _stored(cache.snapshot_path(glb.sha256, known.dependencies))
+        if stored is not None:
+            return ReadScene(snapshot=stored[0], snapshot_sha256=stored[1], files=known)
     data = scene.file(GLB).read_bytes()
     if hashlib.sha256(data).hexdigest() != glb.sha256:
         raise _changed(scene, GLB)

@@ -86,7 +86,7 @@ def instance_extents(
 
     Works on horizontal runs of equal ids, of which a picture has far fewer than pixels.
     """
-    height, width = instance.shape
+    width = instance.shape[1]
     flat = instance.ravel()
     starts = np.ones(len(flat), bool)
     starts[1:] = flat[1:] != flat[:-1]

@@ -207,6 +207,13 @@ def _noise(tree: Any, _: Any) -> Any:
     return tree.nodes.new("ShaderNodeTexNoise").outputs[0]
 
 
+def _light_path(fact: str) -> _Wire:
+    def wire(tree: Any, _: Any) -> Any:
+        return tree.nodes.new("ShaderNodeLightPath").outputs[fact]
+
+    return wire
+
+
 def _picture(name: str, alpha: np.ndarray) -> Any:
     """A packed picture with this alpha, top row first, and white colour."""
     height, width = alpha.shape
@@ -237,6 +244,8 @@ def image_alpha() -> None:
     _card("half", 40, 20, leaf, _math("MULTIPLY", None, 0.49))
     _card("turned", 60, 20, leaf, _mapped)
     _card("noise", 0, 40, leaf, _noise)
+    _card("camera ray", 60, 40, leaf, _light_path("Is Camera Ray"))
+    _card("shadow ray", 60, 40, leaf, _light_path("Is Shadow Ray"))
     missing = bpy.data.images.new("gone", 4, 4)
     missing.source, missing.filepath = "FILE", "//gone.png"
     _card("missing", 20, 40, missing, _alpha)

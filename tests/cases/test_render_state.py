@@ -128,6 +128,12 @@ def test_row_25_alpha_that_never_reaches_a_half_removes_the_surface(cases):
     assert cases.read("image_alpha").named("half") == []
 
 
+def test_row_25_a_light_path_is_the_camera_rays(cases):
+    case = cases.read("image_alpha")
+    assert case.area("camera ray") == 256
+    assert case.named("shadow ray") == []
+
+
 def test_row_25_without_a_uv_map_the_lower_left_texel_decides(cases):
     assert cases.read("image_alpha").area("no map") == 0  # it is 0.3
 

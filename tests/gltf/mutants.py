@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-
 from gltf.documents import Document, glb_of, png_of_alpha
+
 from legoworld.errors import LegoWorldError
 from legoworld.scene.gltf.container import parse_glb
 from legoworld.scene.gltf.snapshot import snapshot_of_glb
@@ -27,10 +27,9 @@ def rich_glb() -> bytes:
     card = [(0, 1), (1, 1), (1, 0), (0, 0)]
     info = {"index": made.texture(np.arange(64).reshape(8, 8) * 4, wrapS=33071, wrapT=33648)}
     info["extensions"] = {"KHR_texture_transform": {"offset": [0.1, 0], "rotation": 0.3}}
-    made.textured_quad(
-        {"alphaMode": "MASK", "alphaCutoff": 0.4, "pbrMetallicRoughness": {"baseColorTexture": info}},
-        card, side=16,
-    )  # fmt: skip
+    color = {"baseColorTexture": info}
+    material = {"alphaMode": "MASK", "alphaCutoff": 0.4, "pbrMetallicRoughness": color}
+    made.textured_quad(material, card, side=16)
     leaf = made.quad("Leaf", -8, 0, root=False, extras={"category": "leaf"})
     made.node(name="Plant", children=[leaf], rotation=[0, 0, 0.5, 0.8], scale=[-1, 2, 1])
     spread = {"TRANSLATION": made.accessor([(0, 0, 0), (9, 0, 0), (0, 9, 0)])}
@@ -66,22 +65,23 @@ def mutant(whole: bytes, seed: int) -> tuple[str, bytes]:
     kind = KINDS[seed % len(KINDS)]
     data = bytearray(whole)
     n = len(data)
+    # Half of the damage goes to the arrays alone: one wrong byte of JSON is soon found out.
+    first = 28 + struct.unpack_from("<I", data, 12)[0] if rng.random() < 0.5 else 0
     if kind == "truncation":
         data = data[: int(rng.integers(0, n))]
         if rng.random() < 0.5 and len(data) >= 12:  # with a header that says so
             data[8:12] = struct.pack("<I", len(data))
     elif kind == "bits":
         for _ in range(int(rng.integers(1, 30))):
-            data[int(rng.integers(0, n))] ^= 1 << int(rng.integers(0, 8))
+            data[int(rng.integers(first, n))] ^= 1 << int(rng.integers(0, 8))
     elif kind == "bytes":
-        start = int(rng.integers(0, n))
+        start = int(rng.integers(first, n))
         data[start : start + 16] = rng.bytes(len(data[start : start + 16]))
     elif kind == "lengths":
         json_length = struct.unpack_from("<I", data, 12)[0]
         places = [8, 12, 20 + json_length]
         a, b = rng.choice(places, 2)
-        first, second = data[a : a + 4], data[b : b + 4]
-        data[a : a + 4], data[b : b + 4] = second, first
+        data[a : a + 4], data[b : b + 4] = data[b : b + 4], data[a : a + 4]
         if a == b:
             data[a : a + 4] = rng.bytes(4)
     else:
@@ -93,7 +93,7 @@ def _json_mutant(whole: bytes, kind: str, rng: np.random.Generator) -> bytes:
     """Damage inside the JSON: a sound container around a document that lies."""
     length = struct.unpack_from("<I", whole, 12)[0]
     document = json.loads(whole[20 : 20 + length])
-    for _ in range(int(rng.integers(1, 4))):
+    for _ in range(1 if kind == "duplication" else int(rng.integers(1, 4))):
         places = list(_places(document))
         holder, key = places[int(rng.integers(0, len(places)))]
         if kind == "numbers":
@@ -129,7 +129,10 @@ def _places(value):
 
 
 def outcome(data: bytes, folder: Path) -> tuple[str, float]:
-    """("ok" or the verdict's code, seconds) of reading a file and looking at it once."""
+    """("ok" or the verdict's code, seconds) of reading a file and looking at it once.
+
+    A verdict of more than one line is a code of its own, which no test expects.
+    """
     started = time.perf_counter()
     try:
         snapshot = snapshot_of_glb(parse_glb(data), folder)
@@ -139,6 +142,5 @@ def outcome(data: bytes, folder: Path) -> tuple[str, float]:
         assert seen.buffers.instance.shape == (64, 64)
         code = "ok"
     except LegoWorldError as verdict:
-        assert "\n" not in str(verdict)
-        code = verdict.code
+        code = verdict.code if "\n" not in str(verdict) else "several lines"
     return code, time.perf_counter() - started

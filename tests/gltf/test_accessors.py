@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gltf.documents import Document, boxes, read, square
 
-from legoworld.errors import NonFiniteGeometryError, NoMeshError
+from legoworld.errors import NoMeshError, NonFiniteGeometryError
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 
 QUAD = [("Quad", 64, (36, 20, 44, 28))]
@@ -203,7 +203,7 @@ def test_broken_vertices_are_named(bad):
     positions[1, 2] = bad
     made.add("meshes", name="Broken", primitives=[made.primitive(positions, TRIANGLES)])
     made.node(mesh=0)
-    with pytest.raises(NonFiniteGeometryError, match="'Broken'.*1 of 4 vertices"):
+    with pytest.raises(NonFiniteGeometryError, match=r"'Broken'.*1 of 4 vertices"):
         read(made.glb())
 
 

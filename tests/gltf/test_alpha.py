@@ -7,6 +7,8 @@ without interpolation, so that every texel is a block of pixels.
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -263,6 +265,9 @@ def test_deep_png_and_webp(kind):
         (png_of_alpha(TEXELS)[:40], "does not decode"),
         (png_of_alpha(TEXELS)[:16] + b"\0\1\0\0\0\1\0\0" + bytes(20), "is neither PNG"),
         (b"RIFF\0\0\0\0WEBPVP8X" + bytes(20), "does not decode"),
+        (png_of_alpha(TEXELS).replace(b"IDAT", b"IDAt"), "does not decode"),
+        # A chunk that claims 2 GB: the decoder would make room for it.
+        (png_of_alpha(TEXELS)[:33] + b"\x7f\xff\xff\xf0IDAT" + bytes(50), "does not decode"),
     ],
 )
 def test_pictures_that_do_not_decode_are_opaque_with_a_warning(data, why):
@@ -303,3 +308,19 @@ def test_cut_outs_of_several_meshes_keep_their_own():
     made.json["meshes"][mesh]["primitives"][0]["material"] = number
     found = {name: area for name, area, _ in boxes(made.glb())}
     assert found == {"Card": int(blocks(TEXELS).sum()), "Solid": 64, "Two": 32}
+
+
+def test_palettes_with_transparency_and_other_chunks():
+    def chunk(kind, data):
+        sum_of = zlib.crc32(kind + data)
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", sum_of)
+
+    header = struct.pack(">IIBBBBB", 2, 2, 8, 3, 0, 0, 0)  # 2 x 2, palette
+    data = b"".join([
+        b"\x89PNG\r\n\x1a\n", chunk(b"IHDR", header), chunk(b"tEXt", b"a\0b"),
+        chunk(b"PLTE", bytes(9)), chunk(b"tRNS", bytes([0, 90])),
+        chunk(b"IDAT", zlib.compress(bytes([0, 0, 1, 0, 2, 1]))), chunk(b"IEND", b""),
+    ])  # fmt: skip
+    found, why = alpha_of(data)
+    assert why == ""
+    assert found.tolist() == [[0, 90], [255, 90]]

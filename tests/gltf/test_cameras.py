@@ -106,7 +106,7 @@ def test_other_broken_cameras():
         read(made.glb())
     made = perspective()
     del made.json["cameras"][0]["perspective"]["yfov"]
-    with pytest.raises(UnreadableGltfError, match="perspective.yfov is nothing"):
+    with pytest.raises(UnreadableGltfError, match=r"perspective\.yfov is nothing"):
         read(made.glb())
     made = perspective()
     made.json["nodes"][0]["scale"] = [1, 0, 1]

@@ -29,7 +29,7 @@ def test_a_minimal_file_is_read_exactly():
 @pytest.mark.parametrize(
     ("damage", "found"),
     [
-        (lambda d: b"", "0 bytes"),
+        (lambda _: b"", "0 bytes"),
         (lambda d: d[:19], "19 bytes"),
         (lambda d: b"gltF" + d[4:], "begins with b'gltF'"),
         (lambda d: d[:4] + b"\1" + d[5:], "version 1"),
@@ -37,15 +37,15 @@ def test_a_minimal_file_is_read_exactly():
         (lambda d: d + b"\0", "its header says"),
         (lambda d: d[:16] + b"BIN\0" + d[20:], "first chunk is not JSON"),
         (lambda d: d[:12] + b"\xff\xff\xff\x7f" + d[16:], "cut short"),
-        (lambda d: glb_of(b"{"), "does not parse"),
-        (lambda d: glb_of(b"\xff\xfe{}"), "does not parse"),
-        (lambda d: glb_of(b"[" * 100_000), "does not parse"),
-        (lambda d: glb_of(b'{"asset": NaN}'), "NaN is not JSON"),
-        (lambda d: glb_of(b"9" * 5000), "does not parse"),
-        (lambda d: glb_of(b"[]"), "its JSON is a list"),
-        (lambda d: glb_of(b"{}"), "asset.version is ''"),
-        (lambda d: glb_of(b'{"asset": {"version": "1.0"}}'), "asset.version is '1.0'"),
-        (lambda d: glb_of(b'{"asset": {"version": 2}}'), "asset.version is 2"),
+        (lambda _: glb_of(b"{"), "does not parse"),
+        (lambda _: glb_of(b"\xff\xfe{}"), "does not parse"),
+        (lambda _: glb_of(b"[" * 100_000), "does not parse"),
+        (lambda _: glb_of(b'{"asset": NaN}'), "NaN is not JSON"),
+        (lambda _: glb_of(b"9" * 5000), "does not parse"),
+        (lambda _: glb_of(b"[]"), "its JSON is a list"),
+        (lambda _: glb_of(b"{}"), "asset.version is ''"),
+        (lambda _: glb_of(b'{"asset": {"version": "1.0"}}'), "asset.version is '1.0'"),
+        (lambda _: glb_of(b'{"asset": {"version": 2}}'), "asset.version is 2"),
     ],
 )
 def test_damaged_containers(damage, found):

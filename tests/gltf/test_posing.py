@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gltf.documents import Document, boxes, read, square
 
+from legoworld.errors import NonFiniteGeometryError
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 
 CORNERS, TRIANGLES = square(4, 4, 8)
@@ -56,6 +57,16 @@ def test_targets_of_another_size_are_a_verdict():
         read(made.glb())
     with pytest.raises(UnreadableGltfError, match="2 targets for 3 weights"):
         read(morph([0, 0, 1]).glb())
+
+
+def test_poses_that_are_no_numbers_are_a_verdict():
+    made = morph([1, 0])
+    move = made.accessor([[np.nan, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]])
+    made.json["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = move
+    with pytest.raises(NonFiniteGeometryError, match="1 of 4 vertices"):
+        read(made.glb())
+    with pytest.raises(NonFiniteGeometryError):
+        read(morph([1e300, 0]).glb())
 
 
 def skinned(joints, weights, second=None, bind=None, **node):

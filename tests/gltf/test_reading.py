@@ -113,7 +113,7 @@ def test_frozen_json_must_vouch_for_files_beside_it(folder):
     with_picture(folder, [[0, 255]])
     files = checked_artefacts(scene, require_frozen=False)
     write_frozen(scene, files.artefacts, {}, {})
-    with pytest.raises(SceneInvalidError, match="frozen.json does not list"):
+    with pytest.raises(SceneInvalidError, match=r"frozen\.json does not list"):
         read(folder)
     write_frozen(scene, files.artefacts, read(folder, files=files).files.dependencies, {})
     assert read(folder).snapshot.cutouts

@@ -1,4 +1,4 @@
-"""scene.blend and the scene.glb that Blender exports of it: the same masks, instance by instance."""
+"""scene.blend and the scene.glb that Blender exports of it: the same masks."""
 
 from __future__ import annotations
 
@@ -230,6 +230,7 @@ def test_what_is_lost_is_named(folder, blender, capsys):
     (moving,) = [pair for pair in found.pairs if pair.name == "Moving"]
     assert moving.iou < 0.5
     assert found.disagreeing == 1
+    assert found.differing_px > moving.blend_area_px
     code = cli.run(["inspect", str(folder / "lost"), "--compare-sources", "--no-cache"])
     out = capsys.readouterr()
     assert code == 1
@@ -262,5 +263,5 @@ def test_a_real_flat_agrees(real_data, tmp_path, blender):
     shutil.copy(real_data / "scenes" / "archx3d" / "model.glb", tmp_path / "scene.glb")
     found = compared(tmp_path, blender, (960, 540))
     assert len(found.pairs) > 10
-    assert found.disagreeing == 0
+    assert (found.disagreeing, found.differing_px) == (0, 0)
     assert (found.lost, found.gained, found.differences) == ((), (), ())

@@ -63,7 +63,8 @@ def test_the_wheel_holds_the_library_and_the_catalogue_and_nothing_else(wheel):
 
 def test_the_sdist_holds_the_sources_of_the_kernel(built):
     (sdist,) = built.glob("*.tar.gz")
-    names = tarfile.open(sdist).getnames()
+    with tarfile.open(sdist) as archive:
+        names = archive.getnames()
     assert any(n.endswith("legoworld/visibility/kernel.cpp") for n in names)
     assert not any(n.endswith("_kernel.so") for n in names)
 

@@ -29,6 +29,7 @@ CATEGORIES = {
 }
 WIDTH, HEIGHT = 1200, 900
 
+SIZE = f"WIDTH, HEIGHT = {WIDTH}, {HEIGHT}\n"
 FROM_ABOVE = """
 import json, sys, bpy
 source, target, truth = sys.argv[-3:]
@@ -46,19 +47,19 @@ for o in scene.objects:
 x0 = min(b[0] for b in bounds.values()); x1 = max(b[1] for b in bounds.values())
 y0 = min(b[2] for b in bounds.values()); y1 = max(b[3] for b in bounds.values())
 data = bpy.data.cameras.new("Above"); data.type = "ORTHO"; data.clip_end = 1000
-data.ortho_scale = 1.1 * max(x1 - x0, (y1 - y0) * %(width)d / %(height)d)
+data.ortho_scale = 1.1 * max(x1 - x0, (y1 - y0) * WIDTH / HEIGHT)
 camera = bpy.data.objects.new("Above", data)
 camera.location = ((x0 + x1) / 2, (y0 + y1) / 2, 100)
 scene.collection.objects.link(camera); scene.camera = camera
-scene.render.resolution_x, scene.render.resolution_y = %(width)d, %(height)d
-px = %(width)d / data.ortho_scale
-boxes = {n: [(b[0] - camera.location.x) * px + %(width)d / 2,
-             (camera.location.y - b[3]) * px + %(height)d / 2,
-             (b[1] - camera.location.x) * px + %(width)d / 2,
-             (camera.location.y - b[2]) * px + %(height)d / 2] for n, b in bounds.items()}
+scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
+px = WIDTH / data.ortho_scale
+boxes = {n: [(b[0] - camera.location.x) * px + WIDTH / 2,
+             (camera.location.y - b[3]) * px + HEIGHT / 2,
+             (b[1] - camera.location.x) * px + WIDTH / 2,
+             (camera.location.y - b[2]) * px + HEIGHT / 2] for n, b in bounds.items()}
 json.dump(boxes, open(truth, "w"))
 bpy.ops.wm.save_as_mainfile(filepath=target)
-""" % {"width": WIDTH, "height": HEIGHT}
+"""
 
 
 def labels(names: list[str]) -> list[dict[str, str]]:
@@ -97,7 +98,7 @@ def flats(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
     truth = folder / "truth.json"
     target = folder / "above" / "scene.blend"
     subprocess.run(
-        [sys.executable, "-c", FROM_ABOVE, str(source), str(target), str(truth)],
+        [sys.executable, "-c", SIZE + FROM_ABOVE, str(source), str(target), str(truth)],
         check=True,
         capture_output=True,
     )

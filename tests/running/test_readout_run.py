@@ -299,3 +299,27 @@ def test_max_side_is_for_depth_only(scenes, track, tmp_path: Path, capsys):
     readout(*common, "--task", "eth3d")
     row = rows(tmp_path / "small")["good0"]
     assert (row["size_wh"], row["rendered_wh"]) == ([64, 48], [16, 12])
+
+
+def test_a_damaged_cache_entry_is_made_again(scenes, tmp_path: Path):
+    images = [{"id": 1, "file_name": "good0.jpg", "width": 64, "height": 48}]
+    track = write_track(tmp_path / "t.json", images)
+    cache = tmp_path / "cache"
+    common = [scenes, "--task", "coco", "--track", track, "--cache", cache]
+    assert readout(*common, "-o", tmp_path / "a") == 0
+    (entry,) = cache.rglob("*.npz")
+    whole = entry.read_bytes()
+    entry.write_bytes(whole[:1000])
+    assert readout(*common, "-o", tmp_path / "b") == 0
+    assert results(tmp_path / "a") == results(tmp_path / "b")
+    assert entry.read_bytes() == whole
+
+
+def test_a_label_for_an_object_that_is_not_there_is_a_warning_of_the_row(scenes, tmp_path: Path):
+    import shutil
+
+    shutil.copytree(scenes / "good0", tmp_path / "scenes" / "good0")
+    labels = {"version": 1, "labels": [{"object": "Nobody", "category": "bed"}]}
+    (tmp_path / "scenes" / "good0" / "labels.json").write_text(json.dumps(labels))
+    readout(tmp_path / "scenes", "--task", "coco", "-o", tmp_path / "run")
+    assert any("Nobody" in w for w in rows(tmp_path / "run")["good0"]["warnings"])

@@ -25,11 +25,16 @@ def _sun_rgbd(stored: NDArray[np.uint16]) -> F64:
 
 
 def _nyu_raw(stored: NDArray[np.uint16]) -> F64:
-    """Raw Kinect disparity of NYU Depth v2: z = 351.3 / (1092.5 - raw); not positive: nothing."""
-    return 351.3 / (1092.5 - stored.astype(np.float64))
+    """Raw Kinect disparity of NYU Depth v2's PGMs: z = 351.3 / (1092.5 - raw), 2047 is nothing.
+
+    The files keep the low byte first, against the PGM standard, so a standard reader gets each
+    number with its bytes swapped (the dataset's own toolbox swaps them back, too).
+    """
+    return 351.3 / (1092.5 - stored.byteswap().astype(np.float64))
 
 
-#: Declared unit -> metres. 0 is "no depth" in all of them but nyu_raw, where 2047 is.
+#: Declared unit -> metres. 0 is "no depth" in all of them but nyu_raw, where a depth
+#: that is not positive is.
 INTEGER_UNITS: Final[dict[str, Callable[[NDArray[np.uint16]], F64]]] = {
     "mm": _per_metre(1000.0),
     "m/256": _per_metre(256.0),

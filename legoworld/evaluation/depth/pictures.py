@@ -151,11 +151,13 @@ def read_exr(path: Path) -> NDArray[np.float32]:
 def _read_npy(path: Path) -> NDArray[Any]:
     try:
         with path.open("rb") as stream:
-            values: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+            values = np.load(stream, allow_pickle=False)
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise DepthFileError(
             f"{path.name} cannot be read", found=str(error), expected="an .npy of plain numbers"
         ) from error
+    if not isinstance(values, np.ndarray):
+        raise DepthFileError(f"{path.name} is an .npz by its content", expected="one array")
     return values
 
 

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-from mathutils import Euler, Matrix
+import numpy as np
+from numpy.typing import NDArray
 
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError
 from legoworld.scene.snapshot import Interpolation, Wrap
@@ -69,6 +70,8 @@ def read_value(source: Feed) -> Value:
     if source.is_constant:
         return source.value()
     node = source.node
+    if node.type == "LIGHT_PATH":
+        return _camera_ray(source.output.name)
     if node.type == "TEX_IMAGE":
         return Curve(source=_image_source(source), of=float)
     if node.type == "MATH" and node.operation in _MATH:
@@ -105,6 +108,13 @@ _MATH: Final[dict[str, tuple[Callable[..., float], int]]] = {
     "FLOOR": (lambda a: float(math.floor(a)), 1),
 }
 """Math nodes by operation, as Cycles computes them, with their number of inputs."""
+
+
+def _camera_ray(fact: str) -> float:
+    """What a Light Path node says of a ray that comes straight from the camera."""
+    if fact in ("Ray Length", "Transparent Depth"):
+        raise UnreadableAlphaError(f"alpha comes from a Light Path node ({fact.lower()})")
+    return 1.0 if fact == "Is Camera Ray" else 0.0
 
 
 def _map_range(source: Feed) -> Value:
@@ -199,7 +209,7 @@ def _coordinates(source: Feed) -> tuple[str | None, Affine2]:
     raise UnreadableAlphaError(f"alpha texture coordinates come from a {node.bl_label} node")
 
 
-def _mapping(source: Feed) -> Matrix:
+def _mapping(source: Feed) -> NDArray[np.float64]:
     """The 4 x 4 matrix of a Mapping node whose inputs are constant."""
     vectors = {}
     for name in ("Location", "Rotation", "Scale"):
@@ -213,15 +223,26 @@ def _mapping(source: Feed) -> Matrix:
     kind = source.node.vector_type
     if kind not in ("POINT", "TEXTURE") or 0.0 in vectors["Scale"]:
         raise UnreadableAlphaError(f"alpha texture coordinates come from a {kind.lower()} Mapping")
-    matrix = Matrix.LocRotScale(vectors["Location"], Euler(vectors["Rotation"]), vectors["Scale"])
-    return matrix if kind == "POINT" else matrix.inverted()
+    matrix = np.eye(4)
+    matrix[:3, :3] = _rotation(vectors["Rotation"]) * vectors["Scale"]
+    matrix[:3, 3] = vectors["Location"]
+    return matrix if kind == "POINT" else np.linalg.inv(matrix)
 
 
-def _after(inner: Affine2, matrix: Matrix) -> Affine2:
+def _rotation(xyz: tuple[float, ...]) -> NDArray[np.float64]:
+    """The (3, 3) rotation about x, then y, then z by these angles in radians."""
+    (cx, cy, cz), (sx, sy, sz) = np.cos(xyz), np.sin(xyz)
+    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    return np.asarray(about_z @ about_y @ about_x, np.float64)
+
+
+def _after(inner: Affine2, matrix: NDArray[np.float64]) -> Affine2:
     """First `inner`, then a 4 x 4 matrix on (u, v, 0)."""
     a, b, c, d, e, f = inner
     rows = []
     for r in range(2):
-        x, y, w = matrix[r][0], matrix[r][1], matrix[r][3]
+        x, y, w = float(matrix[r, 0]), float(matrix[r, 1]), float(matrix[r, 3])
         rows.append((x * a + y * d, x * b + y * e, x * c + y * f + w))
     return (*rows[0], *rows[1])

@@ -31,6 +31,8 @@ def snapshot_of_blend(path: Path) -> Snapshot:
     layers = [layer.name for layer in scene.view_layers if layer.use]
     if len(layers) > 1:
         warnings.append(f"the scene renders {len(layers)} view layers; read: {render.view_layer!r}")
+    if not rendered_view_layer().use_solid:
+        warnings.append(f"view layer {render.view_layer!r} renders no surfaces: read with them")
     refuse_missing_camera(scene)
     copied: list[tuple[Walk, SceneCamera]] = []
     visit_render_state(lambda graph: copied.append((walk(graph), scene_camera(graph.scene_eval))))

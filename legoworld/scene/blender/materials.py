@@ -94,8 +94,9 @@ def baked(value: NDArray[np.float32], rule: ImageAlpha) -> NDArray[np.uint8]:
     The change is linear around the cut, so that it commutes with linear interpolation.
     """
     gain = 0.5 / max(rule.cut, 1.0 - rule.cut)
-    there = value >= rule.cut if rule.above else value <= rule.cut
-    alpha = ALPHA_THRESHOLD + gain * (value - rule.cut) * (1.0 if rule.above else -1.0)
+    exact = value.astype(np.float64)
+    there = exact >= rule.cut if rule.above else exact <= rule.cut
+    alpha = ALPHA_THRESHOLD + gain * (exact - rule.cut) * (1.0 if rule.above else -1.0)
     steps = np.rint(np.clip(alpha, 0.0, 1.0) * 255.0)
     return np.where(there, np.maximum(steps, 128.0), np.minimum(steps, 127.0)).astype(np.uint8)
 

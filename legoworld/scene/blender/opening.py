@@ -45,7 +45,14 @@ def open_blend(path: Path) -> list[str]:
             next_step="save the scene again, or run its program with `legoworld execute`",
         )
     _refuse_missing_libraries()
-    return [f"Blender complained on opening: {complaint}"] if complaint else []
+    warnings = [f"Blender complained on opening: {complaint}"] if complaint else []
+    if tuple(bpy.data.version) > tuple(bpy.app.version_file):
+        saved_by = ".".join(map(str, bpy.data.version))
+        warnings.append(
+            f"the file was saved by a newer Blender ({saved_by}) than the one that reads it "
+            f"({bpy.app.version_string}): what that one does not know is lost"
+        )
+    return warnings
 
 
 def _refuse_missing_libraries() -> None:

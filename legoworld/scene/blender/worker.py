@@ -21,6 +21,7 @@ from legoworld.errors import LegoWorldError
 def main() -> int:
     """Serve requests until the input ends."""
     _die_with_parent()
+    _leave_no_core()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     import bpy  # noqa: F401  importing is the slow part: done before the first request arrives
@@ -40,6 +41,14 @@ def _die_with_parent() -> None:
 
         pr_set_pdeathsig = 1
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
+def _leave_no_core() -> None:
+    """A crash over a damaged file is an answer; an image of the process's memory is litter."""
+    if sys.platform != "win32":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _answer(request: dict[str, Any]) -> dict[str, Any]:

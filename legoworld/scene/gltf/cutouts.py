@@ -68,7 +68,7 @@ class Pictures:
         why = "is missing"
         if data is not None:
             width, height = size_wh(data)
-            self._budget.take(16 * width * height, "alpha textures")
+            self._budget.take(width * height, "alpha textures")
             alpha, why = alpha_of(data)
             if not why:
                 return alpha

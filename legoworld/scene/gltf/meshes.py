@@ -17,7 +17,7 @@ from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.materials import TextureAlpha, material_alpha
 from legoworld.scene.gltf.nodes import Node, Tree
 from legoworld.scene.gltf.posing import default_weights, joint_matrices, morphed, skinned
-from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload
+from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload, refuse_non_finite
 from legoworld.scene.gltf.verdicts import Budget, unreadable
 
 
@@ -97,8 +97,12 @@ class Meshes:
             return None
         cut = self._cut(primitive, alpha) if isinstance(alpha, TextureAlpha) else None
         posed = "targets" in fields or skin >= 0
+        vertices = primitive.positions
+        if posed:
+            vertices = self._posed(primitive, weights, skin)
+            refuse_non_finite(vertices, mesh_name)
         return Part(
-            vertices=self._posed(primitive, weights, skin) if posed else primitive.positions,
+            vertices=vertices,
             triangles=primitive.triangles,
             shared=(fields.place,) if posed else primitive.stored_as,
             cut=cut,

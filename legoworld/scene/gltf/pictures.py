@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,10 @@ from numpy.typing import NDArray
 
 LARGEST_SIDE_PX: Final = 16384
 
+_MOST_PX: Final = 1 << 26
+
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
+_PICTURE_CHUNKS: Final = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _JPEG: Final = b"\xff\xd8\xff"
 
 
@@ -24,10 +28,13 @@ def alpha_of(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
     width, height = size_wh(data)
     if width == 0:
         return None, f"is neither PNG, WebP nor JPEG of at most {LARGEST_SIDE_PX} pixels a side"
+    plain = _plain_png(data) if data[:8] == _PNG else data
+    if plain is None:
+        return None, "does not decode"
     import cv2
 
     try:
-        picture: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        picture: Any = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         picture = None
     if picture is None or picture.shape[:2] != (height, width):
@@ -43,14 +50,37 @@ def alpha_of(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
 def size_wh(data: bytes) -> tuple[int, int]:
     """Width and height by a PNG's or WebP's header, read before anything is allocated.
 
-    (0, 0) for anything else and for pictures beyond `LARGEST_SIDE_PX`.
+    (0, 0) for anything else and for pictures beyond `LARGEST_SIDE_PX` or 2^26 pixels.
     """
     size = (0, 0)
     if data[:8] == _PNG and len(data) >= 33:
         size = struct.unpack_from(">II", data, 16)
     elif data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 30:
         size = _webp_size_wh(data)
-    return size if all(0 < side <= LARGEST_SIDE_PX for side in size) else (0, 0)
+    sound = all(0 < side <= LARGEST_SIDE_PX for side in size) and size[0] * size[1] <= _MOST_PX
+    return size if sound else (0, 0)
+
+
+def _plain_png(data: bytes) -> bytes | None:
+    """The PNG with nothing but its picture; None where a chunk is cut short or damaged.
+
+    The decoder makes room for whatever length a chunk claims, so all are checked before.
+    """
+    kept, offset = [_PNG], len(_PNG)
+    while offset + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, offset)
+        end = offset + 12 + length
+        if end > len(data):
+            return None
+        (checksum,) = struct.unpack_from(">I", data, end - 4)
+        if zlib.crc32(data[offset + 4 : end - 4]) != checksum:
+            return None
+        if kind in _PICTURE_CHUNKS:
+            kept.append(data[offset:end])
+        if kind == b"IEND":
+            return b"".join(kept)
+        offset = end
+    return None
 
 
 def _webp_size_wh(data: bytes) -> tuple[int, int]:

@@ -39,7 +39,8 @@ def morphed(
         stored = accessors.read(target.index("POSITION", len(accessors)))
         if stored.values.shape != positions.shape:
             raise unreadable(f"{target.at('POSITION')} has another shape than the positions")
-        positions = positions + np.float32(weight) * as_float32(stored)
+        with np.errstate(all="ignore"):
+            positions = positions + np.float32(weight) * as_float32(stored)
     return positions
 
 

@@ -73,7 +73,7 @@ class Primitives:
         if stored.values.dtype.kind != "f":
             self._budget.take(12 * len(stored.values), fields.place)
         positions = as_float32(stored)
-        _refuse_non_finite(positions, mesh_name)
+        refuse_non_finite(positions, mesh_name)
         triangles = self._triangles(fields, mode, len(positions), mesh_name)
         if not len(triangles):
             return None
@@ -163,7 +163,8 @@ def _draco_ids(fields: Fields) -> dict[str, int]:
     return ids
 
 
-def _refuse_non_finite(positions: NDArray[np.float32], mesh_name: str) -> None:
+def refuse_non_finite(positions: NDArray[np.float32], mesh_name: str) -> None:
+    """Raises NonFiniteGeometryError where a position holds NaN or infinity."""
     # A finite sum has finite terms; only an infinite or NaN one needs the second look.
     with np.errstate(all="ignore"):
         if np.isfinite(positions.sum()):

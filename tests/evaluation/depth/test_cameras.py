@@ -1,4 +1,4 @@
-"""The thin prism fisheye: its own formula backwards, COLMAP's functions, and the warp's direction."""
+"""The thin prism fisheye: its own formula backwards, COLMAP's functions, the warp's direction."""
 
 from __future__ import annotations
 

@@ -44,8 +44,9 @@ def reference(disparity: Array, predicted: Array, truth: Array) -> dict[str, Any
     aligned = s * p + t
     out = 1 / np.clip(aligned, 1 / deepest, None)
     n_holes = int(valid.sum() - use.sum())
-    far = np.append(np.abs(out - z) / z, np.abs(deepest - truth[valid & ~predicted])
-                    / truth[valid & ~predicted])
+    far = np.append(
+        np.abs(out - z) / z, np.abs(deepest - truth[valid & ~predicted]) / truth[valid & ~predicted]
+    )
     ratio = np.maximum(out / z, z / out)
     return {
         "s": s, "t": t, "clamped": int((aligned < 1 / deepest).sum()),
@@ -194,8 +195,9 @@ def test_deleting_the_worst_pixels_gains_under_exclude_only() -> None:
     ratio[valid] = predicted[valid] / 3 / truth[valid]
     ratio[valid] = np.maximum(ratio[valid], 1 / ratio[valid])
     cheated = np.where(ratio > np.quantile(ratio[valid], 0.9), np.inf, predicted)
-    before, after = metric(score(predicted, truth), "abs_rel"), metric(
-        score(cheated, truth), "abs_rel"
+    before, after = (
+        metric(score(predicted, truth), "abs_rel"),
+        metric(score(cheated, truth), "abs_rel"),
     )
     assert after["exclude"] < before["exclude"]
     assert after["error_1"] > before["error_1"]

@@ -1,0 +1,21 @@
+"""Which version of a dataset a vocabulary belongs to."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from legoworld import catalog
+from legoworld.vocabulary import Vocabulary, load
+
+#: LVIS v0.5's number of categories; its ids are other numbers for v1's names.
+_LVIS_V05_CATEGORIES: Final = 1230
+
+
+def dataset_version(vocabulary: Vocabulary, task: str) -> str:
+    """The version of a task's dataset by its categories; "custom" when they are nobody's."""
+    shipped = load(catalog.folder("datasets") / task / "categories.json")
+    if vocabulary.sha256 == shipped.sha256:
+        return {"coco": "2017", "lvis": "1.0"}[task]
+    if task == "lvis" and len(vocabulary.categories) == _LVIS_V05_CATEGORIES:
+        return "0.5"
+    return "custom"

@@ -1,0 +1,167 @@
+"""Re-checking an evaluation folder: hashes of everything, and the numbers from the matches."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from legoworld.conventions import EQUAL_CONFIDENCE
+from legoworld.evaluation import matches_file
+from legoworld.evaluation.accumulation import accumulate, metric_value
+from legoworld.evaluation.folder import (
+    EVIDENCE,
+    MATCHES,
+    PER_IMAGE,
+    VIEW,
+    EvaluationFolderError,
+    Row,
+    read_rows,
+    read_summary,
+)
+from legoworld.evaluation.matched_metrics import matched_document
+from legoworld.evaluation.protocols import PROTOCOLS, detection_protocol
+from legoworld.evaluation.scoring import AGREEMENT
+from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing looked at. status: ok, CHANGED, MISSING, UNLISTED or DIFFERS."""
+
+    status: str
+    what: str
+    found: str
+
+
+def verify(folder: Path, root: Path | None) -> list[Check]:
+    """Every check of an evaluation folder; inputs are looked for below `root` where given."""
+    evidence = _read_evidence(folder)
+    checks = [*_files(folder, evidence), *_inputs(folder, evidence, root)]
+    if any(c.status != "ok" for c in checks if c.what.startswith("file ")):
+        return checks  # numbers of altered files prove nothing
+    summary, rows = read_summary(folder), read_rows(folder / PER_IMAGE)
+    checks += _coverage(summary, rows)
+    if summary["task"] in PROTOCOLS:
+        checks += _numbers(folder, evidence, summary)
+    return checks
+
+
+def _read_evidence(folder: Path) -> dict[str, Any]:
+    try:
+        evidence = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise EvaluationFolderError(
+            f"{folder.name or folder} has no readable {EVIDENCE}",
+            found=getattr(error, "strerror", None) or str(error),
+            expected="a folder that `legoworld evaluate` wrote",
+        ) from error
+    if not isinstance(evidence, dict) or evidence.get("kind") != "evaluation":
+        raise EvaluationFolderError(
+            f"{EVIDENCE} is of another kind",
+            found=repr(evidence.get("kind")) if isinstance(evidence, dict) else "no object",
+            expected="'evaluation'",
+        )
+    return evidence
+
+
+def _files(folder: Path, evidence: dict[str, Any]) -> Iterator[Check]:
+    for name, sha256 in evidence["files"].items():
+        yield _hashed(f"file {name}", folder / name, sha256)
+    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    for name in sorted(present - set(evidence["files"]) - {EVIDENCE}):
+        yield Check("UNLISTED", f"file {name}", f"not in {EVIDENCE}")
+
+
+def _inputs(folder: Path, evidence: dict[str, Any], root: Path | None) -> Iterator[Check]:
+    for entry in evidence["inputs"]:
+        yield _hashed(
+            f"input {entry['role']} {entry['path']}",
+            _located(folder, entry["path"], root),
+            entry["sha256"],
+        )
+
+
+def _located(folder: Path, recorded: str, root: Path | None) -> Path | None:
+    """An input's path: as recorded, or the longest ending of it that lies below root."""
+    if root is None:
+        return folder / recorded
+    parts = [part for part in PurePosixPath(recorded).parts if part != ".."]
+    for start in range(len(parts)):
+        candidate = root.joinpath(*parts[start:])
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def _hashed(what: str, path: Path | None, sha256: str) -> Check:
+    if path is None or not path.is_file():
+        return Check("MISSING", what, "no such file")
+    found = sha256_of_file(path)
+    if found != sha256:
+        return Check("CHANGED", what, f"{found[:12]}, on record {sha256[:12]}")
+    return Check("ok", what, found[:12])
+
+
+def _coverage(summary: dict[str, Any], rows: list[Row]) -> Iterator[Check]:
+    coverage = summary["coverage"]
+    statuses = dict(sorted(Counter(row["status"] for row in rows).items()))
+    yield _equal("images attempted", len(rows), coverage["attempted"])
+    yield _equal("images by status", statuses, coverage["by_status"])
+
+
+def _numbers(folder: Path, evidence: dict[str, Any], summary: dict[str, Any]) -> Iterator[Check]:
+    """The evaluator's raw numbers against those that follow from matches.npz, and the exports."""
+    protocol = detection_protocol(summary["task"])
+    with np.load(folder / MATCHES) as stored:
+        arrays = dict(stored)
+    truth = json.loads((folder / VIEW / "truth.json").read_text(encoding="utf-8"))
+    letters = {c["id"]: c.get("frequency", "") for c in truth["categories"]}
+    frequencies = np.array([letters[int(i)] for i in arrays["category_ids"]])
+    raw = evidence["raw"]["official"], evidence["equal_confidence"]["official"]
+    shown = summary["official"], summary["equal_confidence"]["official"]
+    for policy, name, official, again in zip(
+        (matches_file.OWN, matches_file.EQUAL),
+        ("own scores", "equal confidence"),
+        raw,
+        shown,
+        strict=True,
+    ):
+        curves = accumulate(matches_file.table_from(arrays, policy), protocol)
+        ours = np.array([metric_value(m, curves, frequencies) for m in protocol.metrics])
+        worst = float(np.abs(ours - official).max())
+        status = "ok" if worst <= AGREEMENT else "DIFFERS"
+        yield Check(status, f"metrics from matches, {name}", f"largest difference {worst:.1e}")
+        yield _equal(f"summary against raw metrics, {name}", again, official)
+    for kind, aware in (("class_aware", True), ("class_agnostic", False)):
+        counts = matches_file.counts_from(arrays, class_aware=aware)
+        document = matched_document(counts, class_aware=aware)
+        yield _equal(f"matched IoU, {kind}", document, summary["matched"][kind])
+    predictions = json.loads((folder / VIEW / "predictions.json").read_text(encoding="utf-8"))
+    recorded = evidence["raw"]["canonical_predictions_sha256"]
+    yield _equal("predictions", _export_sha256(predictions, equal=False), recorded)
+    recorded = evidence["equal_confidence"]["predictions_sha256"]
+    yield _equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
+
+
+def _export_sha256(predictions: list[Row], *, equal: bool) -> str:
+    """Hash of the results that view/predictions.json shows, as `Predictions.sha256` makes it."""
+    keys = ("image_id", "category_id", "bbox", "segmentation", "score")
+    lines = []
+    for shown in predictions:
+        entry = {k: shown[k] for k in keys if k in shown}
+        if equal:
+            entry["score"] = EQUAL_CONFIDENCE
+        lines.append(canonical_json(entry) + "\n")
+    return sha256_of_text("".join(lines))
+
+
+def _equal(what: str, found: Any, recorded: Any) -> Check:
+    if found == recorded:
+        return Check("ok", what, str(found)[:60])
+    return Check("DIFFERS", what, f"{str(found)[:60]}, on record {str(recorded)[:60]}")

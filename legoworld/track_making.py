@@ -1,0 +1,243 @@
+"""`legoworld track`: the public half of a dataset's annotations, and whether its photos are here.
+
+Truth goes in and is never written: what comes out is built from a list of allowed keys.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from legoworld import catalog
+from legoworld.dataset_versions import dataset_version
+from legoworld.errors import CatalogError, LegoWorldError, UsageError
+from legoworld.files import canonical_json, readable_json, sha256_of_file, write_text
+from legoworld.track import TrackImage, load_track
+from legoworld.vocabulary import from_json
+
+#: Everything a track may say about an image or a category. LVIS's lists of verified categories,
+#: and its counts of annotated images and instances, are annotations.
+PUBLIC_IMAGE_KEYS: Final = ("id", "file_name", "coco_url", "width", "height")
+PUBLIC_CATEGORY_KEYS: Final = ("id", "name", "supercategory", "synset", "synonyms", "frequency")
+
+_PHOTO_FOLDERS: Final = ("", "train2017", "val2017")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """The public half of a whole dataset: what it may write, and the hash of where it is from."""
+
+    name: str
+    version: str
+    sha256: str
+    images: list[dict[str, Any]]
+    categories: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class PhotoProblem:
+    """A photo of a track that cannot be used. status: missing, unreadable or size."""
+
+    status: str
+    image: TrackImage
+    found: str
+
+
+def make_track(
+    task: str, truth: Path, output: Path, *, sample: int | None, seed: int
+) -> dict[str, Any]:
+    """Write a track of all, or of `sample` seeded, images of a truth; returns the document.
+
+    truth: COCO or LVIS JSON, or ETH3D's folder. Images are drawn from all that the truth lists,
+    with annotations or without. CatalogError when the truth cannot be used.
+    """
+    source = eth3d_source(truth) if task == "eth3d" else annotation_source(task, truth)
+    images = sorted(source.images, key=lambda i: int(i["id"]))
+    if sample is not None:
+        if sample > len(images):
+            raise UsageError(
+                "there are not that many images",
+                found=f"--sample {sample}",
+                expected=f"at most {len(images)}, as many as {source.name} lists",
+            )
+        drawn = np.random.default_rng(seed).choice(len(images), sample, replace=False)
+        images = [images[i] for i in sorted(drawn.tolist())]
+    document: dict[str, Any] = {
+        "info": {
+            "description": f"legoworld track: public half of {source.name}",
+            "task": task,
+            "dataset_version": source.version,
+            "source": source.name,
+            "source_sha256": source.sha256,
+            "source_images": len(source.images),
+            "sample": sample,
+            "seed": None if sample is None else seed,
+        },
+        "images": images,
+        "categories": source.categories,
+    }
+    write_text(output, _readable(document))
+    load_track(output)  # what was written is what every other step will accept
+    return document
+
+
+def annotation_source(task: str, path: Path) -> Source:
+    """The public half of a COCO-style annotation file."""
+    if path.is_dir():
+        raise UsageError(
+            "the truth is a folder", found=path.name, expected="a COCO or LVIS annotation file"
+        )
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        entries, categories = document["images"], document["categories"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise CatalogError(
+            f"{path.name} cannot be read",
+            found=f"{type(error).__name__}: {error}",
+            expected="COCO or LVIS JSON with images and categories",
+        ) from error
+    vocabulary = from_json(categories, path.name)
+    if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+        raise CatalogError(
+            f"{path.name} lists no images", found=type(entries).__name__, expected="a list"
+        )
+    _check_dataset(task, path, entries)
+    return Source(
+        name=path.name,
+        version=dataset_version(vocabulary, task),
+        sha256=sha256_of_file(path),
+        images=[_public(e, PUBLIC_IMAGE_KEYS) for e in entries],
+        categories=[_public(c, PUBLIC_CATEGORY_KEYS) for c in categories],
+    )
+
+
+def eth3d_source(folder: Path) -> Source:
+    """ETH3D's images by its calibration files alone; ids are those of the shipped list."""
+    if not folder.is_dir():
+        raise UsageError("ETH3D is a folder", found=folder.name, expected="the folder of scenes")
+    shipped = json.loads(
+        (catalog.folder("datasets") / "eth3d" / "images.json").read_text(encoding="utf-8")
+    )
+    calibration = hashlib.sha256()
+    images = []
+    scenes = sorted({entry["file_name"].split("/")[0] for entry in shipped})
+    for scene in (s for s in scenes if (folder / s).is_dir()):
+        tables = folder / scene / "dslr_calibration_jpg"
+        sizes = _calibrated_sizes(tables)
+        for name in ("cameras.txt", "images.txt"):
+            line = canonical_json([scene, name, sha256_of_file(tables / name)])
+            calibration.update(f"{line}\n".encode())
+        for entry in shipped:
+            place, _, photo = entry["file_name"].partition("/images/")
+            if place != scene:
+                continue
+            if photo not in sizes:
+                raise CatalogError(
+                    f"{scene}/dslr_calibration_jpg/images.txt lacks a photo",
+                    found=f"no {photo}",
+                    expected="every photo of the training set",
+                )
+            width, height = sizes[photo]
+            images.append({**entry, "width": width, "height": height})
+    if not images:
+        raise CatalogError(
+            f"{folder.name} holds no ETH3D scene",
+            found="none of " + ", ".join(scenes[:4]) + ", ...",
+            expected="<scene>/dslr_calibration_jpg/{cameras,images}.txt",
+        )
+    return Source(
+        name=folder.resolve().name,
+        version="training-dslr",
+        sha256=calibration.hexdigest(),
+        images=images,
+        categories=[],
+    )
+
+
+def check_photos(
+    images: Sequence[TrackImage],
+    photos: Path,
+    size_of: Callable[[Path], tuple[int, int]],
+) -> list[PhotoProblem]:
+    """The photos of a track that are missing, do not decode, or have another size.
+
+    size_of: a file's stored (width, height), without EXIF rotation; raises LegoWorldError.
+    """
+    problems = []
+    for image in images:
+        path = find_photo(photos, image)
+        if path is None:
+            problems.append(PhotoProblem("missing", image, "no such file"))
+            continue
+        try:
+            found = size_of(path)
+        except (LegoWorldError, OSError) as error:
+            problems.append(PhotoProblem("unreadable", image, str(error)))
+            continue
+        if image.size_wh is not None and found != image.size_wh:
+            text = f"{found[0]}x{found[1]}, the track says {image.size_wh[0]}x{image.size_wh[1]}"
+            problems.append(PhotoProblem("size", image, text))
+    return problems
+
+
+def find_photo(photos: Path, image: TrackImage) -> Path | None:
+    """A photo below PHOTOS or its train2017/ and val2017/."""
+    for folder in _PHOTO_FOLDERS:
+        candidate = photos / folder / image.file_name
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def _check_dataset(task: str, path: Path, entries: list[dict[str, Any]]) -> None:
+    """LVIS lists verified categories on every image, COCO on none."""
+    federated = [e for e in entries if "neg_category_ids" in e]
+    if len(federated) != (len(entries) if task == "lvis" else 0):
+        raise CatalogError(
+            f"{path.name} is not the truth of {task}",
+            found=f"{len(federated)} of {len(entries)} images have neg_category_ids",
+            expected="all of them in LVIS, none in COCO",
+            next_step="pass the --task this file belongs to",
+        )
+
+
+def _public(entry: dict[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+    return {key: entry[key] for key in keys if key in entry}
+
+
+def _calibrated_sizes(folder: Path) -> dict[str, tuple[int, int]]:
+    """Photo to (width, height), from COLMAP's cameras.txt and images.txt."""
+    try:
+        cameras = {
+            row[0]: (int(row[2]), int(row[3]))
+            for row in map(str.split, (folder / "cameras.txt").read_text().splitlines())
+            if row and row[0] != "#"
+        }
+        lines = [
+            x for x in (folder / "images.txt").read_text().splitlines() if not x.startswith("#")
+        ]
+        # Two lines an image, the second of which (its points) may be blank.
+        heads = [line.split() for line in lines[::2] if line.strip()]
+        return {row[9]: cameras[row[8]] for row in heads}
+    except (OSError, ValueError, KeyError, IndexError) as error:
+        raise CatalogError(
+            f"the calibration of {folder.parent.name} cannot be read",
+            found=f"{type(error).__name__}: {error}",
+            expected="COLMAP's cameras.txt and images.txt",
+        ) from error
+
+
+def _readable(document: dict[str, Any]) -> str:
+    """JSON with one image or category a line."""
+    info = readable_json(document["info"]).rstrip().replace("\n", "\n ")
+    lists = [
+        f'"{key}": [\n' + ",\n".join(canonical_json(e) for e in document[key]) + "\n]"
+        for key in ("images", "categories")
+    ]
+    return "{\n" + ",\n".join([f'"info": {info}', *lists]) + "\n}\n"

@@ -1,0 +1,342 @@
+"""A whole depth evaluation: statuses, denominators, means, intervals, and the same bytes again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from evaluation.depth.folders import (
+    Predictions,
+    plane,
+    rows_of,
+    stem,
+    write_arrays,
+    write_eth3d,
+    write_run,
+)
+
+from legoworld.errors import CatalogError, ConfigurationMismatchError, UsageError
+from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.evaluate import evaluate_depth
+from legoworld.evaluation.depth.protocol import depth_protocol
+from legoworld.evaluation.depth.view import decoded
+from legoworld.evaluation.run import RunUnusableError
+
+SIZE = (32, 20)
+
+
+def eth3d_name(scene: str, number: int) -> str:
+    return f"{scene}/images/dslr_images/DSC_{number:04}.JPG"
+
+
+def score(tmp_path: Path, predictions: Predictions, truth: dict[str, Any], **options: Any) -> Any:
+    run = write_run(tmp_path / "run", predictions, kind=options.pop("kind", "scene"))
+    folder = write_arrays(tmp_path / "truth", truth)
+    summary = evaluate_depth(run, folder, tmp_path / "evaluation", draws=50, **options)
+    return summary, rows_of(tmp_path / "evaluation")
+
+
+def test_every_status(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    few = np.full(z.shape, np.inf)
+    few.flat[:9] = 1.0
+    nothing = np.full(z.shape, np.inf)
+    predictions: Predictions = {
+        "ok.jpg": z,
+        "inverted.jpg": 1 / z,
+        "degenerate.jpg": np.full(z.shape, 3.0),
+        "no_gt.jpg": z,
+        "missing.jpg": "missing",
+        "timeout.jpg": "timeout",
+        "all_holes.jpg": nothing,
+        "wrong_size.jpg": plane((20, 32)),
+        "unlabelled.jpg": {"values": z.astype(np.float32)},
+        "gone.jpg": z,
+    }
+    truth = {name: few if name == "no_gt.jpg" else z for name in predictions}
+    run = write_run(tmp_path / "run", predictions, size_wh=SIZE)
+    (run / "depth/gone.npz").unlink()
+    summary = evaluate_depth(run, write_arrays(tmp_path / "truth", truth), tmp_path / "e", draws=9)
+    rows = {stem(row["file_name"]): row for row in rows_of(tmp_path / "e")}
+    statuses = {name: row["status"] for name, row in rows.items()}
+    assert statuses == {
+        "ok": "ok", "inverted": "inverted", "degenerate": "degenerate", "no_gt": "no_gt",
+        "missing": "missing", "timeout": "timeout", "all_holes": "invalid",
+        "wrong_size": "invalid", "unlabelled": "invalid", "gone": "missing",
+    }  # fmt: skip
+    assert summary["coverage"]["attempted"] == 10
+    assert summary["coverage"]["scored"] == 3
+    assert summary["coverage"]["with_truth"] == 9
+    assert rows["ok"]["metrics"]["abs_rel"]["error_1"] < 1e-6
+    assert rows["timeout"]["reason"] == "it was timeout"
+    assert "0 of 640 valid truth pixels" in rows["all_holes"]["reason"]
+    assert "rotated" in rows["wrong_size"]["reason"]
+    assert "does not say what its numbers are" in rows["unlabelled"]["reason"]
+    assert "is its space declared right" in rows["inverted"]["warnings"][0]
+    listed = {stem(entry["file_name"]) for entry in summary["not_scored"]}
+    assert listed == set(rows) - {"ok", "inverted", "degenerate"}
+    scored = [rows[n]["metrics"]["abs_rel"]["error_1"] for n in ("ok", "inverted", "degenerate")]
+    assert summary["metrics"]["abs_rel"]["error_1"] == pytest.approx(np.mean(scored), rel=1e-14)
+    everything = summary["all_attempted"]
+    assert (everything["images"], everything["missing"]) == (9, 6)
+    assert everything["abs_rel"]["error_1"] == pytest.approx((sum(scored) + 6) / 9, rel=1e-14)
+    assert sorted(p.name for p in (tmp_path / "e/view").iterdir()) == ["1.json", "2.json", "3.json"]
+
+
+def test_the_row_says_how_it_was_scored(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    truth = np.where(np.random.default_rng(0).random(z.shape) < 0.5, np.inf, z)
+    holes = z.copy()
+    holes[:5] = np.inf
+    summary, (row,) = score(tmp_path, {"a.jpg": holes}, {"a.jpg": truth})
+    n_valid = int(np.isfinite(truth).sum())
+    n_hole = int(np.isfinite(truth[:5]).sum())
+    assert (row["n_valid"], row["n_predicted"]) == (n_valid, n_valid - n_hole)
+    assert row["hole_share"] == pytest.approx(n_hole / n_valid, rel=1e-14)
+    assert summary["mean_hole_share"] == row["hole_share"]
+    assert row["s"] == pytest.approx(1.0, rel=1e-5)  # float32 predictions of float64 truth
+    assert row["t"] == pytest.approx(0.0, abs=1e-6)
+    assert row["metrics"]["abs_rel"]["error_1"] == pytest.approx(n_hole / n_valid, abs=1e-6)
+    assert (row["space"], row["resampled"], row["truth_wh"]) == ("depth", False, [32, 20])
+    assert row["truth_inf_px"] == 640 - n_valid
+    assert set(row["constant"]["rmse_m"]) == {"exclude"}
+    for key in ("space", "solver", "disparity_floor", "resolution", "policies", "camera_model"):
+        assert key in summary["protocol"]
+
+
+def test_a_run_s_own_depth_as_truth_scores_zero(tmp_path: Path) -> None:
+    predictions: Predictions = {f"{i}/p.jpg": plane(SIZE, i) for i in range(3)}
+    run = write_run(tmp_path / "run", predictions)
+    summary = evaluate_depth(run, run / "depth", tmp_path / "e", draws=50)
+    assert summary["metrics"]["abs_rel"]["error_1"] < 1e-13
+    assert summary["metrics"]["delta1"] == {"error_1": 1.0, "exclude": 1.0, "far": 1.0}
+    assert summary["coverage"]["scored"] == 3
+
+
+def test_baselines_in_each_space_score_alike(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    rows, cols = np.mgrid[:20, :32] + 0.5
+    lengths = np.sqrt(1 + ((cols - 16) / 30) ** 2 + ((rows - 10) / 30) ** 2)
+    noisy = z * np.random.default_rng(3).uniform(0.8, 1.25, z.shape)
+    intrinsics = np.array([30.0, 30, 16, 10])
+    predictions: Predictions = {
+        "depth.jpg": {"values": noisy, "space": "depth"},
+        "unit.jpg": {"values": noisy * 1000, "space": "depth", "unit": "mm"},
+        "disparity.jpg": {"values": 7 / noisy - 3, "space": "disparity"},
+        "rays.jpg": {"values": noisy * lengths, "space": "ray_distance",
+                     "intrinsics_px": intrinsics},
+    }  # fmt: skip
+    _, rows_found = score(tmp_path, predictions, dict.fromkeys(predictions, z), kind="baseline")
+    values = [row["metrics"]["abs_rel"]["error_1"] for row in rows_found]
+    assert 0.05 < values[0] < 0.2
+    assert values == pytest.approx([values[0]] * 4, rel=1e-9)
+    assert [row["space"] for row in rows_found][2:] == ["disparity", "ray_distance"]
+
+
+def test_a_smaller_prediction_is_resampled_and_says_so(tmp_path: Path) -> None:
+    y, x = np.mgrid[:80, :120] + 0.5
+    truth = 1 / (0.2 + 0.3 * x / 120 + 0.2 * y / 80)
+    y, x = np.mgrid[:20, :30] + 0.5
+    small = 1 / (0.2 + 0.3 * x / 30 + 0.2 * y / 20)
+    summary, (row,) = score(tmp_path, {"a.jpg": small}, {"a.jpg": truth})
+    assert row["resampled"] is True
+    assert (row["prediction_wh"], summary["resampled"]) == ([30, 20], 1)
+    assert row["metrics"]["abs_rel"]["exclude"] < 2e-3  # half a source pixel at the edges
+
+
+def test_a_scene_of_another_size_than_it_rendered_is_invalid(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    run = write_run(tmp_path / "run", {"a.jpg": z})
+    rows = (run / "per_image.jsonl").read_text()
+    (run / "per_image.jsonl").write_text(
+        rows.replace('"rendered_wh": [32, 20]', '"rendered_wh": [64, 40]')
+    )
+    truth = write_arrays(tmp_path / "truth", {"a.jpg": z})
+    evaluate_depth(run, truth, tmp_path / "e", draws=9)
+    assert "not of the size the run recorded" in rows_of(tmp_path / "e")[0]["reason"]
+
+
+def test_a_depth_file_changed_after_the_run_is_invalid(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    run = write_run(tmp_path / "run", {"a.jpg": z})
+    np.savez(run / "depth/a.npz", depth_z_m=z.astype(np.float32) * 2, space="depth")
+    truth = write_arrays(tmp_path / "truth", {"a.jpg": z})
+    evaluate_depth(run, truth, tmp_path / "e", draws=9)
+    assert "not the one the run wrote" in rows_of(tmp_path / "e")[0]["reason"]
+
+
+def eth3d_case(tmp_path: Path, n_per_scene: dict[str, int]) -> tuple[Path, Path]:
+    """Runs whose error is the scene's: all photos of a scene are off alike."""
+    predictions: Predictions = {}
+    truth = {}
+    for level, (scene, n) in enumerate(n_per_scene.items()):
+        for i in range(n):
+            name = eth3d_name(scene, i)
+            z = plane(SIZE, i)
+            random = np.random.default_rng(i)
+            predictions[name] = z * random.uniform(1 - 0.1 * level, 1 + 0.1 * level, z.shape)
+            z[random.random(z.shape) < 0.9] = np.inf
+            truth[name] = z
+    run = write_run(tmp_path / "run", predictions, size_wh=SIZE)
+    return run, write_eth3d(tmp_path / "truth", truth)
+
+
+def test_intervals_are_over_scenes(tmp_path: Path) -> None:
+    run, truth = eth3d_case(tmp_path, {"courtyard": 2, "facade": 9, "office": 1})
+    summary = evaluate_depth(run, truth, tmp_path / "e", draws=400, seed=3)
+    assert summary["bootstrap"] == {
+        "draws": 400, "seed": 3, "unit": "scene", "groups": 3, "level": 0.95
+    }  # fmt: skip
+    found = summary["intervals"]["abs_rel"]["error_1"]
+    rows = rows_of(tmp_path / "e")
+    by_scene: dict[str, list[float]] = {}
+    for row in rows:
+        by_scene.setdefault(row["group"], []).append(row["metrics"]["abs_rel"]["error_1"])
+    scenes = list(by_scene.values())
+    random = np.random.default_rng(0)
+    draws = [
+        np.mean(np.concatenate([scenes[k] for k in random.integers(0, 3, 3)])) for _ in range(4000)
+    ]
+    assert found["low"] == pytest.approx(np.quantile(draws, 0.025), abs=2e-3)
+    assert found["high"] == pytest.approx(np.quantile(draws, 0.975), abs=2e-3)
+    assert found["low"] < summary["metrics"]["abs_rel"]["error_1"] < found["high"]
+    assert found["unit"] == "scene"
+    mean = np.mean([row["metrics"]["abs_rel"]["error_1"] for row in rows])  # images weigh alike
+    assert summary["metrics"]["abs_rel"]["error_1"] == pytest.approx(mean, rel=1e-14)
+
+
+def test_one_scene_has_no_interval(tmp_path: Path) -> None:
+    run, truth = eth3d_case(tmp_path, {"courtyard": 3})
+    summary = evaluate_depth(run, truth, tmp_path / "e", draws=20)
+    assert summary["intervals"]["abs_rel"]["error_1"]["low"] is None
+    assert summary["bootstrap"]["groups"] == 1
+
+
+def test_photos_outside_eth3d_are_their_own_groups(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    names = ["a.jpg", "b.jpg"]
+    summary, _ = score(tmp_path, dict.fromkeys(names, z), dict.fromkeys(names, z))
+    assert (summary["bootstrap"]["unit"], summary["bootstrap"]["groups"]) == ("image", 2)
+
+
+def test_the_same_bytes_again_and_nothing_else_over_it(tmp_path: Path) -> None:
+    run, truth = eth3d_case(tmp_path, {"courtyard": 2, "office": 2})
+    evaluate_depth(run, truth, tmp_path / "a", draws=30)
+    evaluate_depth(run, truth, tmp_path / "b", draws=30)
+    evaluate_depth(run, truth, tmp_path / "b", draws=30)
+    contents = [
+        {p.relative_to(f).as_posix(): p.read_bytes() for p in sorted(f.rglob("*")) if p.is_file()}
+        for f in (tmp_path / "a", tmp_path / "b")
+    ]
+    assert contents[0] == contents[1]
+    with pytest.raises(ConfigurationMismatchError, match="draws"):
+        evaluate_depth(run, truth, tmp_path / "b", draws=31)
+    evaluate_depth(run, truth, tmp_path / "b", draws=31, overwrite=True)
+
+
+def test_evidence_names_every_input(tmp_path: Path) -> None:
+    run, truth = eth3d_case(tmp_path, {"courtyard": 1, "office": 2})
+    evaluate_depth(run, truth, tmp_path / "e", draws=9)
+    evidence = json.loads((tmp_path / "e/evidence.json").read_text())
+    roles = [entry["role"] for entry in evidence["inputs"]]
+    counts = {role: roles.count(role) for role in roles}
+    assert counts == {"run": 1, "run_rows": 1, "prediction": 3, "truth": 3, "calibration": 4}
+    assert evidence["evaluator"] == {"name": "legoworld", "version": "1.0.0"}
+    assert evidence["configuration"]["camera_model"] == "none"
+
+
+def test_the_dataset_s_camera_changes_what_is_read(tmp_path: Path) -> None:
+    # A bent camera. The truth is what it sees of the pinhole's slanted plane.
+    from legoworld.evaluation.depth.cameras import Camera, pinhole_from_distorted
+
+    words = "300 200 170 170 151 99 0.2 0.2 0 0.0005 -0.15 0.4 0 0.0008"
+    numbers = [float(w) for w in words.split()]
+    camera = Camera(model="THIN_PRISM_FISHEYE", size_wh=(300, 200), params=tuple(numbers[2:]))
+    y, x = np.mgrid[:200, :300] + 0.5
+    at = pinhole_from_distorted(camera, np.stack([x.ravel(), y.ravel()], axis=1))
+    truth = 1 / (0.2 + at @ [1e-3, 2e-3])
+    inside = ((at > 1) & (at < [299, 199])).all(axis=1)
+    truth = np.where(inside & (truth > 0), truth, np.inf).reshape(200, 300)
+    name = eth3d_name("courtyard", 1)
+    run = write_run(tmp_path / "run", {name: 1 / (0.2 + 1e-3 * x + 2e-3 * y)}, size_wh=(300, 200))
+    folder = write_eth3d(tmp_path / "truth", {name: truth}, camera=words)
+    plain = evaluate_depth(run, folder, tmp_path / "a", draws=9)
+    warped = evaluate_depth(run, folder, tmp_path / "b", draws=9, camera_model="dataset")
+    assert plain["metrics"]["abs_rel"]["error_1"] > 5e-4
+    assert warped["metrics"]["abs_rel"]["error_1"] < 1e-6
+    assert warped["protocol"]["camera_model"] == "dataset"
+    assert rows_of(tmp_path / "b")[0]["warped"] is True
+
+
+def test_the_dataset_s_camera_is_for_scenes_with_calibration_only(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    name = eth3d_name("courtyard", 1)
+    run = write_run(tmp_path / "run", {name: z}, kind="baseline")
+    folder = write_eth3d(tmp_path / "truth", {name: z})
+    with pytest.raises(UsageError, match="only a scene"):
+        evaluate_depth(run, folder, tmp_path / "e", camera_model="dataset")
+    run = write_run(tmp_path / "scene", {name: z})
+    arrays = write_arrays(tmp_path / "arrays", {name: z})
+    with pytest.raises(DepthTruthError, match="needs the camera of every photo"):
+        evaluate_depth(run, arrays, tmp_path / "e", camera_model="dataset")
+    with pytest.raises(UsageError, match="no such camera model"):
+        evaluate_depth(run, folder, tmp_path / "e", camera_model="opencv")
+    assert not (tmp_path / "e").exists()
+
+
+def test_runs_that_cannot_be_scored(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    run = write_run(tmp_path / "run", {"a.jpg": z, "b.jpg": z})
+    truth = write_arrays(tmp_path / "truth", {"a.jpg": z, "b.jpg": z})
+    rows = (run / "per_image.jsonl").read_text().splitlines()
+    (run / "per_image.jsonl").write_text(rows[0] + "\n")
+    with pytest.raises(RunUnusableError, match="does not cover its own track"):
+        evaluate_depth(run, truth, tmp_path / "e")
+    document = json.loads((run / "run.json").read_text())
+    document["configuration"] |= {"task": "coco", "attempted": 1}
+    (run / "run.json").write_text(json.dumps(document))
+    with pytest.raises(UsageError, match="no depth run"):
+        evaluate_depth(run, truth, tmp_path / "e")
+    with pytest.raises(RunUnusableError):
+        evaluate_depth(tmp_path / "nowhere", truth, tmp_path / "e")
+
+
+def test_the_view_shows_real_pixels(tmp_path: Path) -> None:
+    truth = np.full((300, 700), np.inf)
+    random = np.random.default_rng(0)
+    points = random.random(truth.shape) < 0.02
+    truth[points] = plane((700, 300))[points]
+    prediction = plane((700, 300))
+    prediction[:, 350:] = np.inf
+    score(tmp_path, {"a.jpg": prediction}, {"a.jpg": truth})
+    view = json.loads((tmp_path / "evaluation/view/1.json").read_text())
+    shown, aligned = decoded(view, "truth_z_m"), decoded(view, "aligned_z_m")
+    assert view["size_wh"] == [256, 109]
+    assert shown.shape == (109, 256)
+    valid = np.isfinite(shown)
+    assert np.isin(shown[valid], truth.astype(np.float32)).all()
+    both = valid & np.isfinite(aligned)
+    assert both.sum() > 1000
+    np.testing.assert_allclose(aligned[both], shown[both], rtol=1e-5)
+    assert np.isinf(aligned[:, 129:]).all()
+    assert np.isfinite(aligned[:, :127]).all()
+
+
+def test_a_small_picture_is_shown_whole(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    score(tmp_path, {"a.jpg": z}, {"a.jpg": z})
+    view = json.loads((tmp_path / "evaluation/view/1.json").read_text())
+    assert np.array_equal(decoded(view, "truth_z_m"), z.astype(np.float32))
+
+
+def test_a_card_of_another_protocol_is_refused() -> None:
+    card = depth_protocol().card
+    alignment = {**card.values["alignment"], "solver": "median"}
+    other = type(card)(
+        task=card.task, version="2", sha256="", values={**card.values, "alignment": alignment}
+    )
+    with pytest.raises(CatalogError, match=r"alignment\.solver"):
+        depth_protocol(other)

@@ -1,0 +1,153 @@
+"""Truth on disk: ETH3D's two trees and its calibration, mirrored arrays, and what is refused."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluation.depth.folders import plane, write_arrays, write_eth3d
+
+from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
+from legoworld.evaluation.depth.eth3d import (
+    photo_camera,
+    read_cameras,
+    read_image_cameras,
+    scene_of,
+)
+from legoworld.evaluation.depth.truth import find_truth, load_truth
+from legoworld.evaluation.run import RunImage
+
+NAME = "courtyard/images/dslr_images/DSC_0286.JPG"
+OTHER = "office/images/dslr_images/DSC_0219.JPG"
+
+
+def photo(name: str = NAME, size_wh: tuple[int, int] | None = (32, 20)) -> RunImage:
+    return RunImage(id=1, file_name=name, size_wh=size_wh, status="ok")
+
+
+def lidar(seed: int = 0) -> np.ndarray:
+    """A wall of which nine pixels in ten have no laser point."""
+    z = plane((32, 20), seed).astype(np.float32)
+    z[np.random.default_rng(seed).random(z.shape) < 0.9] = np.inf
+    return z
+
+
+@pytest.mark.parametrize("tree", ["eth3d", "marigold"])
+def test_both_trees(tmp_path: Path, tree: str) -> None:
+    truths = {NAME: lidar(0), OTHER: lidar(1)}
+    write_eth3d(tmp_path, truths, tree=tree)
+    files = find_truth(tmp_path, [photo(NAME), photo(OTHER)])
+    for file, z in zip(files, truths.values(), strict=True):
+        truth = load_truth(file)
+        assert (file.kind, file.size_from, truth.size_wh) == ("eth3d_raw", "cameras.txt", (32, 20))
+        assert np.array_equal(truth.z_m, z)
+        assert (truth.inf_px, truth.nan_px, truth.non_positive_px) == (int(np.isinf(z).sum()), 0, 0)
+        assert file.camera is not None
+        assert file.camera.model == "THIN_PRISM_FISHEYE"
+
+
+def test_invalid_values_are_counted(tmp_path: Path) -> None:
+    z = lidar()
+    z.flat[:5] = [np.nan, np.nan, 0.0, -1.0, -np.inf]
+    n_inf = int((z == np.inf).sum())
+    truth = load_truth(find_truth(write_eth3d(tmp_path, {NAME: z}), [photo()])[0])
+    assert (truth.inf_px, truth.nan_px, truth.non_positive_px) == (n_inf, 2, 3)
+
+
+def test_without_calibration_the_track_s_size_is_held_to_the_bytes(tmp_path: Path) -> None:
+    write_eth3d(tmp_path, {NAME: lidar()})
+    shutil.rmtree(tmp_path / "courtyard/dslr_calibration_jpg")
+    file = find_truth(tmp_path, [photo()])[0]
+    assert (file.size_from, file.camera, file.size_wh) == ("track", None, (32, 20))
+    with pytest.raises(DepthFileError, match=r"2560 bytes.*2688 bytes"):
+        find_truth(tmp_path, [photo(size_wh=(32, 21))])
+    with pytest.raises(DepthTruthError, match=r"size of courtyard/DSC_0286\.JPG is not known"):
+        find_truth(tmp_path, [photo(size_wh=None)])
+
+
+def test_a_track_of_another_size_names_both(tmp_path: Path) -> None:
+    write_eth3d(tmp_path, {NAME: lidar()})
+    with pytest.raises(DepthTruthError, match=r"20x32 in the run.*32x20 in cameras\.txt"):
+        find_truth(tmp_path, [photo(size_wh=(20, 32))])
+
+
+def test_the_photo_in_the_depth_s_place(tmp_path: Path) -> None:
+    write_eth3d(tmp_path, {NAME: lidar()})
+    path = tmp_path / "courtyard/ground_truth_depth/dslr_images/DSC_0286.JPG"
+    path.write_bytes(b"\xff\xd8\xff" + path.read_bytes()[3:])
+    with pytest.raises(DepthFileError, match="this is the RGB, not the depth"):
+        find_truth(tmp_path, [photo()])
+
+
+def test_gaps_in_the_truth_end_it_before_anything_is_scored(tmp_path: Path) -> None:
+    write_eth3d(tmp_path, {NAME: lidar()})
+    with pytest.raises(DepthTruthError, match=r"lacks the depth of 1 of 2 images.*DSC_0219"):
+        find_truth(tmp_path, [photo(), photo(OTHER)])
+
+
+def test_arrays_named_like_the_photos(tmp_path: Path) -> None:
+    z = plane((8, 6))
+    write_arrays(tmp_path, {"a/b.png": z, "c.jpg": z * 2})
+    files = find_truth(tmp_path, [photo("a/b.png", None), photo("c.jpg", None)])
+    assert [np.array_equal(load_truth(f).z_m, e) for f, e in zip(files, (z, z * 2), strict=True)]
+    np.save(tmp_path / "c.npy", z)
+    with pytest.raises(DepthTruthError, match="more than one truth"):
+        find_truth(tmp_path, [photo("c.jpg", None)])
+
+
+def test_declared_arrays(tmp_path: Path) -> None:
+    z = plane((8, 6)).astype(np.float32)
+    (tmp_path / "depth.toml").write_text('space = "depth"\nunit = "mm"\n')
+    np.save(tmp_path / "c.npy", z * 1000)
+    np.testing.assert_allclose(
+        load_truth(find_truth(tmp_path, [photo("c.jpg", None)])[0]).z_m, z, rtol=1e-6
+    )
+
+
+def test_images_txt_with_blank_lost_and_full_point_lines(tmp_path: Path) -> None:
+    path = tmp_path / "images.txt"
+    pose = "0.1 0.2 0.3 0.4 1 2 3"
+    path.write_text(
+        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, ID)\n"
+        f"4 {pose} 0 dslr_images/A.JPG\n\n"
+        f"5 {pose} 1 dslr_images/B.JPG\n10.5 20.5 -1 30 40 7 1 2 3 4 5 6\n"
+        f"6 {pose} 0 dslr_images/C.JPG\n"
+        f"7 {pose} 1 dslr_images/with space.JPG\n\n"
+    )
+    assert read_image_cameras(path) == {
+        "dslr_images/A.JPG": 0,
+        "dslr_images/B.JPG": 1,
+        "dslr_images/C.JPG": 0,
+        "dslr_images/with space.JPG": 1,
+    }
+
+
+def test_the_photo_s_own_camera_among_several(tmp_path: Path) -> None:
+    (tmp_path / "cameras.txt").write_text(
+        "# x\n0 PINHOLE 10 20 1 2 3 4\n\n1 PINHOLE 20 10 1 2 3 4\n"
+    )
+    assert [c.size_wh for c in read_cameras(tmp_path / "cameras.txt").values()] == [
+        (10, 20),
+        (20, 10),
+    ]
+    with pytest.raises(DepthTruthError, match=r"which camera took B\.JPG"):
+        photo_camera(tmp_path, "B.JPG")
+    (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 0 1 dslr_images/B.JPG\n\n")
+    assert photo_camera(tmp_path, "B.JPG").size_wh == (20, 10)
+    with pytest.raises(DepthTruthError, match=r"which camera took C\.JPG"):
+        photo_camera(tmp_path, "C.JPG")
+
+
+@pytest.mark.parametrize("line", ["0 PINHOLE", "x PINHOLE 1 2 3", "0 PINHOLE 4 0 1 1 1 1"])
+def test_cameras_txt_with_a_mistake(tmp_path: Path, line: str) -> None:
+    (tmp_path / "cameras.txt").write_text(line + "\n")
+    with pytest.raises(DepthTruthError, match=r"cameras\.txt"):
+        read_cameras(tmp_path / "cameras.txt")
+
+
+def test_scene_of() -> None:
+    assert scene_of(NAME) == "courtyard"
+    assert scene_of("courtyard/DSC_0286.JPG") is None
+    assert scene_of("x/" + NAME) is None

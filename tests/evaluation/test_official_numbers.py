@@ -1,0 +1,180 @@
+"""The numbers are the official evaluators' own, called directly on the same files."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from evaluation.detection_runs import (
+    checked,
+    match_everything,
+    random_predictions,
+    random_truth,
+    write_run,
+    write_truth,
+)
+from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
+
+from legoworld.evaluation import lvis_package
+from legoworld.evaluation.accumulation import accumulate, metric_value
+from legoworld.evaluation.detections import evaluate_detections
+from legoworld.evaluation.evaluators import EvaluatorDisagreesError, run_evaluator
+from legoworld.evaluation.predictions import canonical_key
+from legoworld.evaluation.scoring import check_agreement, frequencies_of
+from legoworld.evaluation.text import official_lines
+
+
+def direct_coco(truth_path, results, iou_type="bbox"):
+    """pycocotools as its own demo calls it: (stats, printed lines)."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        true = COCO(str(truth_path))
+        evaluation = COCOeval(true, true.loadRes(json.loads(json.dumps(results))), iou_type)
+        evaluation.evaluate()
+        evaluation.accumulate()
+        printed.truncate(0)
+        printed.seek(0)
+        evaluation.summarize()
+    return evaluation.stats, printed.getvalue().splitlines()
+
+
+def direct_lvis(truth_path, results):
+    """The lvis package as its own test calls it: (numbers, printed lines)."""
+    package = lvis_package.load()
+    printed = io.StringIO()
+    with lvis_package.quiet(), contextlib.redirect_stdout(printed):
+        true = package.LVIS(str(truth_path))
+        found = package.LVISResults(true, json.loads(json.dumps(results)))
+        evaluation = package.LVISEval(true, found, "segm")
+        evaluation.run()
+        evaluation.print_results()
+    return np.array(list(evaluation.get_results().values())), printed.getvalue().splitlines()
+
+
+def evaluate(folder, task, truth, predictions, **options):
+    run = write_run(folder / "run", task, truth, predictions)
+    truth_path = write_truth(folder / "truth.json", truth)
+    return evaluate_detections(
+        run,
+        truth_path,
+        folder / "eval",
+        **{"evaluator": "official", "draws": 20, "seed": 0, "overwrite": False, **options},
+        notice=lambda _text: None,
+        warn=lambda _text: None,
+    )
+
+
+@pytest.mark.parametrize("levels", [None, 3, 1])
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+@pytest.mark.parametrize("kind", ["official", "fast"])
+def test_random_runs(task, levels, kind, tmp_path):
+    truth = random_truth(task, seed=3)
+    predictions = random_predictions(task, truth, seed=4, levels=levels)
+    evaluation = evaluate(tmp_path, task, truth, predictions, evaluator=kind)
+    ordered = sorted(predictions, key=canonical_key)
+    direct = direct_coco if task == "coco" else direct_lvis
+    numbers, lines = direct(tmp_path / "truth.json", ordered)
+    assert evaluation.summary["official"] == pytest.approx(numbers, abs=1e-12)
+    protocol, *_ = checked(tmp_path / "again", task, truth, predictions)
+    assert official_lines(protocol, evaluation.summary["official"]) == lines
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+@pytest.mark.parametrize("kind", ["official", "fast"])
+def test_no_predictions_at_all_is_zero(task, kind, tmp_path):
+    truth = random_truth(task, seed=5)
+    summary = evaluate(tmp_path, task, truth, [], evaluator=kind).summary
+    assert summary["metrics"]["AP"] == 0.0
+    assert summary["matched"]["class_aware"]["miou_gt_micro"] == 0.0
+    assert summary["matched"]["class_aware"]["miou_matched"] is None
+    assert summary["coverage"]["scored_without_predictions"] == 12
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+def test_an_undefined_number_stays_minus_one_and_is_no_metric(task, tmp_path):
+    truth = random_truth(task, seed=6, categories=3)
+    truth["annotations"] = [a for a in truth["annotations"] if a["area"] > 32**2]
+    summary = evaluate(tmp_path, task, truth, random_predictions(task, truth, seed=1)).summary
+    assert summary["official"][3] == -1
+    assert summary["metrics"]["APs"] is None
+    assert summary["intervals"]["APs"]["low"] is None
+
+
+def test_an_evaluator_that_disagrees_is_an_error(tmp_path):
+    truth = random_truth("coco", seed=3)
+    protocol, read, predictions = checked(
+        tmp_path, "coco", truth, random_predictions("coco", truth, seed=4)
+    )
+    _, table = match_everything(protocol, read, predictions)
+    scores = run_evaluator(read, predictions, protocol, "fast")
+    curves = accumulate(table, protocol)
+    check_agreement(scores, curves, read, protocol)
+    off = replace(scores, official=(scores.official[0] + 1e-9, *scores.official[1:]))
+    with pytest.raises(EvaluatorDisagreesError):
+        check_agreement(off, curves, read, protocol)
+
+
+REAL = [
+    ("coco", "bbox", "coco/instances_val2017_188",
+     "coco/yolox_nano_val2017_188_results", 0.28078518),
+    ("coco", "bbox", "evaluators/instances_val2014_100",
+     "evaluators/instances_val2014_fakebbox100_results", 0.504581),
+    ("coco", "segm", "evaluators/instances_val2014_100",
+     "evaluators/instances_val2014_fakesegm100_results", 0.319545),
+    ("lvis", "segm", "lvis/lvis_val_100", "lvis/lvis_val_100_synthetic_results", 0.305714),
+]  # fmt: skip
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(("task", "iou_type", "truth", "results", "ap"), REAL)
+def test_real_files(task, iou_type, truth, results, ap, real_data, tmp_path):
+    """In file order the published AP; in canonical order what the evaluator says of that order."""
+    truth_path = real_data / f"{truth}.json"
+    document = json.loads(truth_path.read_text(encoding="utf-8"))
+    entries = json.loads((real_data / f"{results}.json").read_text(encoding="utf-8"))
+    run_entries = [dict(e) for e in entries]
+    protocol, read, predictions = checked(
+        tmp_path, task, document, run_entries if iou_type == "bbox" or task == "lvis" else []
+    )
+    if (task, iou_type) == ("coco", "segm"):  # masks under COCO's rules: no task of ours
+        protocol = replace(protocol, iou_type="segm")
+        predictions = replace(predictions, entries=tuple(sorted(run_entries, key=canonical_key)))
+    direct = direct_lvis if task == "lvis" else lambda p, r: direct_coco(p, r, iou_type)
+    in_file_order, _ = direct(truth_path, entries)
+    assert in_file_order[0] == pytest.approx(ap, abs=1e-6)
+    numbers, lines = direct(truth_path, list(predictions.entries))
+    _, table = match_everything(protocol, read, predictions)
+    curves = accumulate(table, protocol)
+    ours = [metric_value(m, curves, frequencies_of(read)) for m in protocol.metrics]
+    assert ours == pytest.approx(numbers, abs=1e-12)
+    for kind in ("official", "fast"):
+        scores = run_evaluator(read, predictions, protocol, kind)
+        assert scores.official == pytest.approx(numbers, abs=1e-12)
+        assert np.abs(scores.precision - curves.precision).max() <= 1e-12
+        assert official_lines(protocol, scores.official) == lines
+
+
+@pytest.mark.real_data
+def test_the_official_lines_of_the_reference_sample(real_data, tmp_path):
+    """All twelve printed numbers of cocoapi's own results file, of boxes and of masks."""
+    printed = (real_data / "evaluators/val2014_fake_eval_res.txt").read_text(encoding="utf-8")
+    truth_path = real_data / "evaluators/instances_val2014_100.json"
+    document = json.loads(truth_path.read_text(encoding="utf-8"))
+    for iou_type in ("bbox", "segm"):
+        block = printed.split(f"type={iou_type}\n")[1].split("-----")[0]
+        expected = [float(x.rsplit("=", 1)[1]) for x in block.splitlines() if "@[" in x]
+        path = real_data / f"evaluators/instances_val2014_fake{iou_type}100_results.json"
+        entries = json.loads(path.read_text(encoding="utf-8"))
+        protocol, read, predictions = checked(tmp_path / iou_type, "coco", document, [])
+        scores = run_evaluator(
+            read,
+            replace(predictions, entries=tuple(entries)),
+            replace(protocol, iou_type=iou_type),
+            "official",
+        )
+        assert [round(x, 3) for x in scores.official] == expected

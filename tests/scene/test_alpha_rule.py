@@ -1,0 +1,97 @@
+"""Alpha as a function of an image: where it reaches a half, and the picture that says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from legoworld.scene.blender.alpha_values import IDENTITY, Curve, ImageSource, lifted
+from legoworld.scene.blender.materials import ImageAlpha, alpha_rule, baked
+from legoworld.scene.blender.shader_links import UnreadableAlphaError
+
+LEAF = ImageSource(
+    image="leaf",
+    library="",
+    channel="alpha",
+    uv_map=None,
+    uv_transform=IDENTITY,
+    wrap="repeat",
+    interpolation="linear",
+)
+BYTES = (np.arange(256, dtype=np.float32) / 255.0).reshape(16, 16)
+
+FUNCTIONS = {
+    "as it is": lambda v: v,
+    "inverted": lambda v: 1.0 - v,
+    "doubled": lambda v: 2.0 * v,
+    "nearly all": lambda v: float(v > 0.0),
+    "only the full": lambda v: float(v >= 1.0),
+    "a mask": lambda v: 1.0 - float(v < 0.25),
+    "under a third": lambda v: float(v < 1.0 / 3.0),
+    "rounded": lambda v: math.floor(v + 0.5),
+    "squared": lambda v: v * v,
+}
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
+def test_the_baked_picture_cuts_every_byte_value_where_alpha_does(function):
+    rule = alpha_rule(Curve(source=LEAF, of=function))
+    assert isinstance(rule, ImageAlpha)
+    shown = baked(BYTES, rule) >= 128  # what the kernel takes for 0.5
+    expected = np.array([function(float(v)) >= 0.5 for v in BYTES.ravel()]).reshape(16, 16)
+    assert np.array_equal(shown, expected)
+
+
+@pytest.mark.parametrize("cut", [0.1, 0.5, 0.8])
+def test_the_baked_picture_keeps_the_cut_between_texels(cut):
+    """Between two texels, linear interpolation reaches a half where the image reaches the cut."""
+    rule = alpha_rule(Curve(source=LEAF, of=lambda v: float(v >= cut)))
+    low, high = np.float32(cut - 0.07), np.float32(cut + 0.04)
+    a, b = baked(np.array([[low, high]], np.float32), rule).ravel() / 255.0
+    assert (0.5 - a) / (b - a) == pytest.approx(0.07 / 0.11, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("function", "rule"),
+    [
+        (lambda v: 0.49 * v, "gone"),
+        (lambda v: 0.5 + v, "there"),
+        (lambda v: float(v < 0.0), "gone"),
+        (lambda v: float(v <= 1.0), "there"),
+    ],
+)
+def test_alpha_that_never_crosses_a_half_needs_no_picture(function, rule):
+    assert alpha_rule(Curve(source=LEAF, of=function)) == rule
+
+
+@pytest.mark.parametrize(
+    ("alpha", "rule"), [(0.0, "gone"), (0.499, "gone"), (0.5, "there"), (1.0, "there")]
+)
+def test_constant_alpha(alpha, rule):
+    assert alpha_rule(alpha) == rule
+
+
+def test_a_band_of_alpha_is_not_readable():
+    with pytest.raises(UnreadableAlphaError, match="rising or falling"):
+        alpha_rule(Curve(source=LEAF, of=lambda v: float(0.3 < v < 0.6)))
+
+
+def test_an_inverted_picture_clipped_at_its_border_is_not_readable():
+    """Outside the picture alpha would be 1, where a clipped picture has nothing."""
+    clipped = replace(LEAF, wrap="clip")
+    with pytest.raises(UnreadableAlphaError, match="clipped"):
+        alpha_rule(Curve(source=clipped, of=lambda v: 1.0 - v))
+    assert isinstance(alpha_rule(Curve(source=clipped, of=lambda v: v)), ImageAlpha)
+
+
+def test_two_lookups_of_one_image_combine_and_of_two_images_do_not():
+    leaf = Curve(source=LEAF, of=lambda v: v)
+    product = lifted(lambda a, b: a * b, leaf, leaf)
+    assert isinstance(product, Curve)
+    assert product.of(0.5) == 0.25
+    other = Curve(source=replace(LEAF, image="bark"), of=lambda v: v)
+    with pytest.raises(UnreadableAlphaError, match="two images"):
+        lifted(lambda a, b: a * b, leaf, other)
