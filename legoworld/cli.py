@@ -31,11 +31,11 @@ class LazyGroup(click.Group):
         """The commands in the order they are used."""
         return list(_COMMANDS)
 
-    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the module of a command."""
-        if name not in _COMMANDS:
+        if cmd_name not in _COMMANDS:
             return None
-        command = import_module(f"legoworld.commands.{name}_command").command
+        command = import_module(f"legoworld.commands.{cmd_name}_command").command
         assert isinstance(command, click.Command)
         return command
 

@@ -40,7 +40,7 @@ def read_photo(path: Path) -> Rgb:
             found="a file that does not decode",
             expected="a photo such as a JPEG or a PNG",
         )
-    return np.ascontiguousarray(picture[:, :, ::-1])
+    return np.ascontiguousarray(picture[:, :, ::-1], np.uint8)
 
 
 def write_png(path: Path, picture: Rgb) -> None:
@@ -73,7 +73,7 @@ def instance_picture(instance: NDArray[np.int32]) -> Rgb:
     """Each instance in a colour of its own over black: the ground when there is no photo."""
     n = int(instance.max()) + 1
     colors = np.array([_color(i) for i in range(max(n, 1))] + [(0, 0, 0)], np.uint8)
-    return np.ascontiguousarray(colors[instance] // 2)
+    return np.ascontiguousarray(colors[instance] // 2, np.uint8)
 
 
 def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[dict[str, Any]]) -> Rgb:

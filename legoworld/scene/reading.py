@@ -74,7 +74,7 @@ def _read(
 def _stored(path: Path) -> tuple[Snapshot, str] | None:
     """A cached snapshot and its content hash; None where there is none that can be read.
 
-    An entry that a full disk or a foreign hand has damaged is made again, like one that is not there.
+    A damaged entry is made again, like one that is not there.
     """
     if not path.is_file():
         return None

@@ -155,6 +155,8 @@ def _export(output: Path) -> list[str]:
             export_cameras=True,
             export_apply=True,
             use_renderable=True,
+            export_current_frame=True,  # the saved frame, not the first
+            export_hierarchy_full_collections=True,  # collections carry labels
         )
     except (RuntimeError, ValueError, TypeError, AttributeError, KeyError) as error:
         warnings.append(f"{GLB} was not exported: {one_line(str(error), 200)}")

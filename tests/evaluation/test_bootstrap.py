@@ -1,0 +1,136 @@
+"""Bootstrap samples against evaluating the resampled images from the start."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from evaluation.detection_runs import (
+    checked,
+    match_everything,
+    random_predictions,
+    random_truth,
+)
+
+from legoworld.errors import UsageError
+from legoworld.evaluation.bootstrap import (
+    centred_interval,
+    interval,
+    resample_counts,
+    resampled_means,
+)
+from legoworld.evaluation.evaluators import run_evaluator
+from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
+from legoworld.evaluation.overlaps import image_overlaps
+from legoworld.evaluation.pairing import Pairer
+from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.scoring import frequencies_of
+
+
+def resampled(truth, predictions, counts):
+    """Truth and predictions in which an image drawn n times stands n times under new ids."""
+    images, annotations, entries = [], [], []
+    for image, n in zip(sorted(truth["images"], key=lambda i: i["id"]), counts, strict=True):
+        for _ in range(n):
+            new = len(images) + 1
+            images.append({**image, "id": new})
+            annotations += [
+                {**a, "image_id": new, "id": len(annotations) + k + 1}
+                for k, a in enumerate(
+                    a for a in truth["annotations"] if a["image_id"] == image["id"]
+                )
+            ]
+            entries += [{**p, "image_id": new} for p in predictions if p["image_id"] == image["id"]]
+    return {**truth, "images": images, "annotations": annotations}, entries
+
+
+def pair_metrics(problem, truth, predictions, samples, *, class_aware):
+    pairer = Pairer(problem, class_aware=class_aware)
+    for found in image_overlaps(problem, truth, predictions):
+        pairer.add(found)
+    return matched_metrics(matched_counts(problem, pairer.result()), samples)
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+def test_samples_equal_direct_evaluation_of_the_resampled_images(task, tmp_path):
+    truth = random_truth(task, seed=30, images=10)
+    raw = random_predictions(task, truth, seed=30)
+    protocol, read, predictions = checked(tmp_path, task, truth, raw)
+    problem, table = match_everything(protocol, read, predictions)
+    counts = resample_counts(10, 6, seed=5)
+    found = resampled_metrics(table, protocol, counts, frequencies_of(read))
+    pairs = {
+        aware: pair_metrics(problem, read, predictions, counts, class_aware=aware)
+        for aware in (True, False)
+    }
+    for k, row in enumerate(counts):
+        again, entries = resampled(truth, raw, row)
+        protocol, read_k, predictions_k = checked(tmp_path / str(k), task, again, entries)
+        scores = run_evaluator(read_k, predictions_k, protocol, "official")
+        values = [np.nan_to_num(found[m.name][k], nan=-1.0) for m in protocol.metrics]
+        assert values == pytest.approx(scores.official, abs=1e-12)
+        problem_k, _ = match_everything(protocol, read_k, predictions_k)
+        for aware, expected in pairs.items():
+            whole = np.ones((1, len(again["images"])), np.int32)
+            direct = pair_metrics(problem_k, read_k, predictions_k, whole, class_aware=aware)
+            for name, value in direct.items():
+                assert expected[name][k] == pytest.approx(value[0], abs=1e-12, nan_ok=True), name
+
+
+def test_blocks_of_draws_do_not_change_anything(tmp_path, monkeypatch):
+    truth = random_truth("coco", seed=31)
+    protocol, read, predictions = checked(
+        tmp_path, "coco", truth, random_predictions("coco", truth, seed=31)
+    )
+    _, table = match_everything(protocol, read, predictions)
+    counts = resample_counts(12, 50, seed=0)
+    whole = resampled_metrics(table, protocol, counts)
+    monkeypatch.setattr("legoworld.evaluation.resampling._MAX_BLOCK", 7)
+    parts = resampled_metrics(table, protocol, counts)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(values, parts[name])
+
+
+def test_draws_are_seeded_and_more_extend_fewer():
+    few, many = resample_counts(9, 5, seed=1), resample_counts(9, 50, seed=1)
+    np.testing.assert_array_equal(few, many[:5])
+    assert (many.sum(axis=1) == 9).all()
+    assert (resample_counts(9, 50, seed=2) != many).any()
+    with pytest.raises(UsageError):
+        resample_counts(0, 5, seed=1)
+
+
+def test_means_weigh_groups_as_often_as_they_are_drawn():
+    counts = np.array([[2, 0, 1], [0, 0, 3], [0, 3, 0]], np.int32)
+    values, groups = np.array([1.0, 3.0, 10.0]), np.array([0, 0, 2])
+    means = resampled_means(values, groups, counts)
+    assert means[0] == pytest.approx((2 * 4 + 10) / 5)
+    assert means[1] == pytest.approx(10)
+    assert np.isnan(means[2])
+
+
+def test_intervals():
+    samples = np.linspace(0.4, 0.6, 2001)
+    plain = interval(samples, unit="image")
+    assert (plain["low"], plain["high"]) == pytest.approx((0.405, 0.595))
+    centred = centred_interval(samples, 0.3, unit="image")
+    assert (centred["low"], centred["high"]) == pytest.approx((0.205, 0.395))
+    assert centred["bootstrap_mean"] == pytest.approx(0.5)
+    assert centred_interval(samples, 0.95, unit="image")["high"] == 1.0
+    nothing = centred_interval(np.full(5, np.nan), np.nan, unit="image")
+    assert nothing["low"] is None
+    assert nothing["undefined_draws"] == 5
+    assert centred_interval(samples, np.nan, unit="image")["low"] is None
+
+
+def test_the_interval_of_an_average_precision_holds_its_value(tmp_path):
+    """Its samples lie above it: a percentile interval could leave the value out."""
+    truth = random_truth("coco", seed=32, images=40, categories=30, per_image=3)
+    protocol, read, predictions = checked(
+        tmp_path, "coco", truth, random_predictions("coco", truth, seed=32)
+    )
+    _, table = match_everything(protocol, read, predictions)
+    samples = resampled_metrics(table, protocol, resample_counts(40, 400, seed=0))["AP"]
+    value = run_evaluator(read, predictions, protocol, "fast").official[0]
+    found = centred_interval(samples, value, unit="image")
+    assert found["bootstrap_mean"] > value + samples.std() / 4
+    assert found["low"] < value < found["high"]

@@ -1,0 +1,158 @@
+"""Tie orders against every order there is."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from evaluation.detection_runs import (
+    checked,
+    match_everything,
+    random_predictions,
+    random_truth,
+)
+
+from legoworld.evaluation.accumulation import accumulate, metric_value
+from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
+from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.ties import tie_orders
+
+COCO = detection_protocol("coco")
+
+
+def table_of(states, scores, n_truths):
+    """One category in one image. states: (T, D) or (D,) for all thresholds alike."""
+    states = np.array(states, np.uint8)
+    states = np.broadcast_to(states, (4, 10, states.shape[-1])).copy()
+    n = states.shape[-1]
+    zeros = np.zeros(n, np.int64)
+    return MatchTable(
+        image_ids=np.array([1]),
+        category_ids=np.array([1]),
+        image=zeros,
+        category=zeros,
+        score=np.array(scores, np.float64),
+        rank=np.arange(n),
+        entry=np.arange(n),
+        state=states,
+        truth_image=np.array([0]),
+        truth_category=np.array([0]),
+        n_truths=np.full((4, 1), n_truths),
+    )
+
+
+def ap(table):
+    return metric_value(COCO.metrics[0], accumulate(table, COCO))
+
+
+def all_orders(table):
+    """AP of every order that leaves scores falling, each order of each tied run once."""
+    runs = [list(g) for _, g in itertools.groupby(range(len(table.score)), table.score.__getitem__)]
+    values = []
+    for choice in itertools.product(*(itertools.permutations(run) for run in runs)):
+        order = [i for run in choice for i in run]
+        values.append(ap(replace(table, state=table.state[:, :, order])))
+    return np.array(values)
+
+
+def mixed_states(seed, n):
+    """Matches that fall away as the threshold rises, some ignored."""
+    random = np.random.default_rng(seed)
+    states = np.full((10, n), FALSE_POSITIVE)
+    for d in range(n):
+        kind = random.choice(3, p=[0.4, 0.45, 0.15])
+        if kind == 1:
+            states[: random.integers(1, 11), d] = TRUE_POSITIVE
+        elif kind == 2:
+            states[: random.integers(1, 11), d] = IGNORED
+    return states
+
+
+CASES = {
+    "all equal": ([1, 0, 1, 0, 0, 1], [1.0] * 6, 4),
+    "two runs": ([0, 1, 0, 1, 0, 1], [0.9, 0.9, 0.9, 0.2, 0.2, 0.2], 3),
+    "no ties": ([0, 1, 0, 1, 0, 1], [0.9, 0.8, 0.7, 0.6, 0.5, 0.4], 3),
+    "true above, false below": ([1, 1, 0, 0, 0, 0], [0.9, 0.9, 0.2, 0.2, 0.2, 0.2], 2),
+    "ignored": ([2, 1, 0, 2, 0, 1], [1.0] * 6, 3),
+    "none true": ([0, 0, 2], [1.0] * 3, 3),
+    "one true of many": ([0, 0, 0, 1, 0, 0, 0], [1.0] * 7, 1),
+    **{f"mixed {s}": (mixed_states(s, 7), [1.0] * 7, 4) for s in range(4)},
+    **{
+        f"mixed runs {s}": (mixed_states(s, 7), [1, 1, 1, 0.5, 0.5, 0.5, 0.5], 5)
+        for s in range(4, 8)
+    },
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_expectation_and_spread_are_those_of_all_orders(name):
+    table = table_of(*CASES[name])
+    every = all_orders(table)
+    draws = 20_000
+    result = tie_orders(table, draws=draws, seed=3)
+    error = every.std() / np.sqrt(draws)
+    assert result.expected == pytest.approx(every.mean(), abs=5 * error + 1e-12)
+    assert result.sd == pytest.approx(every.std(), rel=0.05, abs=1e-12)
+    assert result.worst <= every.min() + 1e-12
+    assert result.best >= every.max() - 1e-12
+    if np.ndim(CASES[name][0]) == 1:  # the same matches at every threshold: bounds are reached
+        assert result.worst == pytest.approx(every.min(), abs=1e-12)
+        assert result.best == pytest.approx(every.max(), abs=1e-12)
+
+
+def test_the_bounds_of_equal_confidence_are_precision_times_recall_and_recall():
+    """2 of 3 truths found among 8: P = 1/4; 67 of the 101 recall thresholds are reached."""
+    result = tie_orders(table_of([1, 1, 0, 0, 0, 0, 0, 0], [1.0] * 8, 3), draws=2, seed=0)
+    assert result.worst == pytest.approx(67 / 101 / 4)
+    assert result.best == pytest.approx(67 / 101)
+
+
+def test_one_order_serves_all_thresholds():
+    """Independent orders per threshold would shrink the spread about threefold."""
+    states = np.tile(np.array([1, 0, 0, 0, 1, 0]), (10, 1))
+    shared = tie_orders(table_of(states, [1.0] * 6, 2), draws=4000, seed=0)
+    alone = all_orders(table_of(states, [1.0] * 6, 2))
+    assert shared.sd == pytest.approx(alone.std(), rel=0.05)
+
+
+def test_seeds_and_draws(tmp_path):
+    truth = random_truth("coco", seed=20)
+    _, table = match_everything(
+        *checked(tmp_path, "coco", truth, random_predictions("coco", truth, seed=20, levels=2))
+    )
+    first = tie_orders(table, draws=300, seed=1)
+    assert first == tie_orders(table, draws=300, seed=1)
+    assert first.expected != tie_orders(table, draws=300, seed=2).expected
+    assert first.n_tied > 0
+
+
+def test_ties_of_a_run_against_full_evaluations_of_shuffled_results(tmp_path):
+    """Matching anew in every order moves the expectation by less than the orders themselves do."""
+    truth = random_truth("coco", seed=21, images=30)
+    protocol, read, predictions = checked(
+        tmp_path, "coco", truth, random_predictions("coco", truth, seed=21, levels=1)
+    )
+    _, table = match_everything(protocol, read, predictions)
+    result = tie_orders(table, draws=2000, seed=0)
+    random = np.random.default_rng(0)
+    full = []
+    image_order = {i["id"]: i for i in truth["images"]}
+    for _ in range(60):
+        # Order across images is by image id: only new ids change it.
+        new = dict(zip(image_order, random.permutation(len(image_order)).tolist(), strict=True))
+        again = {
+            **truth,
+            "images": [{**i, "id": new[i["id"]]} for i in truth["images"]],
+            "annotations": [{**a, "image_id": new[a["image_id"]]} for a in truth["annotations"]],
+        }
+        entries = [{**e, "image_id": new[e["image_id"]]} for e in predictions.entries]
+        _, other = match_everything(*checked(tmp_path, "coco", again, entries))
+        full.append(ap_of(other))
+    assert result.expected == pytest.approx(np.mean(full), abs=4 * result.sd / np.sqrt(60) + 0.01)
+    assert np.std(full) == pytest.approx(result.sd, rel=0.5)
+
+
+def ap_of(table):
+    return metric_value(COCO.metrics[0], accumulate(table, COCO))
