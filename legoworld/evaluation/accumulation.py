@@ -120,7 +120,7 @@ def mean_precision(
     precision = np.divide(true, total, out=np.zeros(total.shape), where=total > 0)
     envelope = np.maximum.accumulate(precision[::-1], axis=0)[::-1]
     steps = np.diff(gained, axis=0, prepend=np.zeros((1, gained.shape[1]), np.uint8))
-    values: Floats = np.einsum("sn,sn->n", envelope, steps) / len(RECALL_THRESHOLDS)
+    values: Floats = np.add.reduce(envelope * steps, axis=0) / len(RECALL_THRESHOLDS)
     return values
 
 

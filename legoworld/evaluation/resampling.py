@@ -22,7 +22,7 @@ from legoworld.evaluation.protocols import (
     Metric,
 )
 
-#: Elements of one block of draws, to bound memory; results do not depend on it.
+#: Elements of one block of draws, to bound memory.
 _BLOCK_ELEMENTS: Final = 1 << 21
 #: Draws of one sparse product, to bound memory.
 _MAX_BLOCK: Final = 512

@@ -22,7 +22,7 @@ from legoworld.evaluation.accumulation import (
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.problem import Floats, Ints
 
-#: Elements of one block of draws, to bound memory; results do not depend on it.
+#: Elements of one block of draws, to bound memory.
 _BLOCK_ELEMENTS: Final = 1 << 21
 
 Counts = NDArray[np.int32]

@@ -95,8 +95,10 @@ def test_the_same_scene_however_it_is_packed(rows: dict[str, dict[str, Any]], na
     assert rows[name]["snapshot_sha256"] == rows["plain"]["snapshot_sha256"]
 
 
-def test_a_file_of_a_later_version_is_read(rows: dict[str, dict[str, Any]]):
+def test_a_file_of_a_later_version_is_read_and_said(rows: dict[str, dict[str, Any]]):
     assert rows["newer_version"]["status"] == "ok"
+    assert [w for w in rows["newer_version"]["warnings"] if "newer Blender" in w]
+    assert rows["plain"]["warnings"] == []
     assert rows["newer_version"]["geometry_px"] == rows["plain"]["geometry_px"] > 0
     assert rows["newer_version"]["instances"] == rows["plain"]["instances"]
 

@@ -265,3 +265,36 @@ def test_a_real_flat_agrees(real_data, tmp_path, blender):
     assert len(found.pairs) > 10
     assert (found.disagreeing, found.differing_px) == (0, 0)
     assert (found.lost, found.gained, found.differences) == ((), (), ())
+
+
+@pytest.mark.blender
+def test_what_execute_exports_keeps_collection_labels_and_the_saved_frame(tmp_path, blender):
+    program = tmp_path / "program.py"
+    program.write_text(
+        """
+import bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+scene = bpy.context.scene
+labelled = bpy.data.collections.new("Set")
+labelled["category"] = "dining table"
+scene.collection.children.link(labelled)
+for i in range(2):
+    bpy.ops.mesh.primitive_cube_add(location=(3 * i, 0, 0))
+    cube = bpy.context.object
+    scene.collection.objects.unlink(cube)
+    labelled.objects.link(cube)
+cube.keyframe_insert("location", frame=1)
+cube.location.y = 4
+cube.keyframe_insert("location", frame=20)
+scene.frame_set(20)
+camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+camera.location.z = 25
+scene.collection.objects.link(camera)
+scene.camera = camera
+"""
+    )
+    scene = tmp_path / "scene"
+    assert cli.run(["execute", str(program), "-o", str(scene), "-q", "--no-picture"]) == 0
+    found = compared(scene, blender)
+    assert [(p.name, p.glb_category, p.iou) for p in found.pairs] == [("Set", "dining table", 1.0)]
+    assert not [d for d in found.differences if "collections" in d]

@@ -1,0 +1,112 @@
+"""What scoring costs, stage by stage, and whether the fast and the official evaluator agree.
+
+    python benchmarks/evaluate/scale.py --task coco --images 5000 --predictions 500000
+    python benchmarks/evaluate/scale.py --task lvis --images 2000 --predictions 200000 --official
+
+Prints seconds of each stage, the largest memory so far, and, with --official, the official
+evaluator's seconds and the largest difference of any number and of the whole precision array.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from synthetic import coco_like, lvis_like
+
+from legoworld.evaluation.accumulation import accumulate, metric_value
+from legoworld.evaluation.bootstrap import resample_counts
+from legoworld.evaluation.evaluators import run_evaluator
+from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
+from legoworld.evaluation.matching import match_image, match_table, unmatched
+from legoworld.evaluation.overlaps import image_overlaps
+from legoworld.evaluation.pairing import Pairer
+from legoworld.evaluation.predictions import check_predictions, with_equal_confidence
+from legoworld.evaluation.problem import build_problem
+from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.run import Run, RunImage
+from legoworld.evaluation.scoring import frequencies_of
+from legoworld.evaluation.ties import tie_orders
+from legoworld.evaluation.truth import read_truth
+from legoworld.vocabulary import from_json
+
+
+@contextmanager
+def timed(stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"{stage:<44} {time.perf_counter() - start:8.2f} s   {peak:5.2f} GB", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--task", choices=["coco", "lvis"], default="coco")
+    parser.add_argument("--images", type=int, default=5000)
+    parser.add_argument("--predictions", type=int, default=500_000)
+    parser.add_argument("--draws", type=int, default=2000)
+    parser.add_argument("--equal", action="store_true", help="all scores 1")
+    parser.add_argument("--official", action="store_true", help="run the official one, too")
+    options = parser.parse_args()
+    make = coco_like if options.task == "coco" else lvis_like
+    document, results = make(options.images, options.predictions)
+    protocol = detection_protocol(options.task)
+    run = Run(
+        folder=Path("run"),
+        task=options.task,
+        configuration={"vocabulary_sha256": from_json(document["categories"], "").sha256},
+        images=tuple(
+            RunImage(id=i["id"], file_name=i["file_name"], size_wh=None, status="ok")
+            for i in document["images"]
+        ),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "truth.json"
+        path.write_text(json.dumps(document))
+        with timed("truth read and checked"):
+            truth = read_truth(path, run, protocol)
+    with timed("predictions checked and ordered"):
+        predictions = check_predictions(results, run=run, truth=truth, protocol=protocol)
+        if options.equal:
+            predictions = with_equal_confidence(predictions)
+    with timed("matching, greedy and score-free"):
+        problem = build_problem(truth, predictions, protocol)
+        state, pairers = unmatched(problem), []
+        for aware in (True, False):
+            pairers.append(Pairer(problem, class_aware=aware))
+        for found in image_overlaps(problem, truth, predictions):
+            match_image(problem, found, state)
+            for pairer in pairers:
+                pairer.add(found)
+        table = match_table(problem, state)
+    with timed("precision and recall from the matches"):
+        curves = accumulate(table, protocol)
+        ours = [metric_value(m, curves, frequencies_of(truth)) for m in protocol.metrics]
+    kinds = ["fast", "official"] if options.official else ["fast"]
+    for kind in kinds:
+        with timed(f"{kind} evaluator"):
+            scores = run_evaluator(truth, predictions, protocol, kind)  # type: ignore[arg-type]
+        difference = np.abs(np.array(ours) - scores.official).max()
+        array = np.abs(curves.precision - scores.precision).max()
+        print(f"  {scores.name}: metrics differ by {difference:.1e}, precision by {array:.1e}")
+    with timed(f"{options.draws} tie orders"):
+        print(" ", tie_orders(table, draws=options.draws, seed=0))
+    samples = resample_counts(options.images, options.draws, 0)
+    with timed(f"{options.draws} bootstrap samples, official metrics"):
+        resampled = resampled_metrics(table, protocol, samples, frequencies_of(truth))
+    with timed(f"{options.draws} bootstrap samples, score-free"):
+        for pairer in pairers:
+            matched_metrics(matched_counts(problem, pairer.result()), samples)
+    print(f"  AP {ours[0]:.6f}, bootstrap sd {np.nanstd(resampled['AP']):.6f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,271 @@
+"""Whatever would make a wrong number is an error of one line, or a counted warning."""
+
+from __future__ import annotations
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from evaluation.detection_runs import (
+    random_predictions,
+    random_truth,
+    write_run,
+    write_truth,
+)
+from evaluation.test_official_numbers import evaluate
+
+from legoworld import cli
+from legoworld.catalog import folder
+from legoworld.errors import ConfigurationMismatchError, LegoWorldError
+from legoworld.evaluation.box_formats import check_box_format
+from legoworld.evaluation.detections import evaluate_detections
+from legoworld.evaluation.masks import rle_problem, run_lengths
+
+
+def refused(tmp_path, task, truth, predictions, match):
+    with pytest.raises(LegoWorldError, match=match) as caught:
+        evaluate(tmp_path, task, truth, predictions)
+    assert "\n" not in str(caught.value)
+    assert not list((tmp_path / "eval").glob("*"))
+
+
+PREDICTION_FAULTS = {
+    "a NaN score": ("coco", {"score": float("nan")}, "score"),
+    "an infinite score": ("coco", {"score": float("inf")}, "score"),
+    "a score in words": ("coco", {"score": "0.9"}, "score"),
+    "no score": ("coco", {"score": None}, "score"),
+    "an unknown image": ("coco", {"image_id": 999}, "image 999"),
+    "an image id in words": ("coco", {"image_id": "10"}, "no integer"),
+    "an unknown category": ("coco", {"category_id": 999}, "999"),
+    "three numbers": ("coco", {"bbox": [1, 2, 3]}, "four finite numbers"),
+    "a NaN box": ("coco", {"bbox": [1, 2, 3, float("nan")]}, "four finite numbers"),
+    "a negative width": ("coco", {"bbox": [9, 9, -3, 4]}, "x, y, width, height"),
+    "a box beside a mask": ("lvis", {"bbox": [1, 2, 3, 4]}, "carry a bbox"),
+    "a polygon": ("lvis", {"segmentation": [[1, 1, 5, 1, 5, 5]]}, "polygon"),
+    "another size": ("lvis", {"segmentation": {"size": [9, 9], "counts": "a"}}, "size"),
+    "cut counts": ("lvis", {"segmentation": {"size": [90, 120], "counts": "11"}}, "run lengths"),
+    "foreign counts": ("lvis", {"segmentation": {"size": [90, 120], "counts": "é!"}}, "run length"),
+    "counts too short": ("lvis", {"segmentation": {"size": [90, 120], "counts": [5, 5]}}, "10800"),
+}
+
+
+@pytest.mark.parametrize("name", PREDICTION_FAULTS)
+def test_one_wrong_prediction(name, tmp_path):
+    task, change, match = PREDICTION_FAULTS[name]
+    truth = random_truth(task, seed=1)
+    predictions = random_predictions(task, truth, seed=1)
+    predictions[7] |= change
+    refused(tmp_path, task, truth, predictions, match)
+
+
+@pytest.mark.parametrize("key", ["image_id", "category_id", "score", "bbox"])
+def test_a_missing_key(key, tmp_path):
+    truth = random_truth("coco", seed=1)
+    predictions = random_predictions("coco", truth, seed=1)
+    del predictions[3][key]
+    refused(tmp_path, "coco", truth, predictions, f"have no {key}")
+
+
+def test_positions_instead_of_cocos_ids_are_named(tmp_path):
+    categories = json.loads((folder("datasets") / "coco" / "categories.json").read_text())
+    truth = {**random_truth("coco", seed=1), "categories": categories, "annotations": []}
+    for first in (0, 1):
+        predictions = [
+            {"image_id": 10, "category_id": k + first, "bbox": [1, 1, 5, 5], "score": 1.0}
+            for k in range(80)
+        ]
+        match = f"positions {first}..{first + 79}, not the dataset's ids 1..90"
+        refused(tmp_path, "coco", truth, predictions, match)
+
+
+def boxes_as(form):
+    truth = random_truth("coco", seed=2, images=30)
+    entries = random_predictions("coco", truth, seed=2)
+    for e in entries:
+        x, y, w, h = e["bbox"]
+        e["bbox"] = {
+            "corners": [x, y, x + w, y + h],
+            "centre": [x + w / 2, y + h / 2, w, h],
+            "fractions": [x / 120, y / 90, w / 120, h / 90],
+            "xywh": [x, y, w, h],
+        }[form]
+    return truth, entries
+
+
+@pytest.mark.parametrize(
+    ("form", "hint"),
+    [("corners", "x1, y1, x2, y2"), ("centre", "centre x"), ("fractions", "fractions")],
+)
+def test_boxes_in_another_format_are_named(form, hint, tmp_path):
+    refused(tmp_path, "coco", *boxes_as(form), hint)
+
+
+def test_boxes_in_the_right_format_are_never_suspected():
+    truth, entries = boxes_as("xywh")
+    sizes = {i["id"]: (120, 90) for i in truth["images"]}
+    random = np.random.default_rng(0)
+    for _ in range(300):
+        some = [entries[i] for i in random.integers(0, len(entries), random.integers(1, 9))]
+        assert check_box_format(some, sizes) == {}
+    lone = [{"image_id": 10, "bbox": [0, 0, 1, 1]}, {"image_id": 10, "bbox": [100, 60, 24, 34]}]
+    assert check_box_format(lone, sizes) == {"boxes that leave their image by over 2 px": 1}
+
+
+def test_the_id_zero_that_the_official_evaluator_loses_is_repaired_and_counted(tmp_path):
+    truth = random_truth("coco", seed=3)
+    predictions = random_predictions("coco", truth, seed=3)
+    whole = evaluate(tmp_path / "a", "coco", truth, predictions).summary
+    truth["annotations"][0]["id"] = 0
+    again = evaluate(tmp_path / "b", "coco", truth, predictions).summary
+    assert again["official"] == whole["official"]
+    assert any("annotation id 0" in w for w in again["warnings"])
+
+
+def test_uncompressed_masks_are_compressed_and_counted(tmp_path):
+    truth = random_truth("lvis", seed=4)
+    predictions = random_predictions("lvis", truth, seed=4)
+    whole = evaluate(tmp_path / "a", "lvis", truth, predictions).summary
+    for p in predictions[:5]:
+        p["segmentation"]["counts"] = run_lengths(p["segmentation"]["counts"]).tolist()
+    again = evaluate(tmp_path / "b", "lvis", truth, predictions).summary
+    assert again["official"] == whole["official"]
+    assert any(w.startswith("5 masks with uncompressed") for w in again["warnings"])
+
+
+def test_masks_without_a_pixel_are_dropped_and_counted(tmp_path):
+    truth = random_truth("lvis", seed=5)
+    predictions = random_predictions("lvis", truth, seed=5)
+    empty = {**predictions[0], "segmentation": {"size": [90, 120], "counts": [90 * 120]}}
+    summary = evaluate(tmp_path, "lvis", truth, [*predictions, empty]).summary
+    assert summary["counts"]["empty_masks_dropped"] == 1
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 300])
+def test_run_lengths_are_those_pycocotools_means(n):
+    from pycocotools import mask as coco_mask
+
+    random = np.random.default_rng(n)
+    for share in (0.0, 0.02, 0.5, 1.0):
+        mask = (random.random((n, 40)) < share).astype(np.uint8)
+        encoded = coco_mask.encode(np.asfortranarray(mask))
+        runs = run_lengths(encoded["counts"].decode())
+        np.testing.assert_array_equal(
+            np.repeat(np.arange(len(runs)) % 2, runs), mask.flatten(order="F")
+        )
+        text = {"size": [n, 40], "counts": encoded["counts"].decode()}
+        assert rle_problem(text, (40, n)) is None
+        assert rle_problem({**text, "counts": text["counts"][:-1]}, (40, n)) is not None or n == 1
+
+
+TRUTH_FAULTS = {
+    "no annotations": (lambda t: t.pop("annotations"), "has no annotations"),
+    "an unknown image": (lambda t: t["images"].pop(2), "not in the truth"),
+    "another size": (lambda t: t["images"][2].update(width=121), "another size"),
+    "another photo": (lambda t: t["images"][2].update(file_name="x.jpg"), "another photo"),
+    "other categories": (lambda t: t["categories"][0].update(name="x"), "different categories"),
+    "another version": (lambda t: t["categories"].pop(), "different categories"),
+    "an unknown category": (lambda t: t["annotations"][1].update(category_id=1), "category 1"),
+    "no box": (lambda t: t["annotations"][1].update(bbox=[1, 2]), "bbox"),
+    "no area": (lambda t: t["annotations"][1].pop("area"), "area"),
+    "ids twice": (lambda t: t["annotations"][1].update(id=1), "repeat"),
+}
+
+
+@pytest.mark.parametrize("name", TRUTH_FAULTS)
+def test_a_truth_that_cannot_be_scored_against(name, tmp_path):
+    change, match = TRUTH_FAULTS[name]
+    truth = random_truth("coco", seed=6)
+    predictions = random_predictions("coco", truth, seed=6)
+    run = write_run(tmp_path / "run", "coco", truth, predictions)
+    broken = copy.deepcopy(truth)
+    change(broken)
+    path = write_truth(tmp_path / "truth.json", broken)
+    with pytest.raises(LegoWorldError, match=match):
+        evaluate_detections(
+            run,
+            path,
+            tmp_path / "eval",
+            evaluator="fast",
+            draws=5,
+            seed=0,
+            overwrite=False,
+            notice=print,
+            warn=print,
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda t: t["images"][1].pop("neg_category_ids"), "verified categories"),
+        (lambda t: t["categories"][1].update(frequency="x"), "frequency"),
+        (lambda t: t["annotations"][1]["segmentation"].update(size=[9, 9]), "RLE size"),
+        (lambda t: t["annotations"][1].pop("segmentation"), "no segmentation"),
+    ],
+)
+def test_an_lvis_truth_that_cannot_be_scored_against(change, match, tmp_path):
+    truth = random_truth("lvis", seed=6)
+    predictions = random_predictions("lvis", truth, seed=6)
+    broken = copy.deepcopy(truth)
+    change(broken)
+    run = write_run(tmp_path / "run", "lvis", truth, predictions)
+    path = write_truth(tmp_path / "truth.json", broken)
+    arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(tmp_path / "eval")]
+    assert cli.run(arguments) == 1
+
+
+def test_lvis_versions_do_not_mix(real_data, tmp_path, capsys):
+    truth = json.loads((folder("datasets") / "skimage_examples/truth_lvis.json").read_text())
+    run = write_run(tmp_path / "run", "lvis", truth, [])
+    old = real_data / "lvis" / "lvis_val_100.json"
+    arguments = ["evaluate", str(run), "--truth", str(old), "-o", str(tmp_path / "eval")]
+    assert cli.run(arguments) == 1
+    assert "1230 categories, version 0.5" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("damage", "match"),
+    [
+        (lambda run: (run / "journal.jsonl").write_text(""), "not ended"),
+        (lambda run: (run / "run.json").unlink(), "run.json cannot be read"),
+        (lambda run: (run / "per_image.jsonl").write_text(""), "does not cover"),
+        (lambda run: (run / "predictions.json").write_text("{}"), "not a list"),
+        (lambda run: (run / "predictions.json").write_text("[1]"), "no objects"),
+        (lambda run: (run / "predictions.json").write_text("["), "predictions.json cannot"),
+    ],
+)
+def test_a_damaged_run(damage, match, tmp_path, capsys):
+    truth = random_truth("coco", seed=1)
+    run = write_run(tmp_path / "run", "coco", truth, [])
+    damage(run)
+    path = write_truth(tmp_path / "truth.json", truth)
+    arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(tmp_path / "eval")]
+    assert cli.run(arguments) == 1
+    error = capsys.readouterr().err
+    assert match in error
+    assert error.count("\n") == 1
+
+
+def test_predictions_of_an_unread_image_are_refused(tmp_path):
+    truth = random_truth("coco", seed=1)
+    predictions = random_predictions("coco", truth, seed=1)
+    run = write_run(tmp_path / "run", "coco", truth, predictions, statuses={10: "missing"})
+    path = write_truth(tmp_path / "truth.json", truth)
+    arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(tmp_path / "eval")]
+    assert cli.run(arguments) == 1
+
+
+def test_another_evaluation_is_not_overwritten(tmp_path):
+    truth = random_truth("coco", seed=1)
+    predictions = random_predictions("coco", truth, seed=1)
+    first = evaluate(tmp_path, "coco", truth, predictions)
+    assert evaluate(tmp_path, "coco", truth, predictions).summary == first.summary
+    with pytest.raises(ConfigurationMismatchError, match="draws: 20 -> 30"):
+        evaluate(tmp_path, "coco", truth, predictions, draws=30)
+    with pytest.raises(ConfigurationMismatchError, match="input predictions"):
+        evaluate(tmp_path, "coco", truth, predictions[:-1])
+    evaluate(tmp_path, "coco", truth, predictions, draws=30, overwrite=True)
+    (tmp_path / "eval" / "notes.txt").write_text("mine")
+    with pytest.raises(ConfigurationMismatchError, match=r"notes\.txt"):
+        evaluate(tmp_path, "coco", truth, predictions, draws=30, overwrite=True)

@@ -1,0 +1,118 @@
+"""`legoworld evidence verify`: what was scored can be proved, and tampering is seen."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+from evaluation.detection_runs import random_predictions, random_truth
+from evaluation.test_official_numbers import evaluate
+
+from legoworld import cli
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.evidence import verify
+from legoworld.files import sha256_of_file
+
+
+@pytest.fixture
+def evaluated(tmp_path):
+    """An evaluation of a run with real scores, beside its inputs."""
+    truth = random_truth("lvis", seed=1)
+    evaluate(tmp_path, "lvis", truth, random_predictions("lvis", truth, seed=1))
+    return tmp_path
+
+
+def bad(checks):
+    return [c for c in checks if c.status != "ok"]
+
+
+def test_a_fresh_evaluation_holds(evaluated, capsys):
+    checks = verify(evaluated / "eval", None)
+    assert not bad(checks)
+    assert len(checks) >= 18
+    assert cli.run(["evidence", "verify", str(evaluated / "eval")]) == 0
+    assert f"{len(checks)} of {len(checks)} checks hold" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("role", ["truth.json", "run/predictions.json", "run/run.json"])
+def test_a_changed_input_is_seen(evaluated, role):
+    with (evaluated / role).open("a") as stream:
+        stream.write(" ")
+    assert [c.status for c in bad(verify(evaluated / "eval", None))] == ["CHANGED"]
+    (evaluated / role).unlink()
+    assert [c.status for c in bad(verify(evaluated / "eval", None))] == ["MISSING"]
+
+
+@pytest.mark.parametrize(
+    "name", ["summary.json", "matches.npz", "per_image.jsonl", "view/predictions.json"]
+)
+def test_a_changed_file_is_seen(evaluated, name, capsys):
+    with (evaluated / "eval" / name).open("ab") as stream:
+        stream.write(b" ")
+    assert [c.what for c in bad(verify(evaluated / "eval", None))] == [f"file {name}"]
+    assert cli.run(["evidence", "verify", str(evaluated / "eval")]) == 1
+    assert "CHANGED" in capsys.readouterr().out
+
+
+def test_an_added_file_is_seen(evaluated):
+    (evaluated / "eval" / "view" / "more.json").write_text("1")
+    assert [c.status for c in bad(verify(evaluated / "eval", None))] == ["UNLISTED"]
+
+
+def forge(folder, change):
+    """Change summary.json and put its new hash on record: only the numbers can tell."""
+    summary = json.loads((folder / "summary.json").read_text())
+    evidence = json.loads((folder / "evidence.json").read_text())
+    change(summary, evidence)
+    (folder / "summary.json").write_text(json.dumps(summary))
+    evidence["files"]["summary.json"] = sha256_of_file(folder / "summary.json")
+    (folder / "evidence.json").write_text(json.dumps(evidence))
+
+
+def better_ap(summary, evidence):
+    summary["official"][0] += 0.01
+    evidence["raw"]["official"][0] += 0.01
+
+
+def better_iou(summary, _evidence):
+    summary["matched"]["class_aware"]["miou_gt_micro"] += 0.01
+
+
+def better_coverage(summary, _evidence):
+    summary["coverage"]["attempted"] -= 1
+
+
+def other_ties(_summary, evidence):
+    evidence["equal_confidence"]["official"][0] += 0.01
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (better_ap, "metrics from matches, own scores"),
+        (better_iou, "matched IoU, class_aware"),
+        (better_coverage, "images attempted"),
+        (other_ties, "metrics from matches, equal confidence"),
+    ],
+)
+def test_forged_numbers_do_not_follow_from_the_matches(evaluated, change, what):
+    forge(evaluated / "eval", change)
+    assert what in [c.what for c in bad(verify(evaluated / "eval", None))]
+
+
+def test_inputs_that_moved_are_found_below_a_root(evaluated, tmp_path):
+    moved = tmp_path / "elsewhere" / "deep"
+    moved.mkdir(parents=True)
+    shutil.move(evaluated / "run", moved / "run")
+    shutil.move(evaluated / "truth.json", moved / "truth.json")
+    assert {c.status for c in bad(verify(evaluated / "eval", None))} == {"MISSING"}
+    assert not bad(verify(evaluated / "eval", moved))
+
+
+def test_a_folder_that_is_no_evaluation(tmp_path):
+    with pytest.raises(LegoWorldError, match=r"evidence\.json"):
+        verify(tmp_path, None)
+    (tmp_path / "evidence.json").write_text('{"kind": "something"}')
+    with pytest.raises(LegoWorldError, match="another kind"):
+        verify(tmp_path, None)

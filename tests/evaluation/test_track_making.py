@@ -1,0 +1,226 @@
+"""Tracks: seeded samples of the public half, and nothing of the private one."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from evaluation.detection_runs import random_truth, write_truth
+
+from legoworld import catalog, cli
+from legoworld.errors import CatalogError, UsageError
+from legoworld.files import sha256_of_file
+from legoworld.track import load_track
+from legoworld.track_making import make_track
+
+#: Numbers so odd that they can only come from an annotation.
+ODD = 7919
+
+
+def marked_truth(task):
+    """A truth whose every private value is recognisable."""
+    truth = random_truth(task, seed=1)
+    for n, a in enumerate(truth["annotations"]):
+        a["id"] = 1_000_000 + n
+        a["area"] = float(f"{ODD}.{n}")
+        a["bbox"] = [ODD + 0.125, ODD + 0.25, ODD + 0.5, ODD + 0.75]
+        a["caption"] = "a private word"
+    for i in truth["images"]:
+        i["neg_category_ids"] = i["not_exhaustive_category_ids"] = [ODD]
+        i["n_objects"] = ODD
+    for c in truth["categories"]:
+        c["image_count"] = c["instance_count"] = ODD
+        c["synonyms"] = [c["name"]]
+    truth["licenses"] = [{"id": 1, "name": "some licence"}]
+    if task == "coco":
+        for i in truth["images"]:
+            del i["neg_category_ids"], i["not_exhaustive_category_ids"]
+    return truth
+
+
+def strings_and_numbers(value):
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield key
+            yield from strings_and_numbers(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from strings_and_numbers(inner)
+    else:
+        yield value
+
+
+@pytest.mark.parametrize("sample", [None, 5])
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+def test_no_annotation_reaches_a_track(task, sample, tmp_path):
+    truth = marked_truth(task)
+    path = write_truth(tmp_path / "truth.json", truth)
+    make_track(task, path, tmp_path / "track.json", sample=sample, seed=0)
+    text = (tmp_path / "track.json").read_text()
+    track = json.loads(text)
+    private = {v for a in truth["annotations"] for v in strings_and_numbers(a)} | {ODD}
+    public = {
+        v
+        for part in ("images", "categories")
+        for entry in truth[part]
+        for k, inner in entry.items()
+        if k in ("id", "file_name", "width", "height", "name", "frequency", "synonyms")
+        for v in strings_and_numbers([k, inner])
+    }
+    only_private = private - public - {"image_id", "category_id", "id", 0, 1}
+    assert {"caption", "a private word", "bbox", "area", 1_000_000} <= only_private
+    assert not only_private & set(strings_and_numbers([track["images"], track["categories"]]))
+    assert str(ODD) not in text
+    assert set(track) == {"info", "images", "categories"}
+    assert {k for i in track["images"] for k in i} <= {"id", "file_name", "width", "height"}
+    assert {k for c in track["categories"] for k in c} <= {"id", "name", "frequency", "synonyms"}
+
+
+def test_a_sample_is_seeded_and_says_where_it_is_from(tmp_path):
+    path = write_truth(tmp_path / "truth.json", random_truth("coco", seed=2, images=40))
+    made = [
+        make_track("coco", path, tmp_path / f"{n}.json", sample=10, seed=seed)
+        for n, seed in enumerate((0, 0, 1))
+    ]
+    assert (tmp_path / "0.json").read_bytes() == (tmp_path / "1.json").read_bytes()
+    ids = [[i["id"] for i in m["images"]] for m in made]
+    assert ids[0] == sorted(ids[0]) != ids[2]
+    assert len(set(ids[0])) == 10
+    info = made[0]["info"]
+    assert info["source_sha256"] == sha256_of_file(path)
+    assert (info["sample"], info["seed"], info["source_images"]) == (10, 0, 40)
+    assert len(load_track(tmp_path / "0.json").images) == 10
+
+
+def test_a_sample_does_not_depend_on_annotations_or_on_the_order_of_the_file(tmp_path):
+    truth = random_truth("coco", seed=3, images=40)
+    first = make_track(
+        "coco", write_truth(tmp_path / "a.json", truth), tmp_path / "1.json", sample=9, seed=4
+    )
+    bare = {**truth, "annotations": [], "images": truth["images"][::-1]}
+    second = make_track(
+        "coco", write_truth(tmp_path / "b.json", bare), tmp_path / "2.json", sample=9, seed=4
+    )
+    assert first["images"] == second["images"]
+
+
+def test_every_image_is_drawn_equally_often(tmp_path):
+    path = write_truth(tmp_path / "truth.json", random_truth("coco", seed=3, images=10))
+    counts = dict.fromkeys(range(10), 0)
+    for seed in range(300):
+        for i in make_track("coco", path, tmp_path / "t.json", sample=3, seed=seed)["images"]:
+            counts[(i["id"] - 10) // 3] += 1
+    assert min(counts.values()) > 50
+    assert max(counts.values()) < 130
+
+
+def test_a_track_carries_its_truths_own_version(tmp_path):
+    shipped = catalog.folder("datasets") / "skimage_examples"
+    for task, version in (("coco", "2017"), ("lvis", "1.0")):
+        made = make_track(
+            task, shipped / f"truth_{task}.json", tmp_path / "t.json", sample=None, seed=0
+        )
+        assert made["info"]["dataset_version"] == version
+        again = load_track(tmp_path / "t.json").vocabulary
+        assert again.sha256 == load_track(shipped / f"track_{task}.json").vocabulary.sha256
+    custom = write_truth(tmp_path / "c.json", random_truth("coco", seed=1))
+    made = make_track("coco", custom, tmp_path / "t.json", sample=None, seed=0)
+    assert made["info"]["dataset_version"] == "custom"
+
+
+@pytest.mark.real_data
+def test_lvis_v05_stays_v05(real_data, tmp_path):
+    path = real_data / "lvis" / "lvis_val_100.json"
+    made = make_track("lvis", path, tmp_path / "t.json", sample=None, seed=0)
+    assert made["info"]["dataset_version"] == "0.5"
+    assert len(made["categories"]) == 1230
+    track = load_track(tmp_path / "t.json")
+    assert all(len(i.scene) == 12 for i in track.images), "named by coco_url, not COCO_val2014_..."
+
+
+def test_what_cannot_be_sampled_is_refused(tmp_path):
+    path = write_truth(tmp_path / "truth.json", random_truth("coco", seed=2))
+    out = tmp_path / "t.json"
+    with pytest.raises(UsageError, match="at most 12"):
+        make_track("coco", path, out, sample=13, seed=0)
+    with pytest.raises(CatalogError, match="not the truth of lvis"):
+        make_track("lvis", path, out, sample=None, seed=0)
+    lvis = write_truth(tmp_path / "lvis.json", random_truth("lvis", seed=2))
+    with pytest.raises(CatalogError, match="not the truth of coco"):
+        make_track("coco", lvis, out, sample=None, seed=0)
+    (tmp_path / "broken.json").write_text("{")
+    with pytest.raises(CatalogError, match="cannot be read"):
+        make_track("coco", tmp_path / "broken.json", out, sample=None, seed=0)
+    with pytest.raises(UsageError, match="folder"):
+        make_track("eth3d", path, out, sample=None, seed=0)
+    assert not out.exists()
+
+
+def eth3d_folder(root, scenes=("kicker", "office")):
+    """ETH3D's calibration files, with the photos' real names and made-up sizes."""
+    listed = json.loads((catalog.folder("datasets") / "eth3d" / "images.json").read_text())
+    for k, scene in enumerate(scenes):
+        folder = root / scene / "dslr_calibration_jpg"
+        folder.mkdir(parents=True)
+        (folder / "cameras.txt").write_text(
+            f"# cameras\n3 THIN_PRISM_FISHEYE {600 + k} 400 1 1 1 1 0 0 0 0 0 0 0 0\n"
+        )
+        photos = [e["file_name"] for e in listed if e["file_name"].startswith(f"{scene}/")]
+        lines = "".join(
+            f"{n} 1 0 0 0 0 0 0 3 dslr_images/{p.rsplit('/', 1)[1]}\n\n"
+            for n, p in enumerate(photos)
+        )
+        (folder / "images.txt").write_text("# images\n# two lines each\n" + lines)
+    return root
+
+
+def test_eth3d_tracks_come_from_the_calibration_alone(tmp_path):
+    root = eth3d_folder(tmp_path / "eth3d")
+    made = make_track("eth3d", root, tmp_path / "t.json", sample=None, seed=0)
+    assert len(made["images"]) == 31 + 26
+    assert made["categories"] == []
+    listed = json.loads((catalog.folder("datasets") / "eth3d" / "images.json").read_text())
+    ids = {e["file_name"]: e["id"] for e in listed}
+    assert all(ids[i["file_name"]] == i["id"] for i in made["images"])
+    assert {(i["width"], i["height"]) for i in made["images"]} == {(600, 400), (601, 400)}
+    sample = make_track("eth3d", root, tmp_path / "s.json", sample=7, seed=1)
+    assert len(load_track(tmp_path / "s.json").images) == len(sample["images"]) == 7
+    (root / "kicker" / "dslr_calibration_jpg" / "images.txt").write_text("")
+    with pytest.raises(CatalogError, match="lacks a photo"):
+        make_track("eth3d", root, tmp_path / "t.json", sample=None, seed=0)
+    with pytest.raises(CatalogError, match="no ETH3D scene"):
+        make_track("eth3d", tmp_path, tmp_path / "t.json", sample=None, seed=0)
+
+
+def photos_of(track, folder):
+    for i in load_track(track).images:
+        width, height = i.size_wh
+        (folder / i.file_name).parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(folder / i.file_name), np.zeros((height, width, 3), np.uint8))
+
+
+def test_check_finds_what_is_missing_broken_or_of_another_size(tmp_path, capsys):
+    path = write_truth(tmp_path / "truth.json", random_truth("coco", seed=2))
+    track = tmp_path / "t.json"
+    make = ["track", "make", "--task", "coco", "--truth", str(path), "-o", str(track)]
+    assert cli.run(make) == 0
+    assert cli.run(make) == 2, "there already"
+    assert cli.run([*make, "--overwrite"]) == 0
+    photos = tmp_path / "photos"
+    photos_of(track, photos / "val2017")
+    check = ["track", "check", str(track), "--photos", str(photos)]
+    assert cli.run(check) == 0
+    capsys.readouterr()
+    (photos / "val2017" / "000.jpg").unlink()
+    (photos / "val2017" / "001.jpg").write_bytes(b"no picture")
+    cv2.imwrite(str(photos / "val2017" / "002.jpg"), np.zeros((120, 90, 3), np.uint8))
+    assert cli.run(check) == 1
+    shown = capsys.readouterr().out
+    assert "missing: 000.jpg" in shown
+    assert "unreadable: 001.jpg" in shown
+    assert "90x120, the track says 120x90" in shown
+    assert "9 of 12 photos" in shown
+    assert cli.run(["track", "make", "--task", "coco"]) == 2
+    assert cli.run(["track", "check"]) == 2
