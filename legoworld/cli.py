@@ -65,7 +65,7 @@ def run(arguments: list[str] | None = None) -> int:
     except click.exceptions.Exit as done:
         return done.exit_code
     except (click.Abort, KeyboardInterrupt):
-        click.echo("legoworld: stopped; the same command goes on from here", err=True)
+        click.echo("legoworld: stopped; the same command again goes on from what is done", err=True)
         return 130
     except click.ClickException as error:
         error.show()

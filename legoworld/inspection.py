@@ -40,6 +40,7 @@ class Inspection:
     entries: tuple[dict[str, Any], ...]
     warnings: tuple[str, ...]
     outside_vocabulary: dict[str, int]
+    not_rendered: tuple[tuple[str, str], ...]  # labelled owners without any surface: name, label
 
 
 def inspect_scene(
@@ -64,13 +65,16 @@ def inspect_scene(
     warnings = [*scene.snapshot.warnings, *grouping.warnings, *labels.warnings]
     if aspect_differs(scene.snapshot.render, size):
         w, h = scene.snapshot.render.size_wh
-        warnings.append(f"the scene's own picture is {w}x{h}: another aspect than {size}")
+        warnings.append(
+            f"the scene's own picture is {w}x{h}: another aspect than {size[0]}x{size[1]}"
+        )
     return Inspection(
         scene=scene,
         view=seen,
         entries=instance_entries(scene, grouping, seen),
         warnings=tuple(warnings),
         outside_vocabulary=grouping.outside_vocabulary,
+        not_rendered=grouping.unseen_owners,
     )
 
 
@@ -98,20 +102,18 @@ def instance_entries(
 def write_inspection(inspection: Inspection, output: Path, photo: Path | None) -> None:
     """Write buffers.npz, instances.json, overlay.png and depth.png into a folder."""
     buffers = inspection.view.buffers
+    ground = instance_picture(buffers.instance) if photo is None else read_photo(photo)
+    if ground.shape[:2] != buffers.instance.shape:
+        raise LegoWorldError(
+            "the photo has another size than the view",
+            found=f"{ground.shape[1]}x{ground.shape[0]}",
+            expected="x".join(map(str, inspection.view.size_wh)),
+            next_step=f"pass --size {ground.shape[1]}x{ground.shape[0]}",
+        )
     output.mkdir(parents=True, exist_ok=True)
     with atomic_path(output / "buffers.npz") as temporary, temporary.open("wb") as stream:
         np.savez(stream, instance=buffers.instance, depth_z_m=buffers.depth_z_m)
     document = {"schema_version": SCHEMA_VERSION, "instances": list(inspection.entries)}
     write_text(output / "instances.json", readable_json(document))
-    ground = instance_picture(buffers.instance)
-    if photo is not None:
-        ground = read_photo(photo)
-        if ground.shape[:2] != buffers.instance.shape:
-            raise LegoWorldError(
-                "the photo has another size than the view",
-                found=f"{ground.shape[1]}x{ground.shape[0]}",
-                expected="x".join(map(str, inspection.view.size_wh)),
-                next_step=f"pass --size {ground.shape[1]}x{ground.shape[0]}",
-            )
     write_png(output / "overlay.png", overlay(ground, buffers.instance, inspection.entries))
     write_png(output / "depth.png", depth_picture(buffers.depth_z_m))

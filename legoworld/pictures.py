@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from legoworld.conventions import NO_INSTANCE
 from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path
+from legoworld.scene.artefacts import decoded_picture
 
 #: ColorBrewer's Spectral, 11 classes, near to far, as RGB.
 _SPECTRAL: Final = np.array(
@@ -32,8 +33,7 @@ Rgb = NDArray[np.uint8]
 
 def read_photo(path: Path) -> Rgb:
     """(H, W, 3) uint8 RGB, stored orientation (EXIF rotation is not applied)."""
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), flags)
+    picture = decoded_picture(path.read_bytes(), color=True)
     if picture is None:
         raise LegoWorldError(
             f"{path.name} is not a picture",

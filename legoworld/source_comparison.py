@@ -66,6 +66,13 @@ class SourceComparison:
         """Shared instances whose masks differ."""
         return sum(pair.iou < SAME_IOU for pair in self.pairs)
 
+    @property
+    def faithful(self) -> bool:
+        """Whether both sources show the same instances, with the same categories and masks."""
+        one_sided = any(entry["area_px"] for entry in (*self.lost, *self.gained))
+        relabelled = any(pair.blend_category != pair.glb_category for pair in self.pairs)
+        return not (self.disagreeing or one_sided or relabelled)
+
 
 def compare_sources(
     folder: SceneFolder,

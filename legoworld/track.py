@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -67,11 +69,9 @@ def load_track(path: Path) -> Track:
 def track_of_folder(scenes: Path) -> Track:
     """Every folder below SCENES with a scene file is an image, numbered in sorted order."""
     found = sorted(
-        {
-            file.parent.relative_to(scenes).as_posix()
-            for name in ("scene.blend", "scene.glb")
-            for file in scenes.rglob(name)
-        }
+        Path(folder).relative_to(scenes).as_posix()
+        for folder, files in _visible_folders(scenes)
+        if "scene.blend" in files or "scene.glb" in files
     )
     if not found:
         raise CatalogError(
@@ -90,6 +90,19 @@ def track_of_folder(scenes: Path) -> Track:
         for i, name in enumerate(found, start=1)
     )
     return Track(images=images, vocabulary=None, sha256=None, info={})
+
+
+def _visible_folders(top: Path) -> Iterator[tuple[str, list[str]]]:
+    """Folders below one with their files' names; links are followed, hidden folders left out."""
+    seen: set[str] = set()
+    for folder, below, files in os.walk(top, followlinks=True):
+        real = os.path.realpath(folder)
+        if real in seen:
+            below.clear()
+            continue
+        seen.add(real)
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        yield folder, files
 
 
 def scene_name(file_name: str) -> str:
@@ -116,6 +129,7 @@ def _image(entry: Any, source: str) -> TrackImage:
         or not isinstance(name, str)
         or ".." in parts
         or name.startswith("/")
+        or not parts
     ):
         raise CatalogError(
             f"the track {source} has an image that cannot be used",
@@ -128,7 +142,7 @@ def _image(entry: Any, source: str) -> TrackImage:
 def _file_name(entry: dict[str, Any]) -> Any:
     """The photo's file name. LVIS names photos by their coco_url (v0.5's file_name is another)."""
     name = entry.get("file_name")
-    if "coco_url" not in entry:
+    if not entry.get("coco_url"):
         return entry["file_name"]
     by_url = PurePosixPath(entry["coco_url"]).name
     return name if name and PurePosixPath(name).name == by_url else by_url
@@ -147,7 +161,7 @@ def _refuse_annotations(document: dict[str, Any], entries: list[Any], source: st
 
 
 def _refuse_duplicates(images: list[TrackImage], source: str) -> None:
-    for attribute in ("id", "file_name"):
+    for attribute in ("id", "file_name", "scene"):
         values = [getattr(image, attribute) for image in images]
         if len(set(values)) != len(values):
             raise CatalogError(

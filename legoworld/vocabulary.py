@@ -89,7 +89,7 @@ def from_json(entries: object, source: str) -> Vocabulary:
                 found=repr(entry)[:80],
                 expected='an integer "id" and a text "name"',
             )
-        synonyms = entry.get("synonyms", ())
+        synonyms = entry.get("synonyms") or ()
         categories.append(
             Category(id=entry["id"], name=entry["name"], synonyms=tuple(map(str, synonyms)))
         )

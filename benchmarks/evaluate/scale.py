@@ -79,9 +79,8 @@ def main() -> None:
             predictions = with_equal_confidence(predictions)
     with timed("matching, greedy and score-free"):
         problem = build_problem(truth, predictions, protocol)
-        state, pairers = unmatched(problem), []
-        for aware in (True, False):
-            pairers.append(Pairer(problem, class_aware=aware))
+        state = unmatched(problem)
+        pairers = [Pairer(problem, class_aware=aware) for aware in (True, False)]
         for found in image_overlaps(problem, truth, predictions):
             match_image(problem, found, state)
             for pairer in pairers:

@@ -105,14 +105,14 @@ def _make_scenes(folder: Path, count: int) -> None:
         scene = folder / "scenes" / f"{i:05d}"
         scene.mkdir(parents=True)
         # Bytes after the last block are not read, and make another file of it for the cache.
-        data = _without_compression_end(contents[i % len(contents)]) + i.to_bytes(8, "little")
+        data = _with_room_behind(contents[i % len(contents)]) + i.to_bytes(8, "little")
         (scene / "scene.blend").write_bytes(data)
     for name in ("home", "tmp"):
         (folder / name).mkdir()
 
 
-def _without_compression_end(data: bytes) -> bytes:
-    """The file as it is when uncompressed; a Zstandard file gets a frame that readers skip."""
+def _with_room_behind(data: bytes) -> bytes:
+    """The file, ready for eight bytes that no reader reads: in Zstandard, a skipped frame."""
     if data.startswith(b"BLENDER"):
         return data
     return data + (0x184D2A50).to_bytes(4, "little") + (8).to_bytes(4, "little")

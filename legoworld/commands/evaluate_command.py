@@ -71,7 +71,7 @@ def command(
     from legoworld.evaluation.run import read_run
 
     task = read_run(run).task
-    notice = options.notifier(quiet or not verbose)
+    notice = options.notifier(quiet or not (verbose or options.on_terminal()))
     if task == "eth3d":
         if evaluator is not None:
             raise click.UsageError("--evaluator is for boxes and masks: depth has one evaluator")

@@ -39,14 +39,12 @@ def command(
       legoworld freeze scenes
       legoworld freeze scenes/000000000139 --json
     """
-    import os
-
     from legoworld.running.freeze_run import freeze_scenes
     from legoworld.scene.blender_process import Limits
 
     rows = freeze_scenes(
         scenes,
-        workers=workers or os.cpu_count() or 1,
+        workers=workers or options.usable_cores(),
         cache=options.chosen_cache(cache, no_cache),
         limits=Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
     )

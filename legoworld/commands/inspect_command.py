@@ -97,7 +97,7 @@ def command(
                 options.print_json(sources.document(found))
             else:
                 sources.show(found, quiet=quiet, verbose=verbose)
-            return 1 if found.disagreeing else 0
+            return 0 if found.faithful else 1
         inspection = inspect_scene(
             folder,
             size_wh=size_wh,
@@ -116,6 +116,7 @@ def command(
                 "size_wh": list(inspection.view.size_wh),
                 "warnings": list(inspection.warnings),
                 "outside_vocabulary": inspection.outside_vocabulary,
+                "not_rendered": [list(owner) for owner in inspection.not_rendered],
                 "snapshot_sha256": inspection.scene.snapshot_sha256,
             }
         )
@@ -152,6 +153,8 @@ def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose:
     )
     for name, count in inspection.outside_vocabulary.items():
         click.echo(f"label {name!r} is not in the vocabulary ({count} owners)")
+    for name, label in inspection.not_rendered:
+        click.echo(f"{name!r}, labelled {label!r}, has no surface that renders")
     if not quiet:
         for warning in inspection.warnings:
             click.echo(f"warning: {warning}", err=True)

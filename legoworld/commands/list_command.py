@@ -39,8 +39,8 @@ def command(kind: str, task: str, as_json: bool) -> int:
     elif not cards:
         click.echo(f"no {kind} are installed")
     else:
-        header = ("name", "version", "what")
-        rows = [(c["name"], c["version"], c["title"]) for c in cards]
+        header = ("name", "version", "what", "licence")
+        rows = [(c["name"], c["version"], c["title"], c["licence"]) for c in cards]
         click.echo(options.table(header, rows))
     return 0
 
@@ -55,7 +55,7 @@ def _cards(kind: str) -> list[dict[str, Any]]:
     for path in paths:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
         top = values.get("readout", values)
-        cards.append({key: top.get(key, "") for key in ("name", "version", "title")})
+        cards.append({key: top.get(key, "") for key in ("name", "version", "title", "licence")})
     return cards
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -31,7 +32,7 @@ class SizeType(click.ParamType[tuple[int, int]]):
         if isinstance(value, tuple):
             return value
         parts = str(value).lower().split("x")
-        if len(parts) != 2 or not all(p.isdigit() and 0 < int(p) <= 65536 for p in parts):
+        if len(parts) != 2 or not all(p.isdigit() and 0 < int(p) <= 8192 for p in parts):
             self.fail(f"{value!r} is not a size such as 640x480", param, ctx)
         return int(parts[0]), int(parts[1])
 
@@ -123,6 +124,13 @@ def notifier(quiet: bool) -> Callable[[str], None]:
             click.echo(text, err=True)
 
     return notice
+
+
+def usable_cores() -> int:
+    """CPU cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def on_terminal() -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -71,8 +72,6 @@ def command(
       legoworld readout scenes --task lvis -o runs/lvis --workers 8
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
     """
-    import os
-
     from legoworld.commands.shipped import shipped_examples
     from legoworld.readouts.tasks import protocol
     from legoworld.running.image import ImageOptions
@@ -92,6 +91,13 @@ def command(
         notice(f"no SCENES given: reading the {task} examples that ship with legoworld")
     output = output or Path("legoworld-runs") / f"{scenes.resolve().name or 'scenes'}-{task}"
     images = load_track(track) if track else track_of_folder(scenes)
+    if images.info.get("task") not in (None, task):
+        raise click.UsageError(
+            f"the track is made for {images.info['task']}, not for {task}: make one with "
+            f"`legoworld track make --task {task}`"
+        )
+    if _lies_in_a_scene(output.resolve(), scenes.resolve()):
+        raise click.UsageError(f"-o {output} lies in a scene, which a readout never writes into")
     request = RunRequest(
         image_options=ImageOptions(
             scenes=scenes,
@@ -104,7 +110,7 @@ def command(
             threads=1,
         ),
         track=images,
-        workers=workers or os.cpu_count() or 1,
+        workers=workers or options.usable_cores(),
         limits=Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
         overwrite=overwrite,
         limit=limit,
@@ -117,6 +123,12 @@ def command(
     else:
         _print(result, output, verbose=verbose)
     return 0 if result.summary["coverage"]["ok"] == len(result.rows) else 1
+
+
+def _lies_in_a_scene(output: Path, scenes: Path) -> bool:
+    """Whether a folder is, or is below, a scene folder of SCENES."""
+    around = [p for p in (output, *output.parents) if p.is_relative_to(scenes)]
+    return any((p / name).is_file() for p in around for name in ("scene.blend", "scene.glb"))
 
 
 def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunResult:
@@ -136,7 +148,10 @@ def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunRe
             bar.set_postfix(failed=failed)
             bar.update()
 
-        shown: RunResult = run(request, progress=advance, notice=bar.write)
+        def say(text: str) -> None:
+            bar.write(text, file=sys.stderr)
+
+        shown: RunResult = run(request, progress=advance, notice=say)
         return shown
 
 

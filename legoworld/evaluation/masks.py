@@ -20,7 +20,8 @@ Rle = dict[str, Any]
 def areas_px(masks: Sequence[Rle]) -> NDArray[np.float64]:
     """(n,) pixels of compressed masks."""
     parts = [_API.area(list(masks[i : i + _MOST_AREAS])) for i in range(0, len(masks), _MOST_AREAS)]
-    return np.concatenate([*parts, np.empty(0)]).astype(np.float64)
+    areas: NDArray[np.float64] = np.concatenate([*parts, np.empty(0)]).astype(np.float64)
+    return areas
 
 
 def overlaps(

@@ -6,9 +6,15 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from legoworld.errors import LegoWorldError, SceneInvalidError
+from legoworld.errors import (
+    LegoWorldError,
+    SceneInvalidError,
+    WorkerCrashedError,
+    WorkerMemoryError,
+    WorkerTimeoutError,
+)
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
@@ -25,6 +31,14 @@ from legoworld.scene.labels import read_labels_file
 from legoworld.scene.reading import read_scene
 from legoworld.track import track_of_folder
 
+_OK: Final = {"status": "ok", "code": "ok", "reason": None}
+#: A limit that was reached says nothing lasting about a scene: no record is made of it.
+_NOT_THE_SCENES_FAULT: Final = (
+    WorkerCrashedError.code,
+    WorkerMemoryError.code,
+    WorkerTimeoutError.code,
+)
+
 
 def freeze_scenes(
     scenes: Path, *, workers: int, cache: SnapshotCache | None, limits: Limits
@@ -40,12 +54,20 @@ def freeze_scenes(
             started.append(local.blender)
         return freeze_scene(folder, blender=local.blender, cache=cache)
 
-    try:
-        with ThreadPoolExecutor(max(1, min(workers, len(folders)))) as pool:
-            return list(pool.map(freeze, folders))
-    finally:
-        for blender in started:
-            blender.close()
+    with ThreadPoolExecutor(max(1, min(workers, len(folders)))) as pool:
+        pending = [pool.submit(freeze, folder) for folder in folders]
+        try:
+            return [future.result() for future in pending]
+        except BaseException:  # Ctrl-C: what Blender still does is in vain
+            for future in pending:
+                future.cancel()
+            for blender in started:
+                blender.abort()
+            raise
+        finally:
+            pool.shutdown()
+            for blender in started:
+                blender.close()
 
 
 def freeze_scene(
@@ -53,23 +75,29 @@ def freeze_scene(
 ) -> dict[str, Any]:
     """Check one scene's artefacts and write its frozen.json; returns the row of the table."""
     artefacts = hash_files(folder.path, folder.artefacts())
-    dependencies: dict[str, Hashes] = {"": {}}
-
-    def open_blend() -> None:
-        files = FrozenFiles(artefacts=artefacts, dependencies={}, frozen="at_readout")
-        read = read_scene(folder, source="blend", blender=blender, cache=cache, files=files)
-        dependencies[""] = read.files.dependencies
-
-    checks = {BLEND: _check(open_blend)}
+    files = FrozenFiles(artefacts=artefacts, dependencies={}, frozen="at_readout")
+    checks, dependencies = _check_blend(folder, files, blender, cache)
     if GLB in artefacts:
         checks[GLB] = _check(lambda: check_glb(folder.file(GLB)))
     if PICTURE in artefacts:
         checks[PICTURE] = _check(lambda: check_picture(folder.file(PICTURE)))
     if LABELS in artefacts:
         checks[LABELS] = _check(lambda: _read_labels(folder))
-    write_frozen(folder, artefacts, dependencies[""], checks)
+    if checks[BLEND]["code"] not in _NOT_THE_SCENES_FAULT:
+        write_frozen(folder, artefacts, dependencies, checks)
     good = all(check["status"] == "ok" for check in checks.values())
     return {"scene": folder.name, "status": "ok" if good else "invalid", "checks": checks}
+
+
+def _check_blend(
+    folder: SceneFolder, files: FrozenFiles, blender: BlenderProcess, cache: SnapshotCache | None
+) -> tuple[dict[str, dict[str, Any]], Hashes]:
+    """The verdict of scene.blend, and what it reads besides itself."""
+    try:
+        read = read_scene(folder, source="blend", blender=blender, cache=cache, files=files)
+    except LegoWorldError as error:
+        return {BLEND: _complaint(error)}, {}
+    return {BLEND: _OK}, read.files.dependencies
 
 
 def _read_labels(folder: SceneFolder) -> None:
@@ -80,10 +108,15 @@ def _check(check: Callable[[], None]) -> dict[str, Any]:
     try:
         check()
     except LegoWorldError as error:
-        return {"status": error.status, "code": error.code, "reason": str(error)}
+        return _complaint(error)
     except OSError as error:
-        unreadable = SceneInvalidError(
-            "the file cannot be read", found=str(error.strerror), expected="a readable file"
+        return _complaint(
+            SceneInvalidError(
+                "the file cannot be read", found=str(error.strerror), expected="a readable file"
+            )
         )
-        return {"status": unreadable.status, "code": "unreadable", "reason": str(unreadable)}
-    return {"status": "ok", "code": "ok", "reason": None}
+    return _OK
+
+
+def _complaint(error: LegoWorldError) -> dict[str, Any]:
+    return {"status": error.status, "code": error.code, "reason": str(error)}

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from legoworld.conventions import NO_INSTANCE
-from legoworld.errors import LegoWorldError
-from legoworld.files import sha256_of_file
+from legoworld.errors import LegoWorldError, SceneInvalidError
+from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.readouts.depth import depth_file, resampled_size, write_depth
 from legoworld.readouts.tasks import Protocol
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source, find_scene
-from legoworld.scene.freeze import checked_artefacts, hash_files
+from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
 from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels, read_labels_file, resolve_labels
 from legoworld.scene.reading import ReadScene, read_scene
@@ -54,8 +54,7 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
         "size_wh": list(image.size_wh) if image.size_wh else None,
     }
     try:
-        folder = find_scene(options.scenes, image.scene)
-        files = checked_artefacts(folder, require_frozen=options.require_frozen)
+        folder, files = _found(image, options)
         scene = read_scene(
             folder, source=options.source, blender=blender, cache=options.cache, files=files
         )
@@ -72,18 +71,37 @@ def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> boo
     if row["status"] != "ok" or scene is None:
         return False
     try:
-        folder = find_scene(options.scenes, image.scene)
-        now = checked_artefacts(folder, require_frozen=options.require_frozen)
+        folder, now = _found(image, options)
     except LegoWorldError:
         return False
     if _hashes(now.artefacts) != scene["files"] or now.frozen != scene["frozen"]:
         return False
     if _hashes(hash_files(folder.path, scene["dependencies"])) != scene["dependencies"]:
         return False
+    if _provenance(folder) != scene["provenance"]:
+        return False
     if "depth" not in row:
-        return True
+        return bool(row["predictions_sha256"] == _predictions_sha256(record["predictions"]))
     path: Path = options.run / row["depth"]["file"]
-    return path.is_file() and path.stat().st_size == int(row["depth"]["bytes"])
+    return path.is_file() and sha256_of_file(path) == row["depth"]["sha256"]
+
+
+def _found(image: TrackImage, options: ImageOptions) -> tuple[SceneFolder, FrozenFiles]:
+    """An image's scene folder and its files; one that cannot be looked at is its own verdict."""
+    try:
+        folder = find_scene(options.scenes, image.scene)
+        return folder, checked_artefacts(folder, require_frozen=options.require_frozen)
+    except OSError as error:
+        raise SceneInvalidError(
+            f"the scene folder {image.scene!r} cannot be looked at",
+            found=error.strerror or type(error).__name__,
+            expected="a folder and files that may be read",
+            next_step="correct its name or its permissions",
+        ) from error
+
+
+def _predictions_sha256(predictions: list[dict[str, Any]]) -> str:
+    return sha256_of_text(canonical_json(predictions))
 
 
 def _labels(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:
@@ -139,6 +157,7 @@ def _record(
     else:
         predictions = options.protocol.task.predict(image.id, grouping.instances, seen)
         row["n_predictions"] = len(predictions)
+        row["predictions_sha256"] = _predictions_sha256(predictions)
         row |= _instance_report(scene, grouping, seen, options)
     row["warnings"] = warnings
     return {
@@ -149,7 +168,7 @@ def _record(
 
 
 def _write_depth_file(image: TrackImage, seen: View, options: ImageOptions) -> dict[str, Any]:
-    name = depth_file(image.scene)
+    name = depth_file(image.scene if image.scene != "." else image.file_name)
     path = options.run / name
     write_depth(path, seen.buffers.depth_z_m)
     return {
@@ -249,6 +268,8 @@ def _provenance(folder: SceneFolder) -> Any:
     if not path.is_file():
         return "not recorded"
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        provenance = json.loads(path.read_text(encoding="utf-8"))
+        canonical_json(provenance)  # NaN and infinity have no place in a result
     except (OSError, ValueError) as error:
         return f"unreadable: {error}"
+    return provenance

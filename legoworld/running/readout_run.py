@@ -83,10 +83,11 @@ def run_readout(
             notice(f"{n_reused} of {len(images)} images have a valid result already")
         if request.image_options.protocol.task.predict is None:
             _check_disk(request, todo, notice)
+        del earlier, by_id  # predictions are many: from here on they are on disk only
         with run_folder.journal(folder) as journal:
+            records = {i: run_folder.append(journal, record) for i, record in records.items()}
             for record in _read_all(request, todo):
-                run_folder.append(journal, record)
-                records[record["row"]["image_id"]] = record
+                records[record["row"]["image_id"]] = run_folder.append(journal, record)
                 progress(record["row"])
         rows = [records[image.id]["row"] for image in images if image.id in records]
         summary = summarise(request, images, rows)
@@ -158,18 +159,20 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
         _processes(workers, request.limits) as (processes, idle),
         ThreadPoolExecutor(workers) as pool,
     ):
+        done: dict[int, Record] = {}  # not in the futures: they live until the run ends
 
-        def read(image: TrackImage) -> Record:
+        def read(image: TrackImage) -> int:
             process = idle.get()
             try:
-                return read_image(image, options, process)
+                done[image.id] = read_image(image, options, process)
             finally:
                 idle.put(process)
+            return image.id
 
-        pending: list[Future[Record]] = [pool.submit(read, image) for image in todo]
+        pending: list[Future[int]] = [pool.submit(read, image) for image in todo]
         try:
             for future in as_completed(pending):
-                record = future.result()
+                record = done.pop(future.result())
                 yield record
                 if request.fail_fast and record["row"]["status"] != "ok":
                     return

@@ -11,7 +11,13 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from legoworld.errors import ConfigurationMismatchError, UsageError
-from legoworld.files import TEMPORARY_SUFFIX, canonical_json, readable_json, write_text
+from legoworld.files import (
+    TEMPORARY_SUFFIX,
+    atomic_path,
+    canonical_json,
+    readable_json,
+    write_text,
+)
 
 RUN: Final = "run.json"
 ROWS: Final = "per_image.jsonl"
@@ -28,8 +34,10 @@ Record = dict[str, Any]
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Hold a run folder for this process alone. UsageError when another one has it."""
+    refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / _LOCK).open("w") as stream:
+    # The lock's file stays: removing it would let two processes lock two files of one name.
+    with (folder / _LOCK).open("a") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -39,10 +47,21 @@ def locked(folder: Path) -> Iterator[None]:
                 expected="one run per folder",
                 next_step="wait for it, or choose another -o",
             ) from error
-        try:
-            yield
-        finally:
-            (folder / _LOCK).unlink(missing_ok=True)
+        yield
+
+
+def refuse_strangers(folder: Path) -> None:
+    """Refuse a folder that holds something else than a run, before anything in it is touched."""
+    if not folder.exists() or _earlier_configuration(folder) is not None:
+        return
+    strangers = sorted(p.name for p in folder.iterdir() if p.name != _LOCK)
+    if strangers:
+        raise ConfigurationMismatchError(
+            "the output folder holds something that is not a run",
+            found=", ".join(strangers[:5]),
+            expected="an empty folder or an earlier run",
+            next_step="choose another -o",
+        )
 
 
 def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> list[Record]:
@@ -54,17 +73,10 @@ def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> 
     if overwrite:
         _delete_results(folder)
     for leftover in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
-        leftover.unlink()
+        if leftover.is_file():
+            leftover.unlink()
     earlier = _earlier_configuration(folder)
     if earlier is None:
-        strangers = sorted(p.name for p in folder.iterdir() if p.name != _LOCK)
-        if strangers:
-            raise ConfigurationMismatchError(
-                "the output folder holds something that is not a run",
-                found=", ".join(strangers[:5]),
-                expected="an empty folder or an earlier run",
-                next_step="choose another -o",
-            )
         write_text(folder / _CONFIGURATION, readable_json(configuration))
         return []
     changed = sorted(
@@ -85,19 +97,24 @@ def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> 
 
 
 @contextmanager
-def journal(folder: Path) -> Iterator[IO[str]]:
+def journal(folder: Path) -> Iterator[IO[bytes]]:
     """The open journal; see `append`."""
     path = folder / JOURNAL
     _drop_torn_line(path)
-    with path.open("a", encoding="utf-8") as stream:
+    with path.open("ab") as stream:
         yield stream
 
 
-def append(stream: IO[str], record: Record) -> None:
-    """Put one record on disk before the next image is reported done."""
-    stream.write(canonical_json(record) + "\n")
+def append(stream: IO[bytes], record: Record) -> Record:
+    """Put one record on disk before the next image is reported done.
+
+    Returns it with the place in the journal instead of its predictions, for `finish`.
+    """
+    kept = {"row": record["row"], "scene": record["scene"], "journal_at": stream.tell()}
+    stream.write((canonical_json(record) + "\n").encode("utf-8"))
     stream.flush()
     os.fsync(stream.fileno())
+    return kept
 
 
 def finish(
@@ -111,9 +128,7 @@ def finish(
     """Write the canonical files, each whole or not at all, and drop the journal."""
     ordered = sorted(records, key=lambda r: int(r["row"]["image_id"]))
     if with_predictions:
-        lines = [canonical_json(p) for record in ordered for p in record["predictions"]]
-        text = "[\n" + ",\n".join(lines) + "\n]\n" if lines else "[]\n"
-        write_text(folder / PREDICTIONS, text)
+        _write_predictions(folder, [r["journal_at"] for r in ordered])
     write_text(folder / ROWS, "".join(canonical_json(r["row"]) + "\n" for r in ordered))
     write_text(folder / SUMMARY, readable_json(summary))
     scenes = {str(r["row"]["image_id"]): r["scene"] for r in ordered if r["scene"]}
@@ -122,14 +137,45 @@ def finish(
     (folder / _CONFIGURATION).unlink(missing_ok=True)
 
 
+def _write_predictions(folder: Path, places: list[int]) -> None:
+    """One prediction a line, read back from the records at these places of the journal."""
+    with (
+        (folder / JOURNAL).open("rb") as journal,
+        atomic_path(folder / PREDICTIONS) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as stream,
+    ):
+        before = "[\n"
+        for place in places:
+            journal.seek(place)
+            for prediction in json.loads(journal.readline())["predictions"]:
+                stream.write(before + canonical_json(prediction))
+                before = ",\n"
+        stream.write("[]\n" if before == "[\n" else "\n]\n")
+
+
 def _earlier_configuration(folder: Path) -> dict[str, Any] | None:
     for name in (_CONFIGURATION, RUN):
         path = folder / name
         if path.is_file():
-            document = json.loads(path.read_text(encoding="utf-8"))
-            found: dict[str, Any] = document["configuration"] if name == RUN else document
-            return found
+            return _configuration_in(path, name)
     return None
+
+
+def _configuration_in(path: Path, name: str) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        found = document["configuration"] if name == RUN else document
+        if isinstance(found, dict) and "task" in found:
+            return found
+        problem = "no configuration in it"
+    except (ValueError, KeyError, TypeError) as error:
+        problem = f"{type(error).__name__}: {error}"
+    raise ConfigurationMismatchError(
+        f"{path.name} in the output folder is not of a run",
+        found=problem,
+        expected="an empty folder or an earlier run",
+        next_step="choose another -o",
+    )
 
 
 def _finished_records(folder: Path) -> list[Record]:
@@ -141,7 +187,7 @@ def _finished_records(folder: Path) -> list[Record]:
     if (folder / PREDICTIONS).is_file():
         for prediction in json.loads((folder / PREDICTIONS).read_text(encoding="utf-8")):
             predictions.setdefault(prediction["image_id"], []).append(prediction)
-    rows = [json.loads(x) for x in (folder / ROWS).read_text(encoding="utf-8").splitlines()]
+    rows = [json.loads(x) for x in _lines(folder / ROWS)]
     return [
         {
             "row": row,
@@ -157,7 +203,12 @@ def _journal_records(folder: Path) -> list[Record]:
     _drop_torn_line(path)
     if not path.is_file():
         return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [json.loads(line) for line in _lines(path)]
+
+
+def _lines(path: Path) -> list[str]:
+    """Lines that end in a newline; a name may hold other characters that end lines elsewhere."""
+    return [line for line in path.read_text(encoding="utf-8").split("\n") if line]
 
 
 def _drop_torn_line(path: Path) -> None:
@@ -175,13 +226,8 @@ def _delete_results(folder: Path) -> None:
     for name in _RESULTS:
         (folder / name).unlink(missing_ok=True)
     depth = folder / "depth"
-    for path in sorted(depth.rglob("*"), reverse=True) if depth.is_dir() else ():
-        if path.is_dir():
-            path.rmdir()
-        elif path.suffix == ".npz":
-            path.unlink()
-    if depth.is_dir():
-        depth.rmdir()
+    for path in sorted(depth.rglob("*.npz")) if depth.is_dir() else ():
+        path.unlink()
 
 
 def _short(value: Any) -> str:

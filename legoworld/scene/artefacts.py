@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.gltf.accessors import Accessors
@@ -31,10 +33,8 @@ def check_glb(path: Path) -> None:
 
 def check_picture(path: Path) -> None:
     """Refuse a final.png that does not decode or is one flat colour. Raises SceneInvalidError."""
-    import cv2
-
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    data = path.read_bytes()
+    picture = decoded_picture(data)
     if picture is None:
         raise SceneInvalidError(
             f"{path.name} does not decode",
@@ -50,3 +50,17 @@ def check_picture(path: Path) -> None:
             expected="a render of the scene",
             next_step="check the camera, the lights and the render engine",
         )
+
+
+def decoded_picture(data: bytes, *, color: bool = False) -> NDArray[Any] | None:
+    """A picture file's pixels as OpenCV orders them, not turned by EXIF; None when it is none.
+
+    color: always (H, W, 3) uint8 BGR; otherwise as stored.
+    """
+    import cv2
+
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if color else cv2.IMREAD_UNCHANGED
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:  # a header that claims an absurd size
+        return None

@@ -75,6 +75,7 @@ class BlenderProcess:
             text=True,
             encoding="utf-8",
             cwd=_made(self._home, "empty"),
+            start_new_session=True,  # Ctrl-C is for the command: it decides what becomes of workers
             env=_environment(_made(self._home, "blender"), _made(self._home, "temporary")),
         )
         self._served = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -49,7 +50,10 @@ class SnapshotCache:
 
 
 def default_cache_folder() -> Path:
-    """The user's cache folder for legoworld."""
+    """$LEGOWORLD_CACHE, or the user's cache folder for legoworld."""
+    chosen = os.environ.get("LEGOWORLD_CACHE")
+    if chosen:
+        return Path(chosen)
     import platformdirs
 
     return Path(platformdirs.user_cache_dir("legoworld")) / "snapshots"

@@ -33,8 +33,8 @@ class Execution:
 def execute(program: Path, output: Path, *, limits: Limits, picture: bool) -> Execution:
     """Run a program in its own process and an empty folder, and export into `output`.
 
-    Raises the worker's errors (crash, time, memory) and ProgramBuiltNothing; the output folder is
-    then as it was before.
+    Raises the worker's errors (crash, time, memory) and ProgramBuiltNothing; what the output folder
+    held is then as it was.
     """
     output.mkdir(parents=True, exist_ok=True)
     with (

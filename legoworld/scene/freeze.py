@@ -78,14 +78,14 @@ def write_frozen(
     write_text(scene.file(FROZEN), readable_json(document))
 
 
-def read_frozen(scene: SceneFolder) -> tuple[Hashes, Hashes] | None:
-    """Artefact and dependency hashes on record; None without a frozen.json."""
+def read_frozen(scene: SceneFolder) -> tuple[Hashes, Hashes, str] | None:
+    """Artefact and dependency hashes on record, and its status; None without a frozen.json."""
     path = scene.file(FROZEN)
     if not path.is_file():
         return None
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        return _typed(document["files"]), _typed(document["dependencies"])
+        return _typed(document["files"]), _typed(document["dependencies"]), document["status"]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneInvalidError(
             f"{FROZEN} cannot be read",
@@ -112,7 +112,14 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
                 next_step="run `legoworld freeze` on the scenes first",
             )
         return FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout")
-    files, dependencies = record
+    files, dependencies, status = record
+    if require_frozen and status != "ok":
+        raise NotFrozenError(
+            "the scene was frozen with a complaint",
+            found=f"{FROZEN} says {status}",
+            expected="a scene whose artefacts all passed their check",
+            next_step="see its checks, correct the scene and freeze it again",
+        )
     _refuse_changes(files, now)
     _refuse_changes(dependencies, hash_files(scene.path, dependencies))
     return FrozenFiles(artefacts=now, dependencies=dependencies, frozen="frozen.json")

@@ -95,7 +95,7 @@ def resolve_labels(
         "collection": [(c.name, dict(c.properties)) for c in snapshot.collections],
     }
     warnings = []
-    for label in outside:
+    for label in _merged(outside):
         owners = [i for i, (name, _) in enumerate(by_kind[label.kind]) if name == label.name]
         if not owners:
             warnings.append(f"{LABELS_FILE} names {label.kind} {label.name!r}: not in the scene")
@@ -107,6 +107,17 @@ def resolve_labels(
         collections=_matched(by_kind["collection"], vocabulary, override_property),
         warnings=tuple(warnings),
     )
+
+
+def _merged(outside: Sequence[OutsideLabel]) -> list[OutsideLabel]:
+    """One entry per owner, whatever order its entries stand in."""
+    merged: dict[tuple[Kind, str], dict[str, str]] = {}
+    for label in outside:
+        merged.setdefault((label.kind, label.name), {}).update(label.categories)
+    return [
+        OutsideLabel(kind=kind, name=name, categories=categories)
+        for (kind, name), categories in merged.items()
+    ]
 
 
 def _outside_wins(inside: Mapping[str, str], outside: Mapping[str, str]) -> Mapping[str, str]:

@@ -64,6 +64,7 @@ def _read(
 ) -> ReadScene:
     names = cache.dependencies(blend_sha256)
     if names is not None:
+        _refuse_unlisted(BLEND, names, files)
         known = replace(files, dependencies=hash_files(scene.path, names))
         stored = _stored(cache.snapshot_path(blend_sha256, known.dependencies))
         if stored is not None:
@@ -97,10 +98,12 @@ def _read_with_blender(
         answer = blender.request(
             {
                 "kind": "snapshot",
-                "blend": str(scene.file(BLEND).resolve()),
+                # The folder is resolved and the file is not: what it links lies beside the name.
+                "blend": str(scene.path.resolve() / BLEND),
                 "output": str(output.resolve()),
             }
         )
+        _refuse_unlisted(BLEND, answer["dependencies"], files)
         dependencies = hash_files(scene.path, answer["dependencies"])
         # The file may have been replaced meanwhile: what was hashed must be what was read.
         if hash_files(scene.path, [BLEND]) != {BLEND: files.artefacts[BLEND]}:
@@ -151,16 +154,21 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
 
 
 def _with_files_of_glb(scene: SceneFolder, names: list[str], files: FrozenFiles) -> FrozenFiles:
-    """The files with what scene.glb reads besides itself, of which frozen.json must vouch."""
-    unlisted = [name for name in names if name not in files.dependencies]
+    """The files with what scene.glb reads besides itself."""
+    _refuse_unlisted(GLB, names, files)
+    return replace(files, dependencies=hash_files(scene.path, names))
+
+
+def _refuse_unlisted(name: str, names: list[str], files: FrozenFiles) -> None:
+    """A frozen.json must vouch for everything a scene file reads."""
+    unlisted = [other for other in names if other not in files.dependencies]
     if files.frozen == "frozen.json" and unlisted:
         raise SceneInvalidError(
-            "scene.glb reads files that frozen.json does not list",
+            f"{name} reads files that frozen.json does not list",
             found=", ".join(unlisted[:5]),
-            expected="a self-contained .glb in a frozen scene",
-            next_step="export with everything embedded, then freeze again",
+            expected="a record of every file the scene consists of",
+            next_step="freeze the scene again; a .glb must have everything embedded",
         )
-    return replace(files, dependencies=hash_files(scene.path, names))
 
 
 def _changed(scene: SceneFolder, name: str) -> SceneInvalidError:

@@ -215,6 +215,7 @@ def test_an_lvis_truth_that_cannot_be_scored_against(change, match, tmp_path):
     assert cli.run(arguments) == 1
 
 
+@pytest.mark.real_data
 def test_lvis_versions_do_not_mix(real_data, tmp_path, capsys):
     truth = json.loads((folder("datasets") / "skimage_examples/truth_lvis.json").read_text())
     run = write_run(tmp_path / "run", "lvis", truth, [])

@@ -14,6 +14,7 @@ from evaluation.detection_runs import (
 )
 from evaluation.test_official_numbers import evaluate
 
+from legoworld import cli
 from legoworld.catalog import folder
 from legoworld.evaluation.detections import evaluate_detections
 from legoworld.evaluation.folder import read_rows
@@ -219,3 +220,43 @@ def test_false_positives_that_cost_nothing_are_counted(tmp_path):
     ).summary
     assert with_them["counts"]["false_positives_in_absent_categories"] == free > 0
     assert with_them["official"] == without["official"]
+
+
+@TASKS
+@pytest.mark.parametrize("kind", ["official", "fast"])
+def test_images_without_any_truth(task, kind, tmp_path):
+    truth = random_truth(task, seed=14)
+    predictions = random_predictions(task, truth, seed=14)
+    truth["annotations"] = []
+    summary = evaluate(tmp_path, task, truth, predictions, evaluator=kind).summary
+    assert set(summary["official"]) == {-1.0}
+    assert set(summary["metrics"].values()) == {None}
+    assert summary["ties"]["expected"] is None
+    assert summary["matched"]["class_aware"]["miou_gt_micro"] is None
+    assert all(x["low"] is None for x in summary["intervals"].values() if x["draws"])
+    assert summary["coverage"]["with_truth"] == 0
+    assert cli.run(["evidence", "verify", str(tmp_path / "eval")]) == 0
+
+
+def test_predictions_nobody_verified_are_dropped_and_counted(tmp_path):
+    truth = random_truth("lvis", seed=15)
+    for image in truth["images"]:
+        image["neg_category_ids"] = []
+    present = {(a["image_id"], a["category_id"]) for a in truth["annotations"]}
+    predictions = random_predictions("lvis", truth, seed=15)
+    strangers = [p for p in predictions if (p["image_id"], p["category_id"]) not in present]
+    summary = evaluate(tmp_path / "a", "lvis", truth, strangers).summary
+    assert summary["counts"]["unverified_dropped"] == len(strangers) > 0
+    assert summary["metrics"]["AP"] == 0.0
+    assert summary["matched"]["class_aware"]["n_dt"] == 0
+    whole = evaluate(tmp_path / "b", "lvis", truth, predictions).summary
+    kept = [p for p in predictions if (p["image_id"], p["category_id"]) in present]
+    assert evaluate(tmp_path / "c", "lvis", truth, kept).summary["official"] == whole["official"]
+
+
+def test_a_single_image_has_no_interval(tmp_path):
+    truth = random_truth("coco", seed=16, images=1, per_image=5)
+    assert truth["annotations"]
+    summary = evaluate(tmp_path, "coco", truth, as_predictions("coco", truth)).summary
+    assert summary["metrics"]["AP"] is not None
+    assert all(x["low"] is None for x in summary["intervals"].values())

@@ -274,7 +274,7 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_no_blender_behind(scenes, track, t
     os.kill(process.pid, signal.SIGINT)
     _, error = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert "the same command goes on from here" in error
+    assert "the same command again goes on" in error
     assert journal.read_bytes().count(b"\n") >= 2
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
@@ -323,3 +323,41 @@ def test_a_label_for_an_object_that_is_not_there_is_a_warning_of_the_row(scenes,
     (tmp_path / "scenes" / "good0" / "labels.json").write_text(json.dumps(labels))
     readout(tmp_path / "scenes", "--task", "coco", "-o", tmp_path / "run")
     assert any("Nobody" in w for w in rows(tmp_path / "run")["good0"]["warnings"])
+
+
+def test_a_run_whose_predictions_were_lost_is_read_again(scenes, track, run, tmp_path: Path):
+    import shutil
+
+    copy = tmp_path / "run"
+    shutil.copytree(run, copy)
+    (copy / "predictions.json").unlink()
+    readout(scenes, "--task", "coco", "--track", track, "-o", copy)
+    assert results(copy) == results(run)
+
+
+def test_a_folder_of_other_things_is_left_as_it_is(scenes, track, tmp_path: Path, capsys):
+    for name in ("summary.json", ".keep.tmp", "notes.txt"):
+        (tmp_path / name).write_text("mine")
+    (tmp_path / "run.json").write_text('{"x": 1}')
+    before = sorted(p.name for p in tmp_path.iterdir())
+    for extra in ([], ["--overwrite"]):
+        assert readout(scenes, "--task", "coco", "--track", track, "-o", tmp_path, *extra) == 1
+    assert "not of a run" in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+
+
+def test_a_readout_never_writes_into_the_scenes(scenes, track, capsys):
+    assert readout(scenes, "--task", "coco", "--track", track, "-o", scenes / "good0") == 2
+    assert "never writes into" in capsys.readouterr().err
+
+
+def test_one_name_that_cannot_be_looked_at_does_not_end_the_run(scenes, tmp_path: Path):
+    images = [
+        {"id": 1, "file_name": "x" * 300 + ".jpg", "width": 64, "height": 48},
+        {"id": 2, "file_name": "good0.jpg", "width": 64, "height": 48},
+    ]
+    track = write_track(tmp_path / "t.json", images)
+    assert readout(scenes, "--task", "coco", "--track", track, "-o", tmp_path / "run") == 1
+    found = rows(tmp_path / "run")
+    assert found["good0"]["status"] == "ok"
+    assert found["x" * 300]["status"] == "invalid"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import traceback
 from collections.abc import Callable
@@ -13,6 +14,9 @@ import bpy
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.scene.folder import BLEND, GLB, PICTURE
 
+#: Object types that can render as something; a program must add or change one of them.
+_SHOWS: Final = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME",
+                 "EMPTY")  # fmt: skip
 _PICTURE_SAMPLES: Final = 16
 _PICTURE_MAX_SIDE: Final = 1024
 
@@ -50,7 +54,7 @@ def execute_program(program: Path, output: Path) -> dict[str, Any]:
     before = _fingerprint()
     skipped: list[str] = []
     error = _run(program, skipped)
-    if _fingerprint() == before:
+    if not any(entry[2] in _SHOWS for entry in _fingerprint() - before):
         raise ProgramBuiltNothingError(
             "the program built nothing",
             found=_describe(error) if error else "Blender's start-up scene, unchanged",
@@ -62,7 +66,11 @@ def execute_program(program: Path, output: Path) -> dict[str, Any]:
 
 
 def render_picture(output: Path) -> dict[str, Any]:
-    """Render final.png of the scene that `execute_program` left, with Cycles on the CPU."""
+    """Render final.png of the scene that `execute_program` exported, with Cycles on the CPU."""
+    # Opened anew: this may be another process than the one that ran the program.
+    bpy.ops.wm.open_mainfile(
+        filepath=str(output / BLEND), load_ui=False, use_scripts=False, display_file_selector=False
+    )
     scene = bpy.context.scene
     render = scene.render
     width = render.resolution_x * render.resolution_percentage / 100
@@ -98,6 +106,8 @@ def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
 
     bpy.ops.render = _Replaced(bpy.ops.render, "render", no_render)
     bpy.ops.wm = _Replaced(bpy.ops.wm, "quit_blender", no_quit)
+    # A program's exit() closes standard input, which is where the next request comes from.
+    stdin, sys.stdin = sys.stdin, io.StringIO()
     arguments, sys.argv = sys.argv, ["blender", "--background", "--python", str(program)]
     sys.path.insert(0, str(program.parent))
     try:
@@ -114,7 +124,7 @@ def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
         return _error(error, program)
     finally:
         del bpy.ops.render, bpy.ops.wm
-        sys.argv = arguments
+        sys.argv, sys.stdin = arguments, stdin
         sys.path.remove(str(program.parent))
     return None
 
@@ -179,9 +189,9 @@ def _pack() -> list[str]:
     return warnings
 
 
-def _fingerprint() -> list[tuple[Any, ...]]:
+def _fingerprint() -> set[tuple[Any, ...]]:
     """What the open file holds, finely enough to tell whether a program changed the scene."""
-    return sorted(
+    return {
         (
             o.session_uid,
             o.name,
@@ -191,4 +201,4 @@ def _fingerprint() -> list[tuple[Any, ...]]:
             len(o.data.vertices) if o.type == "MESH" else -1,
         )
         for o in bpy.data.objects
-    )
+    }

@@ -1,0 +1,114 @@
+"""How often a 95 % interval from one track holds the mean AP of tracks of its size.
+
+    python benchmarks/evaluate/interval_coverage.py [--equal]
+
+Draws tracks of 100 images out of 800 synthetic ones. For each: AP, a bootstrap over its images, and
+three intervals. Prints how often each holds the mean AP of 120 such tracks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from synthetic import coco_like
+
+from legoworld.evaluation.bootstrap import resample_counts
+from legoworld.evaluation.matching import MatchTable, match_image, match_table, unmatched
+from legoworld.evaluation.overlaps import image_overlaps
+from legoworld.evaluation.predictions import check_predictions, with_equal_confidence
+from legoworld.evaluation.problem import build_problem
+from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.run import Run, RunImage
+from legoworld.evaluation.truth import read_truth
+from legoworld.vocabulary import from_json
+
+POPULATION, TRACK, TRACKS, JUDGED, DRAWS = 800, 100, 120, 60, 200
+
+
+def population_table(*, equal: bool) -> MatchTable:
+    """Matches of all images, fewer predictions when none is ranked."""
+    protocol = detection_protocol("coco")
+    per_image = 9 if equal else 20
+    document, results = coco_like(POPULATION, POPULATION * per_image, seed=5, n_categories=40)
+    run = Run(
+        folder=Path("run"),
+        task="coco",
+        configuration={"vocabulary_sha256": from_json(document["categories"], "").sha256},
+        images=tuple(
+            RunImage(id=i["id"], file_name=i["file_name"], size_wh=None, status="ok")
+            for i in document["images"]
+        ),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "truth.json"
+        path.write_text(json.dumps(document))
+        truth = read_truth(path, run, protocol)
+    predictions = check_predictions(results, run=run, truth=truth, protocol=protocol)
+    if equal:
+        predictions = with_equal_confidence(predictions)
+    problem = build_problem(truth, predictions, protocol)
+    state = unmatched(problem)
+    for found in image_overlaps(problem, truth, predictions):
+        match_image(problem, found, state)
+    return match_table(problem, state)
+
+
+def track_table(table: MatchTable, images: np.ndarray) -> MatchTable:
+    """The matches of some images alone."""
+    position = np.full(POPULATION, -1)
+    position[images] = np.arange(len(images))
+    kept, true = position[table.image] >= 0, position[table.truth_image] >= 0
+    return replace(
+        table,
+        image_ids=table.image_ids[images],
+        image=position[table.image[kept]],
+        category=table.category[kept],
+        score=table.score[kept],
+        rank=table.rank[kept],
+        entry=table.entry[kept],
+        state=np.ascontiguousarray(table.state[:, :, kept]),
+        truth_image=position[table.truth_image[true]],
+        truth_category=table.truth_category[true],
+        n_truths=np.ascontiguousarray(table.n_truths[:, true]),
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--equal", action="store_true", help="all scores 1")
+    options = parser.parse_args()
+    protocol = replace(detection_protocol("coco"), metrics=detection_protocol("coco").metrics[:1])
+    whole = population_table(equal=options.equal)
+    random = np.random.default_rng(1)
+    tracks = [
+        track_table(whole, np.sort(random.choice(POPULATION, TRACK, replace=False)))
+        for _ in range(TRACKS)
+    ]
+    once = np.ones((1, TRACK), np.int32)
+    aps = np.array([resampled_metrics(t, protocol, once)["AP"][0] for t in tracks])
+    mean = aps.mean()
+    held = dict.fromkeys(("percentile", "basic", "centred"), 0)
+    biases = []
+    for seed, (table, ap) in enumerate(zip(tracks[:JUDGED], aps, strict=False)):
+        samples = resampled_metrics(table, protocol, resample_counts(TRACK, DRAWS, seed))["AP"]
+        low, high = np.quantile(samples, [0.025, 0.975])
+        bias = samples.mean() - ap
+        biases.append(bias)
+        held["percentile"] += low <= mean <= high
+        held["basic"] += 2 * ap - high <= mean <= 2 * ap - low
+        held["centred"] += low - bias <= mean <= high - bias
+    print(
+        f"mean AP {mean:.4f}, sd over tracks {aps.std():.4f}, bias of samples {np.mean(biases):.4f}"
+    )
+    for name, count in held.items():
+        print(f"{name:<12} {count / JUDGED:.2f}")
+
+
+if __name__ == "__main__":
+    main()
