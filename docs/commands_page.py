@@ -16,9 +16,9 @@ def render() -> str:
     """The whole page."""
     context = click.Context(main, info_name="legoworld", terminal_width=96, max_content_width=96)
     parts = [
-        "# Commands\n\nMade from the program's own help by `python docs/commands_page.py`. Exit codes: 0"
-        " done; 1 failed, or some\nscenes could not be read; 2 wrong usage; 130 stopped with"
-        " Ctrl-C.\n"
+        "# Commands\n\nMade from the program's own help by `python docs/commands_page.py`. Exit"
+        " codes: 0 done; 1 failed, or some\nscenes could not be read; 2 wrong usage; 130 stopped"
+        " with Ctrl-C.\n"
     ]
     for name in main.list_commands(context):
         command = main.get_command(context, name)
