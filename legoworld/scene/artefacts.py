@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from legoworld.scene.gltf.container import parse_glb
 from legoworld.scene.gltf.nodes import node_tree
 from legoworld.scene.gltf.snapshot import check_geometry
 from legoworld.scene.gltf.verdicts import Budget
+
+_PIXEL_CHUNKS: Final = (b"IHDR", b"PLTE", b"tRNS", b"gAMA", b"sRGB", b"IDAT", b"IEND")
 
 
 def check_glb(path: Path) -> None:
@@ -64,3 +67,16 @@ def decoded_picture(data: bytes, *, color: bool = False) -> NDArray[Any] | None:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # a header that claims an absurd size
         return None
+
+
+def without_metadata(png: bytes) -> bytes:
+    """A PNG with only the chunks its pixels need: Blender adds the folder, the date and timings."""
+    signature, position = png[:8], 8
+    kept = [signature]
+    while position < len(png):
+        (length,) = struct.unpack_from(">I", png, position)
+        end = position + 12 + length
+        if png[position + 4 : position + 8] in _PIXEL_CHUNKS:
+            kept.append(png[position:end])
+        position = end
+    return b"".join(kept)

@@ -12,7 +12,7 @@ from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import readable_json, sha256_of_file, write_text
-from legoworld.scene.artefacts import check_picture
+from legoworld.scene.artefacts import check_picture, without_metadata
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.folder import BLEND, FROZEN, GLB, PICTURE, PROGRAM
@@ -61,7 +61,9 @@ def _picture(blender: BlenderProcess, made: Path) -> list[str]:
     """Render final.png; a scene without one is still a scene."""
     try:
         blender.request({"kind": "picture", "output": str(made.resolve())})
-        check_picture(made / PICTURE)
+        picture = made / PICTURE
+        picture.write_bytes(without_metadata(picture.read_bytes()))
+        check_picture(picture)
     except SceneInvalidError as error:
         return [str(error)]
     except (LegoWorldError, OSError) as error:

@@ -47,6 +47,8 @@ def test_a_whole_program_becomes_a_scene_that_reads_out(tmp_path):
     assert names == {"scene.blend", "scene.glb", "final.png", "scene.py", "execution.json"}
     assert execution(output)["status"] == "complete"
     assert (output / "scene.py").read_text() == BUILD
+    assert str(tmp_path).encode() not in (output / "final.png").read_bytes()
+    assert b"Date" not in (output / "final.png").read_bytes()
     assert cli.run(["freeze", str(output), "-q"]) == 0
     run = tmp_path / "run"
     assert cli.run(["readout", str(tmp_path), "--task", "coco", "-o", str(run), "-q"]) == 0
