@@ -9,7 +9,7 @@ DEMO := legoworld-demo
 
 demo: $(VENV)/examples-installed
 	$(PYTHON) -m legoworld readout --task coco
-	$(PYTHON) examples/look.py -o $(DEMO)
+	$(PYTHON) docs/look_at_examples.py -o $(DEMO)
 
 test: $(VENV)/tests-installed
 	$(PYTHON) -m pytest $(PYTEST_ARGS)

@@ -1,4 +1,4 @@
-"""Draws each shipped example's readout over its photo: python examples/look.py -o FOLDER.
+"""Draws each shipped example's readout over its photo: python docs/look_at_examples.py -o FOLDER.
 
 The photos come from scikit-image (`pip install legoworld[examples]`) and are not part of legoworld.
 """
@@ -15,10 +15,10 @@ import skimage.data
 
 from legoworld.cli import run
 
-EXAMPLES = Path(__file__).parent
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
-def photo(name: str) -> "cv2.typing.MatLike":
+def photo(name: str) -> cv2.typing.MatLike:
     """The photo an example rebuilds, (H, W, 3) RGB."""
     if name == "motorcycle":
         return skimage.data.stereo_motorcycle()[0]
