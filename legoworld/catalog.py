@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 from typing import Literal
 
@@ -11,5 +10,5 @@ Kind = Literal["readouts", "datasets", "baselines", "examples"]
 
 def folder(kind: Kind) -> Path:
     """The folder of one kind of catalogue entry; the one place that knows checkout from wheel."""
-    shipped = Path(str(files("legoworld"))) / "_catalog" / kind
+    shipped = Path(__file__).parent / "_catalog" / kind
     return shipped if shipped.is_dir() else Path(__file__).parents[1] / kind

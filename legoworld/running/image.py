@@ -101,7 +101,9 @@ def _found(image: TrackImage, options: ImageOptions) -> tuple[SceneFolder, Froze
 
 
 def _predictions_sha256(predictions: list[dict[str, Any]]) -> str:
-    return sha256_of_text(canonical_json(predictions))
+    """Hash of what was read, whatever number the image has in a track."""
+    named = [{k: v for k, v in p.items() if k != "image_id"} for p in predictions]
+    return sha256_of_text(canonical_json(named))
 
 
 def _labels(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text, write_text
@@ -77,8 +77,11 @@ def reader_sha256() -> str:
 
 @cache
 def bpy_version() -> str:
-    """The installed bpy's version, without importing it."""
-    try:
-        return version("bpy")
-    except PackageNotFoundError:
-        return "not installed"
+    """The installed bpy's version, without importing it.
+
+    Read from the name of its metadata folder: importlib.metadata takes a tenth of a cached readout.
+    """
+    for place in sys.path:
+        for metadata in sorted(Path(place or ".").glob("bpy-*.dist-info")):
+            return metadata.name.removeprefix("bpy-").removesuffix(".dist-info")
+    return "not installed"

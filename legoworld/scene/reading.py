@@ -12,9 +12,6 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source
 from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
-from legoworld.scene.gltf.buffers import external_files
-from legoworld.scene.gltf.container import parse_glb
-from legoworld.scene.gltf.snapshot import snapshot_of_glb
 from legoworld.scene.snapshot import Snapshot, load, save
 
 
@@ -122,6 +119,10 @@ def _read_with_blender(
 
 def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFiles) -> ReadScene:
     """The snapshot of scene.glb: from the cache, or read here without Blender."""
+    from legoworld.scene.gltf.buffers import external_files
+    from legoworld.scene.gltf.container import parse_glb
+    from legoworld.scene.gltf.snapshot import snapshot_of_glb
+
     glb = files.artefacts.get(GLB)
     if glb is None:
         raise SceneInvalidError(
