@@ -66,7 +66,7 @@ def test_with_and_without_a_cache_the_same_snapshot(folder, tmp_path):
 def test_the_second_reading_comes_from_the_cache(folder, tmp_path, monkeypatch):
     cache = SnapshotCache(tmp_path / "cache")
     read(folder, cache)
-    monkeypatch.setattr("legoworld.scene.reading.parse_glb", None)
+    monkeypatch.setattr("legoworld.scene.gltf.container.parse_glb", None)
     read(folder, cache)
     with pytest.raises(TypeError):
         read(folder)
