@@ -38,7 +38,6 @@ def command(
       legoworld execute scene.py -o scenes/000000000139
       legoworld execute scene.py -o scenes/coffee --time-limit 600
     """
-    from legoworld.scene.blender_process import Limits
     from legoworld.scene.execution import execute
 
     notice = options.notifier(quiet)
@@ -46,7 +45,7 @@ def command(
     result = execute(
         program,
         output,
-        limits=Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
+        limits=options.chosen_limits(time_limit, memory_limit),
         picture=not no_picture,
     )
     if as_json:

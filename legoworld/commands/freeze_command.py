@@ -40,13 +40,12 @@ def command(
       legoworld freeze scenes/000000000139 --json
     """
     from legoworld.running.freeze_run import freeze_scenes
-    from legoworld.scene.blender_process import Limits
 
     rows = freeze_scenes(
         scenes,
         workers=workers or options.usable_cores(),
         cache=options.chosen_cache(cache, no_cache),
-        limits=Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
+        limits=options.chosen_limits(time_limit, memory_limit),
     )
     bad = [row for row in rows if row["status"] != "ok"]
     if as_json:

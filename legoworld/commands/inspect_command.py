@@ -65,7 +65,7 @@ def command(
     """
     from legoworld.inspection import inspect_scene, write_inspection
     from legoworld.readouts.tasks import protocol
-    from legoworld.scene.blender_process import BlenderProcess, Limits
+    from legoworld.scene.blender_process import BlenderProcess
     from legoworld.scene.folder import find_scene
 
     if photo is not None and size_wh is None:
@@ -75,9 +75,7 @@ def command(
         size_wh = (width, height)
     folder = find_scene(scene.resolve().parent, scene.resolve().name)
     reading = protocol(task, None) if task else None
-    with BlenderProcess(
-        Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30))
-    ) as blender:
+    with BlenderProcess(options.chosen_limits(time_limit, memory_limit)) as blender:
         if compare_sources:
             from legoworld.commands import sources
             from legoworld.source_comparison import compare_sources as compared

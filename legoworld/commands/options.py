@@ -86,6 +86,13 @@ def chosen_cache(cache: Path | None, no_cache: bool) -> Any:
     return None if no_cache else SnapshotCache(cache or default_cache_folder())
 
 
+def chosen_limits(time_limit_s: float, memory_limit_gib: float) -> Any:
+    """The Limits that --time-limit and --memory-limit ask for."""
+    from legoworld.scene.blender_process import Limits
+
+    return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
+
+
 def print_json(document: dict[str, Any]) -> None:
     """One JSON document with schema_version on standard output."""
     text = json.dumps(

@@ -76,7 +76,6 @@ def command(
     from legoworld.readouts.tasks import protocol
     from legoworld.running.image import ImageOptions
     from legoworld.running.readout_run import RunRequest, run_readout
-    from legoworld.scene.blender_process import Limits
     from legoworld.track import load_track, track_of_folder
 
     notice = options.notifier(quiet)
@@ -111,7 +110,7 @@ def command(
         ),
         track=images,
         workers=workers or options.usable_cores(),
-        limits=Limits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
+        limits=options.chosen_limits(time_limit, memory_limit),
         overwrite=overwrite,
         limit=limit,
         image_ids=image_ids,

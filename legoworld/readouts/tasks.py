@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -13,7 +12,7 @@ from legoworld.errors import UsageError
 from legoworld.readouts.exports import box_predictions, mask_predictions
 from legoworld.scene.instances import Instance
 from legoworld.visibility.view import View
-from legoworld.vocabulary import Vocabulary, from_json
+from legoworld.vocabulary import Vocabulary, load
 
 Predict = Callable[[int, Sequence[Instance], View], list[dict[str, Any]]]
 
@@ -23,16 +22,15 @@ class Task:
     """What a readout exports. predict: None for depth, which is a file and not a list."""
 
     name: str
-    exports: str
     predict: Predict | None
 
 
 TASKS: Final = {
     task.name: task
     for task in (
-        Task(name="coco", exports="boxes", predict=box_predictions),
-        Task(name="lvis", exports="masks", predict=mask_predictions),
-        Task(name="eth3d", exports="depth", predict=None),
+        Task(name="coco", predict=box_predictions),
+        Task(name="lvis", predict=mask_predictions),
+        Task(name="eth3d", predict=None),
     )
 }
 
@@ -68,5 +66,4 @@ def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
 
 def shipped_vocabulary(card: Card) -> Vocabulary:
     """The vocabulary file a card names."""
-    path = catalog.folder("datasets") / str(card.value("vocabulary.file"))
-    return from_json(json.loads(path.read_text(encoding="utf-8")), path.name)
+    return load(catalog.folder("datasets") / str(card.value("vocabulary.file")))

@@ -52,7 +52,6 @@ class RunResult:
 
     rows: tuple[dict[str, Any], ...]
     summary: dict[str, Any]
-    n_reused: int
 
 
 Progress = Callable[[dict[str, Any]], None]
@@ -78,9 +77,8 @@ def run_readout(
             if image.id in by_id and still_valid(by_id[image.id], image, request.image_options)
         }
         todo = [image for image in images if image.id not in records]
-        n_reused = len(records)
-        if n_reused:
-            notice(f"{n_reused} of {len(images)} images have a valid result already")
+        if records:
+            notice(f"{len(records)} of {len(images)} images have a valid result already")
         if request.image_options.protocol.task.predict is None:
             _check_disk(request, todo, notice)
         del earlier, by_id  # predictions are many: from here on they are on disk only
@@ -98,7 +96,7 @@ def run_readout(
             summary=summary,
             with_predictions=request.image_options.protocol.task.predict is not None,
         )
-    return RunResult(rows=tuple(rows), summary=summary, n_reused=n_reused)
+    return RunResult(rows=tuple(rows), summary=summary)
 
 
 def selected_images(request: RunRequest) -> list[TrackImage]:

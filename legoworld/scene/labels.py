@@ -9,14 +9,14 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 from legoworld.conventions import CATEGORY_KEY
 from legoworld.errors import LabelsInvalidError, one_line
+from legoworld.scene.folder import LABELS
 from legoworld.scene.snapshot import Snapshot
 from legoworld.vocabulary import Category, Vocabulary
 
-LABELS_FILE: Final = "labels.json"
 Kind = Literal["object", "collection"]
 
 
@@ -98,7 +98,7 @@ def resolve_labels(
     for label in _merged(outside):
         owners = [i for i, (name, _) in enumerate(by_kind[label.kind]) if name == label.name]
         if not owners:
-            warnings.append(f"{LABELS_FILE} names {label.kind} {label.name!r}: not in the scene")
+            warnings.append(f"{LABELS} names {label.kind} {label.name!r}: not in the scene")
         for i in owners:
             name, properties = by_kind[label.kind][i]
             by_kind[label.kind][i] = (name, _outside_wins(properties, label.categories))
@@ -162,8 +162,8 @@ def _outside_label(entry: Any, place: int) -> OutsideLabel:
 
 def _invalid(found: str) -> LabelsInvalidError:
     return LabelsInvalidError(
-        f"{LABELS_FILE} cannot be used",
+        f"{LABELS} cannot be used",
         found=found,
         expected='{"version": 1, "labels": [{"object" or "collection": name, "category": name}]}',
-        next_step=f"correct {LABELS_FILE}, or delete it to use the scene's own labels",
+        next_step=f"correct {LABELS}, or delete it to use the scene's own labels",
     )
