@@ -17,8 +17,11 @@ _COMMANDS = {
     "inspect": "what is in one scene: instances, buffers, overlay",
     "track": "make a public track from annotations, or check one",
     "readout": "read labels out of scenes into a run folder",
+    "baseline": "run a specialist model, or import anyone's results, as a run",
     "evaluate": "score a run against private truth",
-    "evidence": "re-check an evaluation's hashes and numbers",
+    "evidence": "re-check an evaluation's or a comparison's hashes and numbers",
+    "compare": "two evaluations side by side, over the same images",
+    "report": "one HTML page of evaluations and comparisons",
     "list": "tasks, datasets and what else can be named",
     "doctor": "check that this machine has what legoworld needs",
 }

@@ -18,6 +18,8 @@ ROOMS = [
     ("readouts", "pictures"),
     ("running", "inspection", "source_comparison", "track_making"),
     ("evaluation",),
+    ("baselines", "comparison"),
+    ("report",),
     ("commands",),
     ("cli", "__main__"),
 ]

@@ -1,0 +1,1 @@
+"""Specialist models: started in processes of their own, or imported from their results."""
