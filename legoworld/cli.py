@@ -17,6 +17,7 @@ _COMMANDS = {
     "inspect": "what is in one scene: instances, buffers, overlay",
     "track": "make a public track from annotations, or check one",
     "readout": "read labels out of scenes into a run folder",
+    "merge": "the shards of a run, put together",
     "baseline": "run a specialist model, or import anyone's results, as a run",
     "evaluate": "score a run against private truth",
     "evidence": "re-check an evaluation's or a comparison's hashes and numbers",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -13,12 +13,14 @@ from legoworld.commands import options
 @click.command("freeze", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("scenes", type=options.EXISTING_FOLDER)
 @click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
+@options.engine
 @options.caching
 @options.limits
 @options.output_options
 def command(
     scenes: Path,
     workers: int | None,
+    engine: Literal["local", "ray"],
     cache: Path | None,
     no_cache: bool,
     time_limit: float,
@@ -43,7 +45,8 @@ def command(
 
     rows = freeze_scenes(
         scenes,
-        workers=workers or options.usable_cores(),
+        engine=engine,
+        workers=workers or options.engine_cores(engine),
         cache=options.chosen_cache(cache, no_cache),
         limits=options.chosen_limits(time_limit, memory_limit),
     )

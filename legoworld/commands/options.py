@@ -37,6 +37,28 @@ class SizeType(click.ParamType[tuple[int, int]]):
         return int(parts[0]), int(parts[1])
 
 
+class ShardType(click.ParamType[tuple[int, int]]):
+    """i/n, counted from 1."""
+
+    name = "i/n"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Text to (index, number of shards)."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split("/")
+        if len(parts) != 2 or not all(p.isdecimal() for p in parts):
+            self.fail(f"{value!r} is not a shard such as 1/16", param, ctx)
+        index, of = int(parts[0]), int(parts[1])
+        if not 1 <= index <= of:
+            self.fail(
+                f"{value!r}: shards are counted from 1/{of or 1} to {of or 1}/{of or 1}", param, ctx
+            )
+        return index, of
+
+
 def limits(command: F) -> F:
     """--time-limit and --memory-limit of each Blender process."""
     command = click.option(
@@ -54,6 +76,18 @@ def limits(command: F) -> F:
         type=click.FloatRange(min=0.1),
         envvar="LEGOWORLD_MEMORY_LIMIT",
         help="GiB one Blender process may use.",
+    )(command)
+
+
+def engine(command: F) -> F:
+    """--engine."""
+    return click.option(
+        "--engine",
+        type=click.Choice(["local", "ray"]),
+        default="local",
+        show_default=True,
+        envvar="LEGOWORLD_ENGINE",
+        help="This machine, or a Ray cluster (RAY_ADDRESS).",
     )(command)
 
 
@@ -138,6 +172,15 @@ def usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def engine_cores(engine: str) -> int:
+    """CPU cores an engine may use."""
+    if engine == "local":
+        return usable_cores()
+    from legoworld.running.engines import cluster_cores
+
+    return cluster_cores()
 
 
 def on_terminal() -> bool:

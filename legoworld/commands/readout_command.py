@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 @click.option("--require-frozen", is_flag=True, help="Refuse scenes without a frozen.json.")
 @click.option("--limit", type=click.IntRange(min=1), help="Only the first N images (partial run).")
 @click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
+@click.option("--shard", type=options.ShardType(), help="Only every n-th image, from the i-th on.")
+@options.engine
 @click.option("--max-side", type=click.IntRange(min=1), help="Depth only: render smaller.")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first scene that cannot be read.")
@@ -50,6 +52,8 @@ def command(
     require_frozen: bool,
     limit: int | None,
     image_ids: tuple[int, ...],
+    shard: tuple[int, int] | None,
+    engine: Literal["local", "ray"],
     max_side: int | None,
     overwrite: bool,
     fail_fast: bool,
@@ -70,6 +74,7 @@ def command(
       legoworld readout --task coco
       legoworld readout scenes --task coco --track track.json -o runs/coco
       legoworld readout scenes --task lvis -o runs/lvis --workers 8
+      legoworld readout scenes --task coco -o shards/3 --shard 3/16   then: legoworld merge
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
     """
     from legoworld.commands.shipped import shipped_examples
@@ -109,11 +114,13 @@ def command(
             threads=1,
         ),
         track=images,
-        workers=workers or options.usable_cores(),
+        engine=engine,
+        workers=workers or options.engine_cores(engine),
         limits=options.chosen_limits(time_limit, memory_limit),
         overwrite=overwrite,
         limit=limit,
         image_ids=image_ids,
+        shard=shard,
         fail_fast=fail_fast,
     )
     result = _with_progress(request, run_readout, notice, quiet=quiet)
@@ -136,9 +143,9 @@ def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunRe
         return done
     from tqdm import tqdm
 
-    from legoworld.running.readout_run import selected_images
+    from legoworld.running.readout_run import shard_images
 
-    with tqdm(total=len(selected_images(request)), unit="scene", leave=False) as bar:
+    with tqdm(total=len(shard_images(request)), unit="scene", leave=False) as bar:
         failed = 0
 
         def advance(row: dict[str, Any]) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +15,7 @@ from legoworld.errors import (
     WorkerMemoryError,
     WorkerTimeoutError,
 )
+from legoworld.running.engines import ENGINES, EngineName, Job, machine_lost
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
@@ -41,33 +42,43 @@ _NOT_THE_SCENES_FAULT: Final = (
 
 
 def freeze_scenes(
-    scenes: Path, *, workers: int, cache: SnapshotCache | None, limits: Limits
+    scenes: Path,
+    *,
+    engine: EngineName,
+    workers: int,
+    cache: SnapshotCache | None,
+    limits: Limits,
 ) -> list[dict[str, Any]]:
     """Freeze every scene folder below SCENES; one row each, sorted by name."""
     folders = [find_scene(scenes, image.scene) for image in track_of_folder(scenes).images]
-    local = threading.local()
-    started: list[BlenderProcess] = []
+    job = Job(make=partial(_Freezer, cache, limits), lost=_lost)
+    with closing(ENGINES[engine](job, folders, workers)) as rows:
+        return sorted(rows, key=lambda row: str(row["scene"]))
 
-    def freeze(folder: SceneFolder) -> dict[str, Any]:
-        if not hasattr(local, "blender"):
-            local.blender = BlenderProcess(limits)
-            started.append(local.blender)
-        return freeze_scene(folder, blender=local.blender, cache=cache)
 
-    with ThreadPoolExecutor(max(1, min(workers, len(folders)))) as pool:
-        pending = [pool.submit(freeze, folder) for folder in folders]
-        try:
-            return [future.result() for future in pending]
-        except BaseException:  # Ctrl-C: what Blender still does is in vain
-            for future in pending:
-                future.cancel()
-            for blender in started:
-                blender.abort()
-            raise
-        finally:
-            pool.shutdown()
-            for blender in started:
-                blender.close()
+class _Freezer:
+    """Freezes scene after scene with one Blender process of its own."""
+
+    def __init__(self, cache: SnapshotCache | None, limits: Limits) -> None:
+        self._cache = cache
+        self._blender = BlenderProcess(limits)
+
+    def do(self, folder: SceneFolder) -> dict[str, Any]:
+        return freeze_scene(folder, blender=self._blender, cache=self._cache)
+
+    def abort(self) -> None:
+        self._blender.abort()
+
+    def close(self) -> None:
+        self._blender.close()
+
+
+def _lost(folder: SceneFolder, what: str) -> dict[str, Any]:
+    return {
+        "scene": folder.name,
+        "status": "failed",
+        "checks": {BLEND: _complaint(machine_lost(what))},
+    }
 
 
 def freeze_scene(

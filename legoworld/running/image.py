@@ -14,7 +14,8 @@ from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.readouts.depth import depth_file, resampled_size, write_depth
 from legoworld.readouts.tasks import Protocol
-from legoworld.scene.blender_process import BlenderProcess
+from legoworld.running.engines import machine_lost
+from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source, find_scene
 from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
@@ -45,14 +46,29 @@ class ImageOptions:
     threads: int
 
 
+class SceneReader:
+    """Reads image after image with one Blender process of its own."""
+
+    def __init__(self, options: ImageOptions, limits: Limits) -> None:
+        self._options = options
+        self._blender = BlenderProcess(limits)
+
+    def do(self, image: TrackImage) -> Record:
+        """One image's record; see `read_image`."""
+        return read_image(image, self._options, self._blender)
+
+    def abort(self) -> None:
+        """End the Blender process under a running `do`."""
+        self._blender.abort()
+
+    def close(self) -> None:
+        """End the Blender process."""
+        self._blender.close()
+
+
 def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess) -> Record:
     """Read one image out. Every LegoWorldError becomes the row's status and reason."""
-    row: dict[str, Any] = {
-        "image_id": image.id,
-        "file_name": image.file_name,
-        "scene": image.scene,
-        "size_wh": list(image.size_wh) if image.size_wh else None,
-    }
+    row = _row_of(image)
     try:
         folder, files = _found(image, options)
         scene = read_scene(
@@ -61,8 +77,26 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
         labels = _labels(folder, scene, options.protocol)
         return _record(row, image, folder, scene, labels, options)
     except LegoWorldError as error:
-        row |= {"status": error.status, "code": error.code, "reason": str(error), "warnings": []}
-        return {"row": row, "predictions": [], "scene": None}
+        return _verdict(row, error)
+
+
+def lost_record(image: TrackImage, what: str) -> Record:
+    """The record of an image whose machine was lost each time it was tried."""
+    return _verdict(_row_of(image), machine_lost(what))
+
+
+def _row_of(image: TrackImage) -> dict[str, Any]:
+    return {
+        "image_id": image.id,
+        "file_name": image.file_name,
+        "scene": image.scene,
+        "size_wh": list(image.size_wh) if image.size_wh else None,
+    }
+
+
+def _verdict(row: dict[str, Any], error: LegoWorldError) -> Record:
+    row |= {"status": error.status, "code": error.code, "reason": str(error), "warnings": []}
+    return {"row": row, "predictions": [], "scene": None}
 
 
 def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> bool:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import queue
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from legoworld import __version__
@@ -18,9 +17,11 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.depth import depth_file_bytes, resampled_size
+from legoworld.readouts.tasks import TASKS
 from legoworld.running import run_folder
-from legoworld.running.image import ImageOptions, Record, read_image, still_valid
-from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.running.engines import ENGINES, EngineName, Job
+from legoworld.running.image import ImageOptions, Record, SceneReader, lost_record, still_valid
+from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
 from legoworld.track import Track, TrackImage
@@ -34,16 +35,27 @@ class OutputFullError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class RunRequest:
-    """Everything a readout run is asked for. workers and limits never change its results."""
+    """Everything a readout run is asked for.
+
+    engine, workers and limits never change its results. shard: (i, n), 1 <= i <= n: only every
+    n-th image, from the i-th on.
+    """
 
     image_options: ImageOptions
     track: Track
+    engine: EngineName
     workers: int
     limits: Limits
     overwrite: bool
     limit: int | None
     image_ids: tuple[int, ...]
+    shard: tuple[int, int] | None
     fail_fast: bool
+
+    @property
+    def partial(self) -> bool:
+        """Whether only some of the track's images are asked for, shards aside."""
+        return self.limit is not None or bool(self.image_ids)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +78,7 @@ def run_readout(
     scene that cannot be read is a row of the run, never an exception.
     """
     folder = request.image_options.run
-    images = selected_images(request)
+    images = shard_images(request)
     configuration = _configuration(request, images)
     with run_folder.locked(folder):
         earlier = run_folder.prepare(folder, configuration, overwrite=request.overwrite)
@@ -88,11 +100,11 @@ def run_readout(
                 records[record["row"]["image_id"]] = run_folder.append(journal, record)
                 progress(record["row"])
         rows = [records[image.id]["row"] for image in images if image.id in records]
-        summary = summarise(request, images, rows)
+        summary = summarise(configuration, rows)
         run_folder.finish(
             folder,
             records=records.values(),
-            run=_run_document(configuration),
+            run=run_document(configuration),
             summary=summary,
             with_predictions=request.image_options.protocol.task.predict is not None,
         )
@@ -115,10 +127,18 @@ def selected_images(request: RunRequest) -> list[TrackImage]:
     return images[: request.limit] if request.limit is not None else images
 
 
-def summarise(
-    request: RunRequest, images: list[TrackImage], rows: list[dict[str, Any]]
-) -> dict[str, Any]:
+def shard_images(request: RunRequest) -> list[TrackImage]:
+    """The images this run attempts itself: every n-th of the selected ones in a shard i/n."""
+    images = selected_images(request)
+    if request.shard is None:
+        return images
+    index, of = request.shard
+    return images[index - 1 :: of]
+
+
+def summarise(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """summary.json: coverage by status, what was exported, and what labels came to nothing."""
+    with_predictions = TASKS[configuration["task"]].predict is not None
     statuses = Counter(row["status"] for row in rows)
     ok = [row for row in rows if row["status"] == "ok"]
     unmatched: Counter[str] = Counter()
@@ -128,16 +148,16 @@ def summarise(
         unexported.update(u["reason"] for u in row.get("unexported", ()))
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
-        "task": request.image_options.protocol.task.name,
-        "partial": request.limit is not None or bool(request.image_ids) or len(rows) < len(images),
+        "task": configuration["task"],
+        "partial": configuration["partial"] or len(rows) < configuration["attempted"],
         "coverage": {
-            "attempted": len(images),
+            "attempted": configuration["attempted"],
             "ok": len(ok),
             "by_status": dict(sorted(statuses.items())),
         },
         "warnings": sum(len(row["warnings"]) for row in rows),
     }
-    if request.image_options.protocol.task.predict is not None:
+    if with_predictions:
         summary["coverage"]["ok_empty"] = sum(row["n_predictions"] == 0 for row in ok)
         summary["predictions"] = sum(row["n_predictions"] for row in ok)
         summary["unmatched_labels"] = dict(sorted(unmatched.items()))
@@ -151,58 +171,22 @@ def summarise(
 def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
     """Records in the order they are done; worker processes end with this generator."""
     workers = max(1, min(request.workers, len(todo)))
-    threads = max(1, (os.cpu_count() or 1) // workers)
+    threads = max(1, (os.cpu_count() or 1) // workers) if request.engine == "local" else 1
     options = replace(request.image_options, threads=threads)
-    with (
-        _processes(workers, request.limits) as (processes, idle),
-        ThreadPoolExecutor(workers) as pool,
-    ):
-        done: dict[int, Record] = {}  # not in the futures: they live until the run ends
-
-        def read(image: TrackImage) -> int:
-            process = idle.get()
-            try:
-                done[image.id] = read_image(image, options, process)
-            finally:
-                idle.put(process)
-            return image.id
-
-        pending: list[Future[int]] = [pool.submit(read, image) for image in todo]
-        try:
-            for future in as_completed(pending):
-                record = done.pop(future.result())
-                yield record
-                if request.fail_fast and record["row"]["status"] != "ok":
-                    return
-        finally:
-            # Stopped early (Ctrl-C, a full disk, --fail-fast): what Blender still does is in vain.
-            for future in pending:
-                future.cancel()
-            for process in processes:
-                process.abort()
-
-
-@contextmanager
-def _processes(
-    workers: int, limits: Limits
-) -> Iterator[tuple[list[BlenderProcess], queue.LifoQueue[BlenderProcess]]]:
-    """As many Blender processes as workers, each started when a scene first needs it."""
-    processes = [BlenderProcess(limits) for _ in range(workers)]
-    idle: queue.LifoQueue[BlenderProcess] = queue.LifoQueue()
-    for process in processes:
-        idle.put(process)
-    try:
-        yield processes, idle
-    finally:
-        for process in processes:
-            process.close()
+    job = Job(make=partial(SceneReader, options, request.limits), lost=lost_record)
+    with closing(ENGINES[request.engine](job, todo, workers)) as records:
+        for record in records:
+            yield record
+            if request.fail_fast and record["row"]["status"] != "ok":
+                return
 
 
 def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, Any]:
     """What a run's results depend on, besides the scenes; resuming needs all of it equal."""
     options = request.image_options
     protocol = options.protocol
-    described = [[i.id, i.file_name, i.size_wh] for i in images]
+    selected = selected_images(request)
+    described = [[i.id, i.file_name, i.size_wh] for i in selected]
     return {
         "schema_version": SCHEMA_VERSION,
         "kind": "scene",
@@ -213,7 +197,8 @@ def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, A
         "track_sha256": request.track.sha256,
         "images_sha256": sha256_of_text(canonical_json(described)),
         "attempted": len(images),
-        "partial": request.limit is not None or bool(request.image_ids),
+        "partial": request.partial or request.shard is not None,
+        "shard": _shard_entry(request, len(selected)),
         "source": options.source,
         "require_frozen": options.require_frozen,
         "max_side": options.max_side,
@@ -223,7 +208,16 @@ def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, A
     }
 
 
-def _run_document(configuration: dict[str, Any]) -> dict[str, Any]:
+def _shard_entry(request: RunRequest, n_selected: int) -> dict[str, Any] | None:
+    """What `merge` needs to make the whole run's configuration again."""
+    if request.shard is None:
+        return None
+    whole = {"attempted": n_selected, "partial": request.partial}
+    return {"index": request.shard[0], "of": request.shard[1], "whole": whole}
+
+
+def run_document(configuration: dict[str, Any]) -> dict[str, Any]:
+    """run.json without its scenes: the one file that holds a time."""
     import platform
 
     import numpy as np

@@ -93,7 +93,7 @@ def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> 
             expected="the same configuration, to resume",
             next_step="choose another -o, or pass --overwrite",
         )
-    return [*_finished_records(folder), *_journal_records(folder)]
+    return [*finished_records(folder), *_journal_records(folder)]
 
 
 @contextmanager
@@ -178,8 +178,8 @@ def _configuration_in(path: Path, name: str) -> dict[str, Any]:
     )
 
 
-def _finished_records(folder: Path) -> list[Record]:
-    """Records of a run that had ended, put together again from its files."""
+def finished_records(folder: Path) -> list[Record]:
+    """Records of a run that has ended, put together again from its files; empty otherwise."""
     if not (folder / RUN).is_file() or not (folder / ROWS).is_file():
         return []
     scenes = json.loads((folder / RUN).read_text(encoding="utf-8"))["scenes"]

@@ -1,0 +1,113 @@
+"""A run divided into shards and merged is the undivided run, byte for byte."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from legoworld import cli
+
+pytestmark = pytest.mark.blender
+
+SCENES = """
+for i in range(5):
+    fresh(); camera()
+    quad("Dog", x=i - 2, category="dog")
+    save(f"scene{i}")
+fresh(); quad("Dog", category="dog"); save("no_camera")
+"""
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+    folder = tmp_path_factory.mktemp("scenes")
+    build_scenes(SCENES, folder)
+    return folder
+
+
+def readout(scenes: Path, run: Path, *more: object, task: str = "coco") -> int:
+    return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
+
+
+def merge(output: Path, *shards: Path) -> int:
+    return cli.run(["merge", *map(str, shards), "-o", str(output)])
+
+
+def results(run: Path) -> dict[str, bytes]:
+    files = {str(p.relative_to(run)): p.read_bytes() for p in sorted(run.rglob("*")) if p.is_file()}
+    document = json.loads(files.pop("run.json"))
+    document.pop("finished_at")
+    return {**files, "run.json without its time": json.dumps(document, sort_keys=True).encode()}
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
+def test_merged_shards_are_the_undivided_run(task, scenes: Path, tmp_path: Path):
+    assert readout(scenes, tmp_path / "whole", task=task) == 1  # one scene has no camera
+    shards = [tmp_path / f"shard{i}" for i in (1, 2, 3, 4)]
+    for i, shard in enumerate(shards, 1):
+        readout(scenes, shard, "--shard", f"{i}/4", task=task)
+    assert merge(tmp_path / "merged", *shards[::-1]) == 1
+    assert results(tmp_path / "merged") == results(tmp_path / "whole")
+
+
+def test_more_shards_than_images(scenes: Path, tmp_path: Path):
+    readout(scenes, tmp_path / "whole")
+    shards = [tmp_path / f"shard{i}" for i in range(1, 9)]
+    for i, shard in enumerate(shards, 1):
+        readout(scenes, shard, "--shard", f"{i}/8")
+    merge(tmp_path / "merged", *shards)
+    assert results(tmp_path / "merged") == results(tmp_path / "whole")
+
+
+def test_a_limited_run_may_be_divided_and_stays_partial(scenes: Path, tmp_path: Path):
+    readout(scenes, tmp_path / "whole", "--limit", 3)
+    shards = [tmp_path / "a", tmp_path / "b"]
+    for i, shard in enumerate(shards, 1):
+        readout(scenes, shard, "--limit", 3, "--shard", f"{i}/2")
+    merge(tmp_path / "merged", *shards)
+    assert results(tmp_path / "merged") == results(tmp_path / "whole")
+    assert json.loads((tmp_path / "merged" / "summary.json").read_text())["partial"]
+
+
+def test_a_shard_says_that_it_is_partial(scenes: Path, tmp_path: Path):
+    readout(scenes, tmp_path / "shard", "--shard", "2/2")
+    summary = json.loads((tmp_path / "shard" / "summary.json").read_text())
+    assert summary["partial"]
+    assert summary["coverage"]["attempted"] == 3
+
+
+def test_merging_again_after_a_shard_was_read_again(scenes: Path, tmp_path: Path):
+    shards = [tmp_path / "a", tmp_path / "b"]
+    for i, shard in enumerate(shards, 1):
+        readout(scenes, shard, "--shard", f"{i}/2")
+    merge(tmp_path / "merged", *shards)
+    before = results(tmp_path / "merged")
+    merge(tmp_path / "merged", *shards)
+    assert results(tmp_path / "merged") == before
+
+
+@pytest.mark.parametrize("value", ["0/2", "3/2", "1/0", "1", "a/b", "1/2/3", "-1/2"])
+def test_a_shard_that_is_none_is_refused(value, scenes: Path, tmp_path: Path):
+    assert readout(scenes, tmp_path / "run", "--shard", value) == 2
+    assert not (tmp_path / "run").exists()
+
+
+def test_shards_that_make_up_no_run_are_refused(scenes: Path, tmp_path: Path, capsys):
+    a, b, other, whole = (tmp_path / name for name in ("a", "b", "other", "whole"))
+    readout(scenes, a, "--shard", "1/2")
+    readout(scenes, b, "--shard", "2/2")
+    readout(scenes, other, "--shard", "2/2", "--limit", 2)
+    readout(scenes, whole)
+    for shards, said in [
+        ([a], "missing: 2/2"),
+        ([a, a, b], "given twice: 1/2"),
+        ([a, other], "different images_sha256"),
+        ([a, whole], "not a shard"),
+        ([tmp_path, b], "not a finished shard"),
+    ]:
+        capsys.readouterr()
+        assert merge(tmp_path / "merged", *shards) in (1, 2)
+        assert said in capsys.readouterr().err
+        assert not (tmp_path / "merged" / "run.json").exists()
