@@ -11,8 +11,10 @@ from typing import Any
 
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
+from legoworld.places import Place, folders_holding
 from legoworld.vocabulary import Vocabulary, from_json
 
+_SCENE_FILES = ("scene.blend", "scene.glb")
 _PRIVATE_KEYS = ("annotations", "segmentation", "bbox", "area", "iscrowd")
 
 
@@ -66,27 +68,27 @@ def load_track(path: Path) -> Track:
     )
 
 
-def track_of_folder(scenes: Path) -> Track:
+def track_of_folder(scenes: Place) -> Track:
     """Every folder below SCENES with a scene file is an image, numbered in sorted order."""
-    found = sorted(
-        Path(folder).relative_to(scenes).as_posix()
-        for folder, files in _visible_folders(scenes)
-        if "scene.blend" in files or "scene.glb" in files
-    )
+    if isinstance(scenes, str):
+        top = PurePosixPath(scenes).name
+        found = folders_holding(scenes, _SCENE_FILES)
+    else:
+        top = scenes.resolve().name
+        found = sorted(
+            Path(folder).relative_to(scenes).as_posix()
+            for folder, files in _visible_folders(scenes)
+            if any(name in files for name in _SCENE_FILES)
+        )
     if not found:
         raise CatalogError(
             "there is no scene to read",
-            found=f"no scene.blend or scene.glb below {scenes.name or scenes}",
+            found=f"no scene.blend or scene.glb below {top}",
             expected="SCENES/<photo name without extension>/scene.blend",
             next_step="pass the folder that holds the scene folders",
         )
     images = tuple(
-        TrackImage(
-            id=i,
-            file_name=scenes.resolve().name if name == "." else name,
-            size_wh=None,
-            scene=name,
-        )
+        TrackImage(id=i, file_name=top if name == "." else name, size_wh=None, scene=name)
         for i, name in enumerate(found, start=1)
     )
     return Track(images=images, vocabulary=None, sha256=None, info={})

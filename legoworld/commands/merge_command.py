@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from contextlib import ExitStack
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.places import PlaceType, read_from, written_at
+from legoworld.places import Place
 
 
 @click.command("merge", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("shards", nargs=-1, required=True, type=options.EXISTING_FOLDER)
-@click.option("-o", "--output", required=True, type=options.FOLDER, help="The run to write.")
+@click.argument("shards", nargs=-1, required=True, type=PlaceType(exists=True))
+@click.option("-o", "--output", required=True, type=PlaceType(exists=False), help="The run.")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def command(shards: tuple[Path, ...], output: Path, overwrite: bool, as_json: bool) -> int:
+def command(shards: tuple[Place, ...], output: Place, overwrite: bool, as_json: bool) -> int:
     """Put the SHARDS 1/n to n/n of one readout together: the same bytes as one undivided run.
 
     Exit code 1 when some scene of the run could not be read.
@@ -22,10 +24,14 @@ def command(shards: tuple[Path, ...], output: Path, overwrite: bool, as_json: bo
     \b
     Examples:
       legoworld merge shards/* -o run
+      legoworld merge s3://bucket/shards/1 s3://bucket/shards/2 -o run
     """
     from legoworld.running.merging import merge_shards
 
-    result = merge_shards(shards, output, overwrite=overwrite)
+    with ExitStack() as stack:
+        here = [stack.enter_context(read_from(shard)) for shard in shards]
+        folder = stack.enter_context(written_at(output, last="run.json", overwrite=overwrite))
+        result = merge_shards(here, folder, overwrite=overwrite)
     coverage = result.summary["coverage"]
     if as_json:
         options.print_json({"run": str(output), "summary": result.summary})

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.places import PlaceType, written_at
+from legoworld.places import Place
 
 if TYPE_CHECKING:
     from legoworld.running.readout_run import RunResult
 
 
 @click.command("readout", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scenes", required=False, type=options.EXISTING_FOLDER)
+@click.argument("scenes", required=False, type=PlaceType(exists=True))
 @click.option(
     "--task", required=True, type=click.Choice(["coco", "lvis", "eth3d"]), help="What to read."
 )
 @click.option("--track", type=options.EXISTING_FILE, help="The images; COCO image-info JSON.")
-@click.option("-o", "--output", type=options.FOLDER, help="The run folder to write.")
+@click.option(
+    "-o", "--output", type=PlaceType(exists=False), help="The run folder to write, or its URL."
+)
 @click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
 @click.option(
     "--source",
@@ -41,10 +46,10 @@ if TYPE_CHECKING:
 @options.limits
 @options.output_options
 def command(
-    scenes: Path | None,
+    scenes: Place | None,
     task: str,
     track: Path | None,
-    output: Path | None,
+    output: Place | None,
     workers: int | None,
     source: Literal["blend", "glb"],
     cache: Path | None,
@@ -74,6 +79,7 @@ def command(
       legoworld readout --task coco
       legoworld readout scenes --task coco --track track.json -o runs/coco
       legoworld readout scenes --task lvis -o runs/lvis --workers 8
+      legoworld readout s3://bucket/scenes --task coco -o s3://bucket/runs/coco
       legoworld readout scenes --task coco -o shards/3 --shard 3/16   then: legoworld merge
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
     """
@@ -93,19 +99,18 @@ def command(
         track = track or shipped_track
         output = output or Path("legoworld-runs") / f"examples-{task}"
         notice(f"no SCENES given: reading the {task} examples that ship with legoworld")
-    output = output or Path("legoworld-runs") / f"{scenes.resolve().name or 'scenes'}-{task}"
+    output = output or Path("legoworld-runs") / f"{_name_of(scenes) or 'scenes'}-{task}"
     images = load_track(track) if track else track_of_folder(scenes)
     if images.info.get("task") not in (None, task):
         raise click.UsageError(
             f"the track is made for {images.info['task']}, not for {task}: make one with "
             f"`legoworld track make --task {task}`"
         )
-    if _lies_in_a_scene(output.resolve(), scenes.resolve()):
-        raise click.UsageError(f"-o {output} lies in a scene, which a readout never writes into")
+    _refuse_output_in_a_scene(output, scenes)
     request = RunRequest(
         image_options=ImageOptions(
-            scenes=scenes,
-            run=output,
+            scenes=scenes if isinstance(scenes, str) else scenes.absolute(),
+            run=Path(),
             protocol=protocol(task, images.vocabulary),
             source=source,
             cache=options.chosen_cache(cache, no_cache),
@@ -123,7 +128,10 @@ def command(
         shard=shard,
         fail_fast=fail_fast,
     )
-    result = _with_progress(request, run_readout, notice, quiet=quiet)
+    with written_at(output, last="run.json", overwrite=overwrite) as folder:
+        here = replace(request.image_options, run=folder.absolute())
+        request = replace(request, image_options=here)
+        result = _with_progress(request, run_readout, notice, quiet=quiet)
     if as_json:
         options.print_json({"run": str(output), "summary": result.summary, "rows": result.rows})
     else:
@@ -131,10 +139,18 @@ def command(
     return 0 if result.summary["coverage"]["ok"] == len(result.rows) else 1
 
 
-def _lies_in_a_scene(output: Path, scenes: Path) -> bool:
-    """Whether a folder is, or is below, a scene folder of SCENES."""
-    around = [p for p in (output, *output.parents) if p.is_relative_to(scenes)]
-    return any((p / name).is_file() for p in around for name in ("scene.blend", "scene.glb"))
+def _name_of(scenes: Place) -> str:
+    return scenes.resolve().name if isinstance(scenes, Path) else PurePosixPath(scenes).name
+
+
+def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:
+    """UsageError when a folder is, or is below, a scene folder of SCENES."""
+    if not isinstance(output, Path) or not isinstance(scenes, Path):
+        return
+    top, below = scenes.resolve(), output.resolve()
+    around = [p for p in (below, *below.parents) if p.is_relative_to(top)]
+    if any((p / name).is_file() for p in around for name in ("scene.blend", "scene.glb")):
+        raise click.UsageError(f"-o {output} lies in a scene, which a readout never writes into")
 
 
 def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunResult:
@@ -161,7 +177,7 @@ def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunRe
         return shown
 
 
-def _print(result: RunResult, output: Path, *, verbose: bool) -> None:
+def _print(result: RunResult, output: Place, *, verbose: bool) -> None:
     rows = result.rows if verbose or len(result.rows) <= 20 else ()
     if rows:
         cells = [
@@ -175,7 +191,7 @@ def _print(result: RunResult, output: Path, *, verbose: bool) -> None:
         photo = f"{row['file_name']} (image {row['image_id']})"
         click.echo(f"{row['status']}: {photo}: {row['reason']}")
     if len(failures) > 50:
-        click.echo(f"... and {len(failures) - 50} more, in {output / 'per_image.jsonl'}")
+        click.echo(f"... and {len(failures) - 50} more, in {output}/per_image.jsonl")
     for name, count in result.summary.get("unmatched_labels", {}).items():
         near = _nearest(result, name)
         click.echo(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import queue
+import socket
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -166,10 +167,11 @@ def _started_ray() -> Any:
     if not ray.is_initialized():
         address = os.environ.get("RAY_ADDRESS")
         try:
+            _knock(address)
             ray.init(
                 address=address, log_to_driver=False, include_dashboard=False, logging_level="ERROR"
             )
-        except (ConnectionError, ValueError, RuntimeError) as error:
+        except (OSError, ValueError, RuntimeError) as error:
             raise UsageError(
                 "the Ray cluster cannot be reached",
                 found=f"RAY_ADDRESS={address}: {error}" if address else str(error),
@@ -177,6 +179,13 @@ def _started_ray() -> Any:
                 next_step="start one with `ray start --head`, or correct RAY_ADDRESS",
             ) from error
     return ray
+
+
+def _knock(address: str | None) -> None:
+    """OSError where nobody listens at host:port: Ray itself would ask for minutes."""
+    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host, int(port)), timeout=10).close()
 
 
 ENGINES: Final = {"local": run_local, "ray": run_ray}

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,7 @@ import numpy as np
 from legoworld.conventions import NO_INSTANCE
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.places import Place, PlaceError, child, fetch_folder
 from legoworld.readouts.depth import depth_file, resampled_size, write_depth
 from legoworld.readouts.tasks import Protocol
 from legoworld.running.engines import machine_lost
@@ -36,7 +40,7 @@ Record = dict[str, Any]
 class ImageOptions:
     """What every image of a run is read with."""
 
-    scenes: Path
+    scenes: Place
     run: Path
     protocol: Protocol
     source: Source
@@ -55,7 +59,11 @@ class SceneReader:
 
     def do(self, image: TrackImage) -> Record:
         """One image's record; see `read_image`."""
-        return read_image(image, self._options, self._blender)
+        try:
+            with _at_hand(image, self._options) as options:
+                return read_image(image, options, self._blender)
+        except PlaceError as error:
+            return _verdict(_row_of(image), error)
 
     def abort(self) -> None:
         """End the Blender process under a running `do`."""
@@ -101,13 +109,18 @@ def _verdict(row: dict[str, Any], error: LegoWorldError) -> Record:
 
 def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> bool:
     """Whether a stored record is what reading the image again would give."""
-    row, scene = record["row"], record["scene"]
-    if row["status"] != "ok" or scene is None:
+    if record["row"]["status"] != "ok" or record["scene"] is None:
         return False
     try:
-        folder, now = _found(image, options)
+        with _at_hand(image, options) as local:
+            return _unchanged(record, image, local)
     except LegoWorldError:
         return False
+
+
+def _unchanged(record: Record, image: TrackImage, options: ImageOptions) -> bool:
+    row, scene = record["row"], record["scene"]
+    folder, now = _found(image, options)
     if _hashes(now.artefacts) != scene["files"] or now.frozen != scene["frozen"]:
         return False
     if _hashes(hash_files(folder.path, scene["dependencies"])) != scene["dependencies"]:
@@ -120,8 +133,21 @@ def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> boo
     return path.is_file() and sha256_of_file(path) == row["depth"]["sha256"]
 
 
+@contextmanager
+def _at_hand(image: TrackImage, options: ImageOptions) -> Iterator[ImageOptions]:
+    """The options with the image's scene folder on this machine, fetched when it is at a URL."""
+    if isinstance(options.scenes, Path):
+        yield options
+        return
+    with tempfile.TemporaryDirectory(prefix="legoworld-scene-") as folder:
+        scenes = Path(folder) / "scenes"
+        fetch_folder(child(options.scenes, image.scene), scenes / image.scene)
+        yield replace(options, scenes=scenes)
+
+
 def _found(image: TrackImage, options: ImageOptions) -> tuple[SceneFolder, FrozenFiles]:
     """An image's scene folder and its files; one that cannot be looked at is its own verdict."""
+    assert isinstance(options.scenes, Path)
     try:
         folder = find_scene(options.scenes, image.scene)
         return folder, checked_artefacts(folder, require_frozen=options.require_frozen)

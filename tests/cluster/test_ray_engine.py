@@ -1,0 +1,119 @@
+"""The Ray engine gives the bytes of the local one, and outlives what happens to its machines."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from legoworld import cli
+from legoworld.running.engines import Job, run_ray
+
+ray = pytest.importorskip("ray")
+cluster_utils = pytest.importorskip("ray.cluster_utils")
+
+pytestmark = [pytest.mark.blender, pytest.mark.filterwarnings("default")]
+
+SCENES = """
+for i in range(6):
+    fresh(); camera()
+    quad("Dog", x=i - 2, category="dog")
+    save(f"scene{i}")
+fresh(); quad("Dog", category="dog"); save("no_camera")
+"""
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+    folder = tmp_path_factory.mktemp("scenes")
+    build_scenes(SCENES, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def two_nodes() -> Iterator[cluster_utils.Cluster]:
+    """A cluster of two nodes on this machine: each with one CPU and processes of its own."""
+    cluster = cluster_utils.Cluster(
+        initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
+    )
+    cluster.add_node(num_cpus=1)
+    cluster.wait_for_nodes()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_ADDRESS", cluster.address)
+        yield cluster
+    ray.shutdown()
+    cluster.shutdown()
+
+
+def readout(scenes: Path, run: Path, task: str, *more: object) -> int:
+    return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
+
+
+def results(run: Path) -> dict[str, bytes]:
+    files = {str(p.relative_to(run)): p.read_bytes() for p in sorted(run.rglob("*")) if p.is_file()}
+    document = json.loads(files.pop("run.json"))
+    document.pop("finished_at")
+    return {**files, "run.json without its time": json.dumps(document, sort_keys=True).encode()}
+
+
+def test_an_unreachable_cluster_is_said(scenes: Path, tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
+    assert readout(scenes, tmp_path / "run", "coco", "--engine", "ray") == 2
+    assert "RAY_ADDRESS" in capsys.readouterr().err
+
+
+def test_same_bytes_as_the_local_engine_on_two_nodes(scenes: Path, tmp_path: Path, two_nodes):
+    for task in ("coco", "lvis", "eth3d"):
+        local, remote = tmp_path / f"local-{task}", tmp_path / f"ray-{task}"
+        assert readout(scenes, local, task, "--no-cache") == 1
+        assert readout(scenes, remote, task, "--no-cache", "--engine", "ray") == 1
+        assert results(remote) == results(local)
+
+
+def test_freeze_writes_the_same_records(scenes: Path, tmp_path: Path, two_nodes):
+    records = {}
+    for engine in ("local", "ray"):
+        assert cli.run(["freeze", str(scenes), "--no-cache", "--engine", engine]) == 1
+        records[engine] = {p: p.read_bytes() for p in sorted(scenes.rglob("frozen.json"))}
+        for path in records[engine]:
+            path.unlink()
+    assert records["ray"] == records["local"]
+    assert len(records["ray"]) == 7
+
+
+class _Fragile:
+    """Ends its own process at item 3: always, or until a file says that it did so before."""
+
+    def __init__(self, marks: Path, once: bool) -> None:
+        self._marks, self._once = marks, once
+
+    def do(self, item: int) -> tuple[int, str]:
+        mark = self._marks / str(item)
+        if item == 3 and not (self._once and mark.exists()):
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return item, "done"
+
+    def abort(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def _lost(item: int, what: str) -> tuple[int, str]:
+    return item, "lost"
+
+
+@pytest.mark.parametrize(("once", "verdict"), [(True, "done"), (False, "lost")])
+def test_a_lost_machine_costs_nothing_and_a_deadly_item_only_itself(
+    once, verdict, tmp_path: Path, two_nodes
+):
+    job = Job(make=partial(_Fragile, tmp_path, once), lost=_lost)
+    found = dict(run_ray(job, list(range(8)), workers=2))
+    assert found == dict.fromkeys(range(8), "done") | {3: verdict}

@@ -1,0 +1,123 @@
+"""Scenes and runs at URLs: the same bytes as in folders of this machine."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from legoworld import cli, places
+
+fsspec = pytest.importorskip("fsspec")
+
+pytestmark = pytest.mark.blender
+
+SCENES = """
+for i in range(3):
+    fresh(); camera()
+    quad("Dog", x=i - 2, category="dog")
+    save(f"street/scene{i}")
+"""
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+    folder = tmp_path_factory.mktemp("made") / "scenes"
+    folder.mkdir()
+    build_scenes(SCENES, folder)
+    (folder / "street" / "scene1" / "labels.json").write_text(
+        '{"version": 1, "labels": [{"object": "Dog", "category": "cat"}]}'
+    )
+    return folder
+
+
+@pytest.fixture(params=["memory", "s3"])
+def bucket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The URL of an empty place of each kind."""
+    if request.param == "memory":
+        fsspec.filesystem("memory").rm("/", recursive=True)
+        yield "memory://bucket"
+        return
+    s3fs = pytest.importorskip("s3fs")
+    s3fs.S3FileSystem.clear_instance_cache()  # of another server
+    server = pytest.importorskip("moto.server").ThreadedMotoServer("127.0.0.1", port=0)
+    server.start()
+    host, port = server.get_host_and_port()
+    for name, value in (
+        ("AWS_ACCESS_KEY_ID", "key"),
+        ("AWS_SECRET_ACCESS_KEY", "secret"),
+        ("AWS_DEFAULT_REGION", "us-east-1"),
+        ("AWS_ENDPOINT_URL", f"http://{host}:{port}"),
+    ):
+        monkeypatch.setenv(name, value)
+    system = fsspec.filesystem("s3")
+    if system.exists("bucket"):
+        system.rm("bucket", recursive=True)
+    system.mkdir("bucket")
+    yield "s3://bucket"
+    server.stop()
+
+
+def readout(scenes: object, run: object, *more: object, task: str = "coco") -> int:
+    return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
+
+
+def results(run: Path) -> dict[str, bytes]:
+    files = {str(p.relative_to(run)): p.read_bytes() for p in sorted(run.rglob("*")) if p.is_file()}
+    files.pop(".lock", None)
+    document = json.loads(files.pop("run.json"))
+    document.pop("finished_at")
+    return {**files, "run.json without its time": json.dumps(document, sort_keys=True).encode()}
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("task", ["coco", "eth3d"])
+def test_same_bytes_from_and_to_a_url(task, scenes: Path, tmp_path: Path, bucket: str):
+    places.publish_folder(scenes, f"{bucket}/scenes", last="")
+    assert readout(scenes, tmp_path / "local", task=task) == 0
+    assert readout(f"{bucket}/scenes", f"{bucket}/run", task=task) == 0
+    places.fetch_folder(f"{bucket}/run", tmp_path / "fetched")
+    assert results(tmp_path / "fetched") == results(tmp_path / "local")
+    assert any("cat" in str(r) for r in results(tmp_path / "local").values()) or task != "coco"
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_run_at_a_url_goes_on_on_another_machine(
+    scenes: Path, tmp_path: Path, bucket: str, monkeypatch, capsys
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "first"))
+    readout(scenes, f"{bucket}/run")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "second"))
+    arguments = [str(scenes), "--task", "coco", "-o", f"{bucket}/run"]
+    capsys.readouterr()
+    assert cli.run(["readout", *arguments]) == 0
+    assert "3 of 3 images have a valid result already" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("default")
+def test_shards_at_urls_are_merged(scenes: Path, tmp_path: Path, bucket: str):
+    readout(scenes, tmp_path / "whole")
+    for i in (1, 2):
+        readout(scenes, f"{bucket}/shards/{i}", "--shard", f"{i}/2")
+    shards = [f"{bucket}/shards/{i}" for i in (1, 2)]
+    assert cli.run(["merge", *shards, "-o", str(tmp_path / "merged")]) == 0
+    assert results(tmp_path / "merged") == results(tmp_path / "whole")
+
+
+def test_file_urls_are_paths(scenes: Path, tmp_path: Path):
+    assert readout(scenes.as_uri(), (tmp_path / "run").as_uri()) == 0
+    assert (tmp_path / "run" / "run.json").is_file()
+
+
+def test_a_url_that_cannot_be_reached_is_one_line(tmp_path: Path, capsys):
+    assert readout("nowhere://bucket/scenes", tmp_path / "run") == 1
+    error = capsys.readouterr().err
+    assert "nowhere://bucket/scenes cannot be reached" in error
+    assert error.count("\n") == 1
+
+
+def test_an_empty_url_holds_no_scene(tmp_path: Path, capsys):
+    assert readout("memory://nothing/scenes", tmp_path / "run") == 1
+    assert "no scene.blend or scene.glb below scenes" in capsys.readouterr().err
