@@ -33,10 +33,13 @@ class Vocabulary:
 
     def nearest(self, text: str, n: int = 3) -> list[str]:
         """The names most like `text`, for messages."""
-        import difflib  # only needed for a message
+        key = normal_name(text), n
+        if key not in self._near:  # a batch meets the same label in scene after scene
+            import difflib  # only needed for a message
 
-        close = difflib.get_close_matches(normal_name(text), list(self._by_name), n=n, cutoff=0.6)
-        return [self._by_name[name].name for name in close]
+            close = difflib.get_close_matches(key[0], list(self._by_name), n=n, cutoff=0.6)
+            self._near[key] = [self._by_name[name].name for name in close]
+        return list(self._near[key])
 
     def name_of(self, category_id: int) -> str:
         """The name of a category id of this vocabulary."""
@@ -46,6 +49,10 @@ class Vocabulary:
     def sha256(self) -> str:
         """Hash of the ids and names, for comparing runs."""
         return sha256_of_text(canonical_json([[c.id, c.name] for c in self.categories]))
+
+    @cached_property
+    def _near(self) -> dict[tuple[str, int], list[str]]:
+        return {}
 
     @cached_property
     def _names(self) -> dict[int, str]:
