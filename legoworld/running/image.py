@@ -36,6 +36,12 @@ Record = dict[str, Any]
 """One image's {"row": per_image row, "predictions": list, "scene": run.json entry or None}."""
 
 
+class DepthNotSharedError(LegoWorldError):
+    """A depth file was written where the run folder is not seen."""
+
+    code = "run_folder_not_shared"
+
+
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions:
     """What every image of a run is read with."""
@@ -91,6 +97,21 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
 def lost_record(image: TrackImage, what: str) -> Record:
     """The record of an image whose machine was lost each time it was tried."""
     return _verdict(_row_of(image), machine_lost(what))
+
+
+def arrived(record: Record, options: ImageOptions) -> Record:
+    """The record, or a verdict where another machine wrote a depth file that is not seen here."""
+    row = record["row"]
+    if "depth" not in row or (options.run / row["depth"]["file"]).is_file():
+        return record
+    error = DepthNotSharedError(
+        "the depth file is not in the run folder",
+        found="the machine that wrote it has another folder under this path",
+        expected="a run folder that all machines see",
+        next_step="put -o on a shared file system, or divide the track with --shard",
+    )
+    kept = {key: row[key] for key in ("image_id", "file_name", "scene", "size_wh")}
+    return _verdict(kept, error)
 
 
 def _row_of(image: TrackImage) -> dict[str, Any]:

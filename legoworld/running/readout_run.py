@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -14,23 +13,25 @@ from typing import Any
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import LegoWorldError, UsageError
+from legoworld.errors import UsageError
 from legoworld.files import canonical_json, sha256_of_text
-from legoworld.readouts.depth import depth_file_bytes, resampled_size
+from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
 from legoworld.running import run_folder
+from legoworld.running.disk import check_disk
 from legoworld.running.engines import ENGINES, EngineName, Job
-from legoworld.running.image import ImageOptions, Record, SceneReader, lost_record, still_valid
+from legoworld.running.image import (
+    ImageOptions,
+    Record,
+    SceneReader,
+    arrived,
+    lost_record,
+    still_valid,
+)
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
 from legoworld.track import Track, TrackImage
-
-
-class OutputFullError(LegoWorldError):
-    """The run's output does not fit on the disk."""
-
-    code = "disk_full"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +177,7 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
     job = Job(make=partial(SceneReader, options, request.limits), lost=lost_record)
     with closing(ENGINES[request.engine](job, todo, workers)) as records:
         for record in records:
-            yield record
+            yield arrived(record, options)
             if request.fail_fast and record["row"]["status"] != "ok":
                 return
 
@@ -236,23 +237,11 @@ def run_document(configuration: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_disk(request: RunRequest, todo: list[TrackImage], notice: Callable[[str], None]) -> None:
-    """Say how large the depth files will be, and refuse when they do not fit."""
     options = request.image_options
-    sizes = [i.size_wh for i in todo if i.size_wh is not None]
-    expected = sum(depth_file_bytes(resampled_size(size, options.max_side)) for size in sizes)
-    free = shutil.disk_usage(options.run).free
-    notice(
-        f"depth: about {_megabytes(expected)} for {len(sizes)} images of known size, "
-        f"{_megabytes(free)} free"
+    sizes = [resampled_size(i.size_wh, options.max_side) for i in todo if i.size_wh is not None]
+    check_disk(
+        options.run,
+        sizes,
+        notice,
+        next_step="free some space, choose another -o, or render smaller with --max-side",
     )
-    if expected > free:
-        raise OutputFullError(
-            "the depth files will not fit on the disk",
-            found=f"{_megabytes(free)} free",
-            expected=f"{_megabytes(expected)}",
-            next_step="free some space, choose another -o, or render smaller with --max-side",
-        )
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:,.0f} MB"
