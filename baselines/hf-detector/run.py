@@ -1,0 +1,85 @@
+"""Any object detector of transformers on photos: legoworld's request in, COCO results out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from legoworld_baseline import Refused, library_versions, read_photo, serve
+
+if TYPE_CHECKING:
+    from detector import Detector
+
+_LIBRARIES = ("torch", "transformers", "numpy", "pillow", "safetensors", "huggingface-hub")
+
+
+def load(request: dict[str, Any]) -> tuple[Detector, dict[str, Any]]:
+    """The detector that the request names, and what its numbers depend on."""
+    if request["batch_size"] != 1:
+        raise Refused(
+            "this baseline runs one photo at a time",
+            found=f"batch size {request['batch_size']}",
+            expected="1: photos of a larger batch are padded, which changes the numbers",
+            next_step="leave --batch-size away",
+        )
+    from legoworld_baseline.hugging_face import resolve
+
+    files = resolve(request["weights"], offline=request["offline"])
+    from detector import THRESHOLD, load_detector, read_labels
+
+    labels = read_labels(files.folder, request)
+    detector = load_detector(
+        files.folder,
+        labels,
+        device=request["device"],
+        dtype=request["dtype"],
+        top_k=request["options"]["top_k"],
+    )
+    provenance = files.provenance() | {
+        "network": type(detector.network).__name__,
+        "preprocessing": {
+            "class": type(detector.processor).__name__,
+            "exif_orientation": "ignored",
+            "settings": _settings(detector.processor),
+        },
+        "postprocessing": detector.post,
+        "labels": {
+            "matched": len(labels.category_of_label),
+            "without_category": list(labels.without_category),
+            "categories_without_label": list(labels.without_label),
+        },
+        "libraries": library_versions(_LIBRARIES),
+        "dtype": request["dtype"],
+        "device": request["device"].partition(":")[0],
+        "batch_size": 1,
+        "threshold": THRESHOLD,
+        "clipped_to_photo": False,
+        "prompts": None,
+    }
+    return detector, provenance
+
+
+def predict(detector: Detector, image: dict[str, Any]) -> dict[str, Any]:
+    """One photo's detections."""
+    from detector import detect
+    from detector_boxes import coco_results
+
+    rgb = read_photo(image["path"], image["width"], image["height"])
+    results, without_category = coco_results(
+        detect(detector, rgb), detector.category_of_label, image["image_id"]
+    )
+    return {
+        "predictions": results,
+        "counts": {"predictions": len(results), "without_category": without_category},
+    }
+
+
+def _settings(processor: Any) -> dict[str, Any]:
+    """What the processor does to a photo, as its JSON file would say it."""
+    import json
+
+    settings: dict[str, Any] = json.loads(processor.to_json_string())
+    return settings
+
+
+if __name__ == "__main__":
+    serve(load, predict)

@@ -1,0 +1,547 @@
+"""baselines/hf-detector/run.py as legoworld starts it, on tiny random checkpoints in real formats.
+
+Nothing is downloaded, and nothing was trained: what is tested is that the checkpoint on disk, its
+preprocessing, its labels and its post-processing are used as transformers itself would.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+transformers = pytest.importorskip("transformers")
+image_module = pytest.importorskip("PIL.Image")
+
+ROOT = Path(__file__).parents[2]
+HERE = ROOT / "baselines" / "hf-detector"
+sys.path[:0] = [str(ROOT / "baselines" / "shared"), str(HERE)]
+
+from legoworld_baseline import Refused  # noqa: E402
+
+SIZE_WH = (97, 61)
+CATEGORIES = json.loads((ROOT / "datasets" / "coco" / "categories.json").read_text("utf-8"))
+NAMES = [category["name"] for category in CATEGORIES]
+OLD_OF = {
+    "motorcycle": "motorbike",
+    "airplane": "aeroplane",
+    "couch": "sofa",
+    "potted plant": "pottedplant",
+    "dining table": "diningtable",
+    "tv": "tvmonitor",
+}
+COMMIT = "0123456789abcdef0123456789abcdef01234567"
+
+
+def contiguous_labels():
+    """80 labels in COCO's order, six of them by their old names, as RT-DETR's checkpoints."""
+    return {index: OLD_OF.get(name, name) for index, name in enumerate(NAMES)}
+
+
+def sparse_labels():
+    """91 labels at COCO's ids, the others "N/A", as DETR's checkpoints."""
+    by_id = {category["id"]: category["name"] for category in CATEGORIES}
+    return {index: by_id.get(index, "N/A") for index in range(91)}
+
+
+def labelled(names):
+    return {"id2label": names, "label2id": {name: index for index, name in names.items()}}
+
+
+def resnet():
+    return transformers.ResNetConfig(
+        embedding_size=8,
+        hidden_sizes=[8, 8, 16, 16],
+        depths=[1, 1, 1, 1],
+        out_features=["stage2", "stage3", "stage4"],
+    )
+
+
+def rt_detr():
+    config = transformers.RTDetrConfig(
+        backbone_config=transformers.RTDetrResNetConfig(
+            embedding_size=8,
+            hidden_sizes=[8, 8, 16, 16],
+            depths=[1, 1, 1, 1],
+            out_features=["stage2", "stage3", "stage4"],
+        ),
+        encoder_hidden_dim=16,
+        encoder_in_channels=[8, 16, 16],
+        encoder_ffn_dim=16,
+        encoder_attention_heads=2,
+        d_model=16,
+        num_queries=20,
+        decoder_in_channels=[16, 16, 16],
+        decoder_ffn_dim=16,
+        decoder_layers=2,
+        decoder_attention_heads=2,
+        hidden_expansion=1.0,
+        **labelled(contiguous_labels()),
+    )
+    processor = transformers.RTDetrImageProcessorPil(size={"height": 96, "width": 96})
+    return transformers.RTDetrForObjectDetection(config), processor
+
+
+def d_fine():
+    config = transformers.DFineConfig(
+        backbone_config=transformers.HGNetV2Config(
+            stem_channels=[3, 8, 8],
+            stage_in_channels=[8, 8, 16, 16],
+            stage_mid_channels=[8, 8, 8, 8],
+            stage_out_channels=[8, 16, 16, 16],
+            stage_num_blocks=[1, 1, 1, 1],
+            stage_downsample=[False, True, True, True],
+            stage_light_block=[False, False, True, True],
+            stage_kernel_size=[3, 3, 3, 3],
+            stage_numb_of_layers=[1, 1, 1, 1],
+            hidden_sizes=[8, 16, 16, 16],
+            out_features=["stage2", "stage3", "stage4"],
+        ),
+        encoder_hidden_dim=16,
+        encoder_in_channels=[16, 16, 16],
+        encoder_ffn_dim=16,
+        encoder_attention_heads=2,
+        d_model=16,
+        num_queries=20,
+        decoder_in_channels=[16, 16, 16],
+        decoder_ffn_dim=16,
+        decoder_layers=2,
+        decoder_attention_heads=2,
+        decoder_n_points=[3, 6, 3],
+        **labelled(contiguous_labels()),
+    )
+    processor = transformers.RTDetrImageProcessorPil(size={"height": 96, "width": 96})
+    return transformers.DFineForObjectDetection(config), processor
+
+
+def deformable_detr():
+    config = transformers.DeformableDetrConfig(
+        backbone_config=resnet(),
+        d_model=32,
+        encoder_layers=1,
+        decoder_layers=2,
+        encoder_attention_heads=2,
+        decoder_attention_heads=2,
+        encoder_ffn_dim=16,
+        decoder_ffn_dim=16,
+        num_queries=20,
+        disable_custom_kernels=True,
+        **labelled(sparse_labels()),
+    )
+    size = {"shortest_edge": 64, "longest_edge": 100}
+    processor = transformers.DeformableDetrImageProcessorPil(size=size)
+    return transformers.DeformableDetrForObjectDetection(config), processor
+
+
+def detr():
+    config = transformers.DetrConfig(
+        backbone_config=resnet(),
+        d_model=16,
+        encoder_layers=1,
+        decoder_layers=1,
+        encoder_attention_heads=2,
+        decoder_attention_heads=2,
+        encoder_ffn_dim=16,
+        decoder_ffn_dim=16,
+        num_queries=20,
+        **labelled(sparse_labels()),
+    )
+    size = {"shortest_edge": 64, "longest_edge": 100}
+    return transformers.DetrForObjectDetection(config), transformers.DetrImageProcessorPil(
+        size=size
+    )
+
+
+def rt_detr_v2():
+    network, processor = rt_detr()
+    settings = network.config.to_dict()
+    settings.pop("model_type")
+    config = transformers.RTDetrV2Config(**settings)
+    return transformers.RTDetrV2ForObjectDetection(config), processor
+
+
+def conditional_detr():
+    config = transformers.ConditionalDetrConfig(
+        backbone_config=resnet(),
+        d_model=32,
+        encoder_layers=1,
+        decoder_layers=1,
+        encoder_attention_heads=2,
+        decoder_attention_heads=2,
+        encoder_ffn_dim=16,
+        decoder_ffn_dim=16,
+        num_queries=20,
+        **labelled(sparse_labels()),
+    )
+    size = {"shortest_edge": 64, "longest_edge": 100}
+    processor = transformers.ConditionalDetrImageProcessorPil(size=size)
+    return transformers.ConditionalDetrForObjectDetection(config), processor
+
+
+def yolos():
+    config = transformers.YolosConfig(
+        hidden_size=16,
+        num_hidden_layers=2,
+        num_attention_heads=2,
+        intermediate_size=16,
+        image_size=[64, 96],
+        num_detection_tokens=20,
+        **labelled(sparse_labels()),
+    )
+    size = {"shortest_edge": 64, "longest_edge": 100}
+    processor = transformers.YolosImageProcessorPil(size=size)
+    return transformers.YolosForObjectDetection(config), processor
+
+
+KINDS = {"rt-detr": rt_detr, "d-fine": d_fine, "deformable-detr": deformable_detr, "detr": detr}
+MORE = {"rt-detr-v2": rt_detr_v2, "conditional-detr": conditional_detr, "yolos": yolos}
+
+
+@pytest.fixture(scope="module")
+def folder_of(tmp_path_factory):
+    """A kind's folder on disk, as save_pretrained writes it; made once."""
+    made = {}
+
+    def folder(kind):
+        if kind not in made:
+            torch.manual_seed(0)
+            network, processor = (KINDS | MORE)[kind]()
+            made[kind] = tmp_path_factory.mktemp("models") / f"tiny-{kind}"
+            network.save_pretrained(made[kind])
+            processor.save_pretrained(made[kind])
+        return made[kind]
+
+    return folder
+
+
+@pytest.fixture
+def model(folder_of, tmp_path):
+    """A copy of the tiny RT-DETR to harm."""
+    return Path(shutil.copytree(folder_of("rt-detr"), tmp_path / "tiny"))
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory):
+    rows, columns = np.mgrid[: SIZE_WH[1], : SIZE_WH[0]]
+    rgb = np.stack((columns * 2 % 256, rows * 3 % 256, (rows ^ columns) % 256), -1)
+    path = tmp_path_factory.mktemp("photos") / "photo.png"
+    image_module.fromarray(rgb.astype(np.uint8)).save(path)
+    return path
+
+
+def request(weights, photo):
+    image = {"image_id": 7, "file_name": photo.name, "path": str(photo), "batch": 0}
+    return {
+        "schema_version": 1,
+        "task": "coco",
+        "images": [image | {"width": SIZE_WH[0], "height": SIZE_WH[1]}],
+        "categories": [{"id": c["id"], "name": c["name"], "synonyms": []} for c in CATEGORIES],
+        "label_map": {old: name for name, old in OLD_OF.items()},
+        "weights": str(weights),
+        "device": "cpu",
+        "dtype": "float32",
+        "batch_size": 1,
+        "offline": True,
+        "options": {"every_category": True, "top_k": None},
+        "prompts": None,
+        "output": str(photo.parent),
+    }
+
+
+def ran(asked):
+    """(exit code, the JSON lines). Standard input stays open until the process ends."""
+    with subprocess.Popen(
+        [sys.executable, str(HERE / "run.py")],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT / "baselines" / "shared")},
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(json.dumps(asked) + "\n")
+        process.stdin.flush()
+        lines = [json.loads(line) for line in process.stdout if line.strip()]
+    return process.returncode, lines
+
+
+@pytest.fixture(scope="module")
+def program():
+    """run.py as a module, for what does not need a process of its own."""
+    spec = importlib.util.spec_from_file_location("hf_detector_run", HERE / "run.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def answered(program):
+    """A request to (provenance, the one image's answer), in this process."""
+
+    def answer(asked):
+        detector, provenance = program.load(asked)
+        return provenance, program.predict(detector, asked["images"][0])
+
+    return answer
+
+
+@pytest.fixture
+def refused(program):
+    """A request to all the words of its refusal, in this process."""
+
+    def words(asked):
+        with pytest.raises(Refused) as caught:
+            program.load(asked)
+        assert all(caught.value.reason.values())
+        return " | ".join(caught.value.reason.values())
+
+    return words
+
+
+@pytest.fixture(scope="module")
+def lines_of(folder_of, photo):
+    """The lines of a whole process for a kind of model; run once."""
+    made = {}
+
+    def lines(kind):
+        if kind not in made:
+            code, made[kind] = ran(request(folder_of(kind), photo))
+            assert code == 0
+        return made[kind]
+
+    return lines
+
+
+def directly(folder, photo):
+    """What transformers itself gives: (label name, score, x0, y0, x1, y1), best first."""
+    network = transformers.AutoModelForObjectDetection.from_pretrained(folder).eval()
+    processor = transformers.AutoImageProcessor.from_pretrained(folder, backend="pil")
+    picture = image_module.open(photo).convert("RGB")
+    with torch.no_grad():
+        outputs = network(**processor(picture, return_tensors="pt"))
+    (found,) = processor.post_process_object_detection(
+        outputs, threshold=0.0, target_sizes=[(SIZE_WH[1], SIZE_WH[0])]
+    )
+    names = network.config.id2label
+    rows = zip(found["labels"], found["scores"], found["boxes"], strict=True)
+    return [(names[label.item()], s.item(), *box.tolist()) for label, s, box in rows]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_results_are_those_of_transformers_with_ids_by_name(folder_of, lines_of, photo, kind):
+    lines = lines_of(kind)
+    assert [line for line in lines if "failed" in line] == []
+    assert lines[-1] == {"done": True}
+    (answer,) = [line for line in lines if "image_id" in line]
+    check_against_transformers(answer, folder_of(kind), photo)
+
+
+@pytest.mark.parametrize("kind", MORE)
+def test_other_kinds_of_detectors_run_too(folder_of, photo, answered, kind):
+    _, answer = answered(request(folder_of(kind), photo))
+    check_against_transformers(answer, folder_of(kind), photo)
+
+
+def check_against_transformers(answer, folder, photo):
+    id_of = {category["name"]: category["id"] for category in CATEGORIES}
+    id_of |= {old: id_of[name] for name, old in OLD_OF.items()}
+    expected = directly(folder, photo)
+    kept = [row for row in expected if row[0] in id_of]
+    assert answer["counts"] == {
+        "predictions": len(kept),
+        "without_category": len(expected) - len(kept),
+    }
+    assert len(kept) > 10
+    for entry, (name, score, x0, y0, x1, y1) in zip(answer["predictions"], kept, strict=True):
+        assert entry["image_id"] == 7
+        assert entry["category_id"] == id_of[name]
+        assert entry["score"] == pytest.approx(score, rel=1e-6)
+        assert entry["bbox"] == pytest.approx([x0, y0, x1 - x0, y1 - y0], abs=1e-4)
+
+
+def test_the_provenance_names_files_and_settings_and_no_path(folder_of, lines_of):
+    folder, lines = folder_of("deformable-detr"), lines_of("deformable-detr")
+    found = lines[0]["provenance"]
+    weights = folder / "model.safetensors"
+    assert found["weight_files"] == [
+        {
+            "name": "model.safetensors",
+            "bytes": weights.stat().st_size,
+            "sha256": hashlib.sha256(weights.read_bytes()).hexdigest(),
+        }
+    ]
+    assert [f["name"] for f in found["config_files"]] == ["config.json", "preprocessor_config.json"]
+    assert found["model"] == "tiny-deformable-detr"
+    assert found["revision"] is None
+    assert found["network"] == "DeformableDetrForObjectDetection"
+    assert found["preprocessing"]["class"] == "DeformableDetrImageProcessorPil"
+    assert found["preprocessing"]["settings"]["size"] == {"longest_edge": 100, "shortest_edge": 64}
+    assert found["postprocessing"] == {"top_k": 100}
+    assert found["labels"] == {
+        "matched": 80,
+        "without_category": ["N/A"],
+        "categories_without_label": [],
+    }
+    assert str(folder.parent) not in json.dumps(lines)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_another_process_gives_the_same_answer(folder_of, lines_of, photo, answered, kind):
+    (answer,) = [line for line in lines_of(kind) if "image_id" in line]
+    provenance, again = answered(request(folder_of(kind), photo))
+    assert json.dumps({"image_id": 7} | again) == json.dumps(answer)
+    assert json.loads(json.dumps(provenance)) == lines_of(kind)[0]["provenance"]
+
+
+def test_more_detections_can_be_asked_for_where_the_model_takes_it(
+    folder_of, photo, answered, refused
+):
+    options = {"options": {"every_category": True, "top_k": 250}}
+    provenance, answer = answered(request(folder_of("deformable-detr"), photo) | options)
+    assert provenance["postprocessing"] == {"top_k": 250}
+    assert sum(answer["counts"].values()) == 250
+    text = refused(request(folder_of("rt-detr"), photo) | options)
+    assert "RTDetrImageProcessorPil" in text
+
+
+def changed_config(folder, **changes):
+    path = folder / "config.json"
+    path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | changes), "utf-8")
+
+
+def renamed(folder, names):
+    changed_config(
+        folder,
+        id2label={str(index): name for index, name in names.items()},
+        label2id={name: index for index, name in names.items()},
+    )
+
+
+def test_labels_without_names_need_a_map(model, photo, answered, refused):
+    renamed(model, {index: f"LABEL_{index}" for index in range(80)})
+    text = refused(request(model, photo))
+    assert "LABEL_0" in text
+    assert "--label-map" in text
+    found = []
+    for order in (NAMES, NAMES[::-1]):
+        label_map = {f"LABEL_{index}": name for index, name in enumerate(order)}
+        _, answer = answered(request(model, photo) | {"label_map": label_map})
+        found.append([entry["category_id"] for entry in answer["predictions"]])
+    ids = [category["id"] for category in CATEGORIES]
+    assert [ids[79 - ids.index(category)] for category in found[1]] == found[0]
+    assert len(set(found[0])) > 1
+
+
+def test_every_category_must_have_a_label_unless_said_otherwise(model, photo, answered, refused):
+    renamed(model, contiguous_labels() | {79: "wig"})
+    text = refused(request(model, photo))
+    assert "toothbrush" in text
+    assert "wig" in text
+    subset = {"options": {"every_category": False, "top_k": None}}
+    provenance, answer = answered(request(model, photo) | subset)
+    assert provenance["labels"] == {
+        "matched": 79,
+        "without_category": ["wig"],
+        "categories_without_label": ["toothbrush"],
+    }
+    assert 90 not in {entry["category_id"] for entry in answer["predictions"]}
+
+
+def test_old_names_need_their_map(model, photo, refused):
+    text = refused(request(model, photo) | {"label_map": {}})
+    assert "6 of 80 categories" in text
+    assert "motorcycle" in text
+
+
+def test_one_name_at_two_indices_is_refused(model, photo, refused):
+    changed_config(
+        model, id2label={str(k): v for k, v in (contiguous_labels() | {80: "person"}).items()}
+    )
+    assert "'person'" in refused(request(model, photo))
+
+
+def test_a_checkpoint_that_leaves_parameters_unset_is_refused(model, photo, refused):
+    from safetensors.torch import load_file, save_file
+
+    path = model / "model.safetensors"
+    tensors = load_file(path)
+    name = next(name for name in sorted(tensors) if "encoder_input_proj.0.0.weight" in name)
+    del tensors[name]
+    save_file(tensors, path, metadata={"format": "pt"})
+    text = refused(request(model, photo))
+    assert "encoder_input_proj.0.0.weight" in text
+    assert "random" in text
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        (lambda folder: (folder / "model.safetensors").unlink(), "holds no weights"),
+        (lambda folder: (folder / "preprocessor_config.json").unlink(), "preprocessing"),
+        (lambda folder: (folder / "config.json").write_text("{}"), "config.json cannot be used"),
+        (lambda folder: (folder / "model.safetensors").write_bytes(bytes(40)), "cannot be loaded"),
+        (lambda folder: changed_config(folder, model_type="vit"), "no detector"),
+    ],
+)
+def test_a_folder_that_is_not_whole_is_refused(model, photo, harm, said, refused):
+    harm(model)
+    assert said in refused(request(model, photo))
+
+
+def test_a_backbone_of_timm_is_refused_in_words(folder_of, photo, tmp_path, refused):
+    folder = Path(shutil.copytree(folder_of("detr"), tmp_path / "timm"))
+    changed_config(folder, backbone_config={"model_type": "timm_backbone", "backbone": "resnet50"})
+    assert "timm" in refused(request(folder, photo))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"dtype": "int8"}, "int8"),
+        ({"device": "nonsense"}, "nonsense"),
+        ({"batch_size": 2}, "batch size 2"),
+        ({"weights": "nowhere/at/all"}, "nowhere/at/all"),
+        ({"weights": "nobody/has-this"}, "cannot be had offline"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(folder_of, photo, change, said, hub_cache, refused):
+    assert said in refused(request(folder_of("rt-detr"), photo) | change)
+
+
+def test_a_refusal_is_the_processs_only_line(folder_of, photo):
+    code, lines = ran(request(folder_of("rt-detr"), photo) | {"batch_size": 2})
+    assert code == 2
+    assert [list(line) for line in lines] == [["refused"]]
+
+
+@pytest.fixture
+def hub_cache(tmp_path, monkeypatch):
+    constants = pytest.importorskip("huggingface_hub.constants")
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path))
+    return tmp_path
+
+
+def test_a_hub_id_in_the_cache_is_resolved_to_its_commit(
+    folder_of, photo, hub_cache, answered, refused
+):
+    repository = hub_cache / "models--someone--tiny"
+    shutil.copytree(folder_of("rt-detr"), repository / "snapshots" / COMMIT)
+    (repository / "refs").mkdir()
+    (repository / "refs" / "main").write_text(COMMIT)
+    by_id = answered(request("someone/tiny", photo))
+    assert by_id[0]["model"] == "someone/tiny"
+    assert by_id[0]["revision"] == COMMIT
+    assert answered(request(repository / "snapshots" / COMMIT, photo)) == by_id
+    assert answered(request(f"someone/tiny@{COMMIT}", photo)) == by_id
+    assert "someone/tiny@v9" in refused(request("someone/tiny@v9", photo))
