@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,22 +72,25 @@ def command(
     """
     from legoworld.evaluation.run import read_run
 
-    task = read_run(run).task
+    found = read_run(run)
+    task = found.task
     notice = options.notifier(quiet or not (verbose or options.on_terminal()))
     if task == "eth3d":
         if evaluator is not None:
             raise click.UsageError("--evaluator is for boxes and masks: depth has one evaluator")
         from legoworld.evaluation.depth.evaluate import evaluate_depth
 
-        summary = evaluate_depth(
-            run,
-            truth,
-            output,
-            camera_model=camera_model or "none",
-            draws=draws,
-            seed=seed,
-            overwrite=overwrite,
-        )
+        with _bar(len(found.images), shown=not quiet and options.on_terminal()) as step:
+            summary = evaluate_depth(
+                run,
+                truth,
+                output,
+                camera_model=camera_model or "none",
+                draws=draws,
+                seed=seed,
+                overwrite=overwrite,
+                progress=step,
+            )
         _show(summary, _depth_text, output, as_json=as_json)
         return 0
     if camera_model is not None:
@@ -113,6 +118,24 @@ def command(
         as_json=as_json,
     )
     return 0
+
+
+@contextmanager
+def _bar(n_images: int, *, shown: bool) -> Iterator[Callable[[dict[str, Any]], None] | None]:
+    """Told of each image's row, a bar on standard error with the images that got no score."""
+    if not shown:
+        yield None
+        return
+    failed = 0
+    with click.progressbar(length=n_images, label="scoring", file=sys.stderr, show_pos=True) as bar:
+
+        def step(row: dict[str, Any]) -> None:
+            nonlocal failed
+            failed += "metrics" not in row
+            bar.label = f"scoring, {failed} without a score" if failed else "scoring"
+            bar.update(1)
+
+        yield step
 
 
 def _show(
@@ -155,6 +178,28 @@ def _depth_text(summary: dict[str, Any]) -> str:
             f"{policy} {'-' if value is None else format(value, '.4f')}"
             for policy, value in every["abs_rel"].items()
         ),
+        *_depth_counts(summary),
         *(f"{r['status']}: {r['file_name']}: {r['reason']}" for r in summary["not_scored"]),
     ]
     return "\n\n".join(lines[:3]) + "".join(f"\n{line}" for line in lines[3:])
+
+
+def _depth_counts(summary: dict[str, Any]) -> list[str]:
+    """What the means do not show: flagged fits, images without truth, holes and clamped pixels."""
+    by_status = summary["coverage"]["by_status"]
+    flagged = [f"{by_status.get(name, 0)} {name}" for name in ("inverted", "degenerate", "no_gt")]
+    others = [f"{n} {name}" for name, n in by_status.items() if f"{n} {name}" not in flagged]
+    shares = {
+        "holes": summary["mean_hole_share"],
+        "outside the view": summary["mean_outside_view_share"],
+        "clamped": summary["mean_clamped_share"],
+    }
+    return [
+        f"images: {', '.join([*others, *flagged])}; "
+        f"{summary['worse_than_constant']} worse than a constant, "
+        f"{summary['resampled']} resampled, {summary['warnings']} warnings",
+        "mean share of truth pixels: "
+        + ", ".join(
+            f"{name} {'-' if x is None else format(x, '.4f')}" for name, x in shares.items()
+        ),
+    ]

@@ -20,6 +20,8 @@ from legoworld.evaluation.protocols import (
     Metric,
 )
 
+Counts = NDArray[np.signedinteger[Any]]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Curves:
@@ -93,34 +95,35 @@ def metric_value(
     return float(defined.mean()) if len(defined) else -1.0
 
 
-def gained_thresholds(n_truths: int) -> NDArray[np.uint8]:
-    """How many recall thresholds are reached with m true positives: (n_truths + 1,).
+def first_reached(n_truths: int) -> NDArray[np.uint8]:
+    """How many recall thresholds each true positive reaches first: (n_truths,), 101 in all.
 
-    In floating point as the evaluators compare them. Threshold 0 is reached with none.
+    In floating point as the evaluators compare them. Threshold 0, which is reached with none, is
+    counted with the first.
     """
-    return np.searchsorted(
-        RECALL_THRESHOLDS, np.arange(n_truths + 1) / n_truths, side="right"
-    ).astype(np.uint8)
+    gained = np.searchsorted(RECALL_THRESHOLDS, np.arange(1, n_truths + 1) / n_truths, side="right")
+    return np.diff(gained, prepend=0).astype(np.uint8)
 
 
-def mean_precision(
-    true: NDArray[np.signedinteger[Any]],
-    false: NDArray[np.signedinteger[Any]],
-    gained: NDArray[np.uint8],
-) -> Floats:
+def mean_precision(n_true: Counts, n_all: Counts, steps: NDArray[np.uint8]) -> Floats:
     """101-point average precision of n curves, each given at S places down its ranking.
 
-    true, false: (S, n) true and false positives up to each place, which must include every place
-    where `true` grows; gained: (S, n) recall thresholds reached there. Precision between two
-    places only falls, so nothing else is needed. Returns (n,); 0 where S is 0.
+    n_true, n_all: (n, S) true positives, and detections that count, up to each place; the places
+    must include every one where n_true grows. steps: (n, S) recall thresholds reached there
+    first; (S,) where they are the same for all curves, as is then n_true. Precision between two
+    places only falls, so nothing else is needed. Returns (n,); 0 where S is 0. Terms are added
+    from the top of the ranking down, so that a curve has the same bits alone and in any block.
     """
-    if not len(true):
-        return np.zeros(true.shape[1])
-    total = true + false
-    precision = np.divide(true, total, out=np.zeros(total.shape), where=total > 0)
-    envelope = np.maximum.accumulate(precision[::-1], axis=0)[::-1]
-    steps = np.diff(gained, axis=0, prepend=np.zeros((1, gained.shape[1]), np.uint8))
-    values: Floats = np.add.reduce(envelope * steps, axis=0) / len(RECALL_THRESHOLDS)
+    if not n_all.shape[1]:
+        return np.zeros(len(n_all))
+    envelope = n_true / np.maximum(n_all, 1)
+    backwards = envelope[:, ::-1]
+    np.maximum.accumulate(backwards, axis=1, out=backwards)
+    if steps.ndim == 1:
+        envelope, steps = envelope[:, steps > 0], steps[steps > 0]
+    envelope *= steps
+    np.add.accumulate(envelope, axis=1, out=envelope)
+    values: Floats = envelope[:, -1] / len(RECALL_THRESHOLDS)
     return values
 
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from legoworld.errors import UsageError
 
 LEVEL: Final = 0.95
+#: Elements of one product of counts and values, to bound memory.
+_BLOCK_ELEMENTS: Final = 1 << 18
 
 
 def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
@@ -42,10 +44,19 @@ def resampled_means(
     n_groups = counts.shape[1]
     sums = np.bincount(group_of_value, weights=values, minlength=n_groups)
     sizes = np.bincount(group_of_value, minlength=n_groups)
-    weights = counts.astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
-        means: NDArray[np.float64] = (weights @ sums) / (weights @ sizes)
+        means: NDArray[np.float64] = weighted_sums(counts, sums) / weighted_sums(counts, sizes)
     return means
+
+
+def weighted_sums(counts: NDArray[np.int32], values: NDArray[Any]) -> NDArray[np.float64]:
+    """counts @ values, (draws,), by numpy's own summation: a BLAS product differs by machine."""
+    sums = np.empty(len(counts))
+    rows = max(1, _BLOCK_ELEMENTS // counts.shape[1])
+    for start in range(0, len(counts), rows):
+        some = counts[start : start + rows]
+        sums[start : start + rows] = np.add.reduce(some * values.astype(np.float64), axis=1)
+    return sums
 
 
 def centred_interval(samples: NDArray[np.float64], value: float, *, unit: str) -> dict[str, Any]:

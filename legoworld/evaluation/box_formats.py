@@ -28,25 +28,33 @@ class BoxFormatError(LegoWorldError):
     code = "box_format"
 
 
+def check_box_values(
+    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
+) -> dict[str, int]:
+    """BoxFormatError for a box no format explains: not four numbers, or of negative extent."""
+    for entry in entries:
+        box = entry["bbox"]
+        if not isinstance(box, list) or len(box) != 4 or not all(map(_is_finite, box)):
+            raise _error(f"image {entry['image_id']}: bbox {box!r}", "four finite numbers")
+    for index, entry in enumerate(entries):
+        if min(entry["bbox"][2:]) < 0:
+            raise _error(
+                _shown(entries, index),
+                "a width and height of at least 0",
+                _hint(*_arrays(entries, sizes_wh)),
+            )
+    return {}
+
+
 def check_box_format(
     entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
 ) -> dict[str, int]:
     """Counted oddities of boxes that can be scored. BoxFormatError for boxes that cannot."""
     if not entries:
         return {}
-    for entry in entries:
-        box = entry["bbox"]
-        if not isinstance(box, list) or len(box) != 4 or not all(map(_is_finite, box)):
-            raise _error(f"image {entry['image_id']}: bbox {box!r}", "four finite numbers")
-    boxes = np.array([e["bbox"] for e in entries], np.float64)
-    sizes = np.array([sizes_wh[e["image_id"]] for e in entries], np.float64)
-    negative = (boxes[:, 2:] < 0).any(axis=1)
+    check_box_values(entries, sizes_wh)
+    boxes, sizes = _arrays(entries, sizes_wh)
     outside = _outside(boxes[:, :2], boxes[:, :2] + boxes[:, 2:], sizes)
-    if negative.any():
-        first = int(np.argmax(negative))
-        raise _error(
-            _shown(entries, first), "a width and height of at least 0", _hint(boxes, sizes)
-        )
     if (boxes <= 1.0).all() and (boxes % 1 != 0).any() and (sizes > 8).all():
         raise _error(_shown(entries, 0), "pixels", "these look like fractions of the image's size")
     hint = _hint(boxes, sizes)
@@ -63,6 +71,15 @@ def check_box_format(
         "boxes without any area": int((boxes[:, 2:] == 0).any(axis=1).sum()),
     }
     return {what: count for what, count in odd.items() if count}
+
+
+def _arrays(
+    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 4) boxes and the (n, 2) sizes of their images."""
+    boxes = np.array([e["bbox"] for e in entries], np.float64)
+    sizes = np.array([sizes_wh[e["image_id"]] for e in entries], np.float64)
+    return boxes, sizes
 
 
 def _outside(

@@ -29,13 +29,15 @@ from legoworld.evaluation.predictions import (
 )
 from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol, detection_protocol
 from legoworld.evaluation.rows import per_category_rows, per_image_rows, views
-from legoworld.evaluation.run import Run, read_predictions, read_run
+from legoworld.evaluation.run import Run, read_predictions, read_run, run_view
 from legoworld.evaluation.scoring import (
     Notice,
+    RankedScore,
     Score,
     ScoreRequest,
     frequencies_of,
     named_metrics,
+    ranked_score,
     score,
 )
 from legoworld.evaluation.truth import Truth, read_truth
@@ -79,7 +81,7 @@ def evaluate_detections(
     equal = None
     if not predictions.equally_confident:
         notice("the same predictions under equal confidence")
-        equal = score(request, _kept_equal(predictions, own), notice)
+        equal = ranked_score(request, _kept_equal(predictions, own), notice)
     evaluation = Evaluation(
         summary=_summary(run, request, predictions, own, equal),
         configuration=configuration,
@@ -87,7 +89,7 @@ def evaluate_detections(
         per_image=per_image_rows(run, predictions, own),
         per_category=per_category_rows(truth, own),
         matches=matches_file.arrays_of(own, equal),
-        view=views(truth, predictions, own),
+        view={**views(truth, predictions, own), "run.json": run_view(run)},
         evidence=_evidence(run, protocol, predictions, own, equal),
     )
     write_evaluation(output, evaluation, overwrite=overwrite)
@@ -128,7 +130,7 @@ def _summary(
     request: ScoreRequest,
     predictions: Predictions,
     own: Score,
-    equal: Score | None,
+    equal: RankedScore | None,
 ) -> dict[str, Any]:
     truth, protocol = request.truth, request.protocol
     policy = equal or own
@@ -222,7 +224,7 @@ def _evidence(
     protocol: DetectionProtocol,
     predictions: Predictions,
     own: Score,
-    equal: Score | None,
+    equal: RankedScore | None,
 ) -> dict[str, Any]:
     """What evidence.json adds: the raw numbers and the exports they belong to."""
     exported = with_equal_confidence(predictions)

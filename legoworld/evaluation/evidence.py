@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -41,36 +41,44 @@ class Check:
 
 def verify(folder: Path, root: Path | None) -> list[Check]:
     """Every check of an evaluation folder; inputs are looked for below `root` where given."""
-    evidence = _read_evidence(folder)
-    checks = [*_files(folder, evidence), *_inputs(folder, evidence, root)]
+    evidence = read_evidence(folder)
+    checks = [*check_files(folder, evidence), *check_inputs(folder, evidence, root)]
     if any(c.status != "ok" for c in checks if c.what.startswith("file ")):
         return checks  # numbers of altered files prove nothing
     summary, rows = read_summary(folder), read_rows(folder / PER_IMAGE)
     checks += _coverage(summary, rows)
     if summary["task"] in PROTOCOLS:
         checks += _numbers(folder, evidence, summary)
+    else:
+        from legoworld.evaluation.depth.verification import depth_checks, depth_rows
+
+        checks += depth_checks(evidence, summary, rows)
+        if all(c.status == "ok" for c in checks if c.what.startswith("input ")):
+            checks += depth_rows(folder, evidence, summary, rows, root)
     return checks
 
 
-def _read_evidence(folder: Path) -> dict[str, Any]:
+def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> dict[str, Any]:
+    """evidence.json. EvaluationFolderError when it cannot be read or is of none of the kinds."""
     try:
         evidence = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise EvaluationFolderError(
             f"{folder.name or folder} has no readable {EVIDENCE}",
             found=getattr(error, "strerror", None) or str(error),
-            expected="a folder that `legoworld evaluate` wrote",
+            expected="a folder that `legoworld evaluate` or `legoworld compare` wrote",
         ) from error
-    if not isinstance(evidence, dict) or evidence.get("kind") != "evaluation":
+    if not isinstance(evidence, dict) or evidence.get("kind") not in kinds:
         raise EvaluationFolderError(
             f"{EVIDENCE} is of another kind",
             found=repr(evidence.get("kind")) if isinstance(evidence, dict) else "no object",
-            expected="'evaluation'",
+            expected=" or ".join(map(repr, kinds)),
         )
     return evidence
 
 
-def _files(folder: Path, evidence: dict[str, Any]) -> Iterator[Check]:
+def check_files(folder: Path, evidence: dict[str, Any]) -> Iterator[Check]:
+    """Every file of a folder against the hashes in its evidence."""
     for name, sha256 in evidence["files"].items():
         yield _hashed(f"file {name}", folder / name, sha256)
     present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
@@ -78,16 +86,17 @@ def _files(folder: Path, evidence: dict[str, Any]) -> Iterator[Check]:
         yield Check("UNLISTED", f"file {name}", f"not in {EVIDENCE}")
 
 
-def _inputs(folder: Path, evidence: dict[str, Any], root: Path | None) -> Iterator[Check]:
+def check_inputs(folder: Path, evidence: dict[str, Any], root: Path | None) -> Iterator[Check]:
+    """Every input against its hash; looked for below `root` where given."""
     for entry in evidence["inputs"]:
         yield _hashed(
             f"input {entry['role']} {entry['path']}",
-            _located(folder, entry["path"], root),
+            located(folder, entry["path"], root),
             entry["sha256"],
         )
 
 
-def _located(folder: Path, recorded: str, root: Path | None) -> Path | None:
+def located(folder: Path, recorded: str, root: Path | None) -> Path | None:
     """An input's path: as recorded, or the longest ending of it that lies below root."""
     if root is None:
         return folder / recorded
@@ -111,8 +120,8 @@ def _hashed(what: str, path: Path | None, sha256: str) -> Check:
 def _coverage(summary: dict[str, Any], rows: list[Row]) -> Iterator[Check]:
     coverage = summary["coverage"]
     statuses = dict(sorted(Counter(row["status"] for row in rows).items()))
-    yield _equal("images attempted", len(rows), coverage["attempted"])
-    yield _equal("images by status", statuses, coverage["by_status"])
+    yield check_equal("images attempted", len(rows), coverage["attempted"])
+    yield check_equal("images by status", statuses, coverage["by_status"])
 
 
 def _numbers(folder: Path, evidence: dict[str, Any], summary: dict[str, Any]) -> Iterator[Check]:
@@ -137,16 +146,16 @@ def _numbers(folder: Path, evidence: dict[str, Any], summary: dict[str, Any]) ->
         worst = float(np.abs(ours - official).max())
         status = "ok" if worst <= AGREEMENT else "DIFFERS"
         yield Check(status, f"metrics from matches, {name}", f"largest difference {worst:.1e}")
-        yield _equal(f"summary against raw metrics, {name}", again, official)
+        yield check_equal(f"summary against raw metrics, {name}", again, official)
     for kind, aware in (("class_aware", True), ("class_agnostic", False)):
         counts = matches_file.counts_from(arrays, class_aware=aware)
         document = matched_document(counts, class_aware=aware)
-        yield _equal(f"matched IoU, {kind}", document, summary["matched"][kind])
+        yield check_equal(f"matched IoU, {kind}", document, summary["matched"][kind])
     predictions = json.loads((folder / VIEW / "predictions.json").read_text(encoding="utf-8"))
     recorded = evidence["raw"]["canonical_predictions_sha256"]
-    yield _equal("predictions", _export_sha256(predictions, equal=False), recorded)
+    yield check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
     recorded = evidence["equal_confidence"]["predictions_sha256"]
-    yield _equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
+    yield check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
 
 
 def _export_sha256(predictions: list[Row], *, equal: bool) -> str:
@@ -161,7 +170,8 @@ def _export_sha256(predictions: list[Row], *, equal: bool) -> str:
     return sha256_of_text("".join(lines))
 
 
-def _equal(what: str, found: Any, recorded: Any) -> Check:
+def check_equal(what: str, found: Any, recorded: Any) -> Check:
+    """What was found against what is on record."""
     if found == recorded:
         return Check("ok", what, str(found)[:60])
     return Check("DIFFERS", what, f"{str(found)[:60]}, on record {str(recorded)[:60]}")

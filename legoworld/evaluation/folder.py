@@ -156,8 +156,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The rows of per_image.jsonl or per_category.jsonl."""
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    """The rows of a .jsonl file. Only a newline ends one: names may hold other line separators."""
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]
 
 
 def number(value: float) -> float | None:

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
+from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.folder import number
 from legoworld.evaluation.pairing import HIT, Pairs
 from legoworld.evaluation.problem import Floats, Ints, Problem
@@ -82,7 +82,10 @@ def matched_metrics(counts: MatchedCounts, samples: NDArray[np.int32]) -> dict[s
 
     samples: (n, images) how often each image is in each; one row of ones is the run itself.
     """
-    sums = dict(zip(_COLUMNS, (samples.astype(np.float64) @ counts.per_image).T, strict=True))
+    sums = {
+        name: weighted_sums(samples, column)
+        for name, column in zip(_COLUMNS, counts.per_image.T, strict=True)
+    }
     n_gt, n_dt, hits = sums["n_gt"], sums["n_dt"], sums["n_hits"]
     with np.errstate(invalid="ignore", divide="ignore"):
         sq = sums["quality_sum"] / sums["n_quality"]
@@ -129,16 +132,15 @@ def image_rows(counts: MatchedCounts) -> list[dict[str, float]]:
 
 def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:
     """Mean over categories with truth of their summed IoU over their number of truths."""
-    categories, column = np.unique(counts.cell_category, return_inverse=True)
-    shape = len(categories), samples.shape[1]
-
-    def per_category(values: Floats) -> Floats:
-        matrix = sparse.csr_matrix((values, (column, counts.cell_image)), shape=shape)
-        return np.asarray(matrix @ samples.T.astype(np.float64))
-
-    n_gt, iou = per_category(counts.cell_n_gt), per_category(counts.cell_iou_sum)
-    present = n_gt > 0
-    means = np.where(present, iou / np.where(present, n_gt, 1), 0.0)
+    means, present = np.zeros(len(samples)), np.zeros(len(samples))
+    order = np.argsort(counts.cell_category, kind="stable")
+    edges = np.flatnonzero(np.diff(counts.cell_category[order])) + 1
+    for cells in np.split(order, edges) if len(order) else ():
+        drawn = samples[:, counts.cell_image[cells]]
+        n_gt = weighted_sums(drawn, counts.cell_n_gt[cells])
+        iou = weighted_sums(drawn, counts.cell_iou_sum[cells])
+        means += np.where(n_gt > 0, iou / np.where(n_gt > 0, n_gt, 1), 0.0)
+        present += n_gt > 0
     with np.errstate(invalid="ignore"):
-        result: Floats = means.sum(axis=0) / present.sum(axis=0)
+        result: Floats = means / present
     return result

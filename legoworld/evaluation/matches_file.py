@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.matched_metrics import MatchedCounts
 from legoworld.evaluation.matching import MatchTable
 from legoworld.evaluation.protocols import AREA_RANGES, IOU_THRESHOLDS
-from legoworld.evaluation.scoring import Score
+from legoworld.evaluation.scoring import RankedScore, Score
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -33,7 +33,7 @@ _TABLE: Final = (
 )
 
 
-def arrays_of(score: Score, equal: Score | None) -> dict[str, NDArray[Any]]:
+def arrays_of(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]]:
     """Everything matches.npz holds. Positions point into image_ids and category_ids."""
     found: dict[str, NDArray[Any]] = {
         "image_ids": score.table.image_ids,
@@ -41,7 +41,8 @@ def arrays_of(score: Score, equal: Score | None) -> dict[str, NDArray[Any]]:
         "iou_thresholds": IOU_THRESHOLDS,
         "area_ranges_px": np.array(AREA_RANGES),
     }
-    for prefix, one in ((OWN, score), (EQUAL, equal)):
+    ranked: tuple[tuple[str, RankedScore | None], ...] = ((OWN, score), (EQUAL, equal))
+    for prefix, one in ranked:
         if one is not None:
             found |= {prefix + name: getattr(one.table, name) for name in _TABLE}
     for prefix, counts in (("aware_", score.aware), ("agnostic_", score.agnostic)):

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import check_box_format
-from legoworld.evaluation.masks import areas_px, compressed, rle_problem
+from legoworld.evaluation.masks import (
+    areas_px,
+    compressed,
+    covers,
+    pixels_covered,
+    rle_problem,
+)
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.evaluation.truth import Truth
 from legoworld.files import canonical_json, sha256_of_text
+from legoworld.vocabulary import Vocabulary
+
+CheckBoxes = Callable[[Sequence[dict[str, Any]], Mapping[int, tuple[int, int]]], Mapping[str, int]]
 
 
 class PredictionsInvalidError(LegoWorldError):
@@ -64,16 +75,42 @@ def check_predictions(
 
     PredictionsInvalidError names the first offender and how many there are.
     """
+    return check_results(
+        entries,
+        status_by_image={i.id: i.status for i in run.images},
+        sizes_wh={i["id"]: (i["width"], i["height"]) for i in truth.images},
+        vocabulary=truth.vocabulary,
+        protocol=protocol,
+    )
+
+
+def check_results(
+    entries: Sequence[Any],
+    *,
+    status_by_image: Mapping[int, str],
+    sizes_wh: Mapping[int, tuple[int, int]],
+    vocabulary: Vocabulary,
+    protocol: DetectionProtocol,
+    check_boxes: CheckBoxes = check_box_format,
+) -> Predictions:
+    """Check a results list against the images of a run and a vocabulary; needs no truth.
+
+    check_boxes: `check_box_values` for a part of a run, where too few boxes tell their format.
+    PredictionsInvalidError names the first offender and how many there are.
+    """
     payload = "bbox" if protocol.iou_type == "bbox" else "segmentation"
-    _check_keys(entries, payload, protocol)
-    _check_ids(entries, run, truth)
-    sizes_wh = {i["id"]: (i["width"], i["height"]) for i in truth.images}
+    _check_keys(entries, payload)
+    _check_ids(entries, status_by_image, vocabulary)
     warnings: Counter[str] = Counter()
     if payload == "bbox":
-        warnings.update(check_box_format(entries, sizes_wh))
+        warnings.update(check_boxes(entries, sizes_wh))
         kept = [_box_entry(e) for e in entries]
     else:
         kept = [_mask_entry(e, sizes_wh[e["image_id"]], warnings) for e in entries]
+        _check_decoded(kept, sizes_wh)
+        boxed = sum("bbox" in e for e in entries)
+        if boxed:  # lvis would take the box's area for the mask's
+            warnings["masks with a bbox, which was left out"] = boxed
         areas = areas_px([e["segmentation"] for e in kept])
         kept = [e for e, area in zip(kept, areas, strict=True) if area > 0]
     return Predictions(
@@ -104,7 +141,7 @@ def _refuse(bad: Sequence[Any], what: str, found: str, expected: str, next_step:
         )
 
 
-def _check_keys(entries: Sequence[Any], payload: str, protocol: DetectionProtocol) -> None:
+def _check_keys(entries: Sequence[Any], payload: str) -> None:
     strangers = [e for e in entries if not isinstance(e, dict)]
     _refuse(strangers, "are no objects", repr(strangers[:1])[:80], '{"image_id", ...}')
     for key in ("image_id", "category_id", "score", payload):
@@ -115,25 +152,17 @@ def _check_keys(entries: Sequence[Any], payload: str, protocol: DetectionProtoco
         _refuse(bad, f"have a {key} that is no integer", repr(bad[0][key]) if bad else "", "an int")
     bad = [e for e in entries if not _is_finite(e["score"])]
     _refuse(bad, "have no usable score", repr(bad[0]["score"]) if bad else "", "a finite number")
-    if protocol.iou_type == "segm":
-        bad = [e for e in entries if "bbox" in e]
-        _refuse(
-            bad,
-            "of masks carry a bbox",
-            f"bbox {bad[0]['bbox']!r}" if bad else "",
-            "segmentation alone",
-            "drop bbox: the official evaluator takes its area for the mask's",
-        )
 
 
-def _check_ids(entries: Sequence[dict[str, Any]], run: Run, truth: Truth) -> None:
-    status = {i.id: i.status for i in run.images}
+def _check_ids(
+    entries: Sequence[dict[str, Any]], status: Mapping[int, str], vocabulary: Vocabulary
+) -> None:
     bad = [e for e in entries if e["image_id"] not in status]
     _refuse(
         bad,
         "are of images the run does not have",
         f"image {bad[0]['image_id']}" if bad else "",
-        f"one of the run's {len(status)} images, such as {run.images[0].id}",
+        f"one of the run's {len(status)} images, such as {min(status)}",
     )
     bad = [e for e in entries if status[e["image_id"]] != "ok"]
     _refuse(
@@ -142,12 +171,12 @@ def _check_ids(entries: Sequence[dict[str, Any]], run: Run, truth: Truth) -> Non
         f"image {bad[0]['image_id']}: {status[bad[0]['image_id']]}" if bad else "",
         "predictions of images with status ok alone",
     )
-    known = {c.id for c in truth.vocabulary.categories}
+    known = {c.id for c in vocabulary.categories}
     bad = [e for e in entries if e["category_id"] not in known]
     found = {e["category_id"] for e in entries}
     _refuse(
         bad,
-        "are of categories the truth does not have",
+        "are of categories the vocabulary does not have",
         f"category ids {sorted({e['category_id'] for e in bad})[:8]}",
         f"one of {len(known)} ids between {min(known)} and {max(known)}",
         _mapping_hint(found, known),
@@ -181,21 +210,36 @@ def _mask_entry(
     mask = entry["segmentation"]
     problem = rle_problem(mask, size_wh)
     if problem:
-        raise PredictionsInvalidError(
-            f"a mask of image {entry['image_id']}, category {entry['category_id']} is unusable",
-            found=problem,
-            expected='{"size": [height, width] of the image, "counts": compressed RLE}',
-        )
-    if isinstance(mask["counts"], list):
+        raise _unusable_mask(entry, problem)
+    counts = mask["counts"]
+    if isinstance(counts, list):
         warnings["masks with uncompressed RLE, compressed before scoring"] += 1
         counts = compressed(mask, (size_wh[1], size_wh[0]))["counts"].decode("ascii")
-        mask = {"size": mask["size"], "counts": counts}
     return {
         "image_id": entry["image_id"],
         "category_id": entry["category_id"],
-        "segmentation": {"size": list(mask["size"]), "counts": mask["counts"]},
+        "segmentation": {"size": [size_wh[1], size_wh[0]], "counts": counts},
         "score": entry["score"],
     }
+
+
+def _check_decoded(
+    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
+) -> None:
+    """Whether every mask's run lengths add up to its image: pycocotools never asks."""
+    found = pixels_covered([e["segmentation"]["counts"] for e in entries])
+    expected = np.array([w * h for w, h in (sizes_wh[e["image_id"]] for e in entries)], np.int64)
+    for index in np.flatnonzero(found != expected)[:1]:
+        entry = entries[index]
+        raise _unusable_mask(entry, covers(int(found[index]), sizes_wh[entry["image_id"]]))
+
+
+def _unusable_mask(entry: dict[str, Any], problem: str) -> PredictionsInvalidError:
+    return PredictionsInvalidError(
+        f"a mask of image {entry['image_id']}, category {entry['category_id']} is unusable",
+        found=problem,
+        expected='{"size": [height, width] of the image, "counts": compressed RLE}',
+    )
 
 
 def _is_finite(value: Any) -> bool:

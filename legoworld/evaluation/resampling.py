@@ -5,6 +5,9 @@ An image drawn twice stands twice in the ranking, its copies next to each other.
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,7 +16,7 @@ from scipy import sparse
 
 from legoworld.evaluation.accumulation import category_slices, mean_precision
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
-from legoworld.evaluation.problem import Bools, Floats, Ints
+from legoworld.evaluation.problem import Floats, Ints
 from legoworld.evaluation.protocols import (
     AREA_NAMES,
     IOU_THRESHOLDS,
@@ -22,10 +25,29 @@ from legoworld.evaluation.protocols import (
     Metric,
 )
 
-#: Elements of one block of draws, to bound memory.
-_BLOCK_ELEMENTS: Final = 1 << 21
-#: Draws of one sparse product, to bound memory.
-_MAX_BLOCK: Final = 512
+#: Elements of what is accumulated at a time, so that it stays in a core's cache.
+_PIECE_ELEMENTS: Final = 1 << 15
+#: Elements of the image counts that are gathered at a time, to bound memory.
+_GATHERED_ELEMENTS: Final = 1 << 22
+_MOST_THREADS: Final = 8
+
+Counts = NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ranked:
+    """One category's detections at one area that are not a false positive at every threshold.
+
+    true, skipped: for each threshold, positions of true positives and of ignored detections;
+    image, rank: (S,) as in MatchTable; plain: (S, images) false positives at every threshold of
+    each image between a detection and the last.
+    """
+
+    true: list[Ints]
+    skipped: list[Ints]
+    image: Ints
+    rank: Ints
+    plain: sparse.csr_matrix
 
 
 def resampled_metrics(
@@ -44,63 +66,80 @@ def resampled_metrics(
     defined = {m.name: np.zeros(draws) for m in protocol.metrics}
     rows = category_slices(table)
     group_of = [""] * len(rows) if frequencies is None else frequencies.tolist()
-    for a, area in enumerate(AREA_NAMES):
-        metrics = [m for m in protocol.metrics if m.area == area]
-        for k in np.unique(table.truth_category[table.n_truths[a] > 0]):
-            wanted = [m for m in metrics if m.frequency in (None, group_of[k])]
-            if not wanted:
-                continue
-            n_truths = _resampled_truths(table, a, int(k), columns)
-            has = n_truths > 0
-            for metric, values in _category(table, a, rows[k], columns, n_truths, wanted).items():
-                sums[metric] += np.where(has, values, 0.0)
-                defined[metric] += has
+    with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as pool:
+        for a, area in enumerate(AREA_NAMES):
+            truths = _truths_by_image(table, a) @ columns
+            jobs = [
+                (int(k), [m for m in protocol.metrics if m.area == area and _is_in(m, group_of[k])])
+                for k in np.unique(table.truth_category[table.n_truths[a] > 0])
+            ]
+            found = pool.map(
+                lambda job, a=a, n=truths: _category(
+                    _ranked(table, a, rows[job[0]]), columns, n[job[0]], job[1]
+                ),
+                jobs,
+            )
+            # Added in the order of the categories, whoever is ready first: always the same bits.
+            for (k, _), values in zip(jobs, found, strict=True):
+                has = truths[k] > 0
+                for metric, value in values.items():
+                    sums[metric] += np.where(has, value, 0.0)
+                    defined[metric] += has
     with np.errstate(invalid="ignore"):
         return {name: sums[name] / np.where(defined[name], defined[name], np.nan) for name in sums}
 
 
-def _resampled_truths(
-    table: MatchTable, a: int, k: int, columns: NDArray[np.int32]
-) -> NDArray[np.int64]:
-    """(draws,) scored truth instances of a category."""
-    cells = np.flatnonzero((table.truth_category == k) & (table.n_truths[a] > 0))
-    found: NDArray[np.int64] = table.n_truths[a, cells] @ columns[table.truth_image[cells]]
-    return found
+def _is_in(metric: Metric, frequency: str) -> bool:
+    return metric.frequency in (None, frequency)
+
+
+def _truths_by_image(table: MatchTable, a: int) -> sparse.csr_matrix:
+    """(categories, images) scored truth instances."""
+    shape = len(table.category_ids), len(table.image_ids)
+    cells = table.truth_category, table.truth_image
+    return sparse.csr_matrix((table.n_truths[a].astype(np.int32), cells), shape=shape)
+
+
+def _ranked(table: MatchTable, a: int, rows: slice) -> _Ranked:
+    state = table.state[a, :, rows]
+    counted = np.flatnonzero((state != IGNORED).any(axis=0))
+    state, image = state[:, counted], table.image[rows][counted]
+    special = np.flatnonzero((state != FALSE_POSITIVE).any(axis=0))
+    state = state[:, special]
+    return _Ranked(
+        true=[np.flatnonzero(found) for found in state == TRUE_POSITIVE],
+        skipped=[np.flatnonzero(found) for found in state == IGNORED],
+        image=image[special],
+        rank=table.rank[rows][counted][special],
+        plain=_plain_between(image, special, len(table.image_ids)),
+    )
 
 
 def _category(
-    table: MatchTable,
-    a: int,
-    rows: slice,
-    columns: NDArray[np.int32],
-    n_truths: NDArray[np.int64],
-    metrics: list[Metric],
+    ranked: _Ranked, columns: Counts, n_truths: Counts, metrics: list[Metric]
 ) -> dict[str, Floats]:
     """(draws,) of each metric for one category and area; meaningless where n_truths is 0."""
-    state = table.state[a, :, rows]
-    counted = (state != IGNORED).any(axis=0)
-    state, image = state[:, counted], table.image[rows][counted]
-    special = np.flatnonzero((state != FALSE_POSITIVE).any(axis=0))
-    flags = state[:, special] == TRUE_POSITIVE, state[:, special] == FALSE_POSITIVE
-    plain = _plain_between(image, special, columns.shape[0])
-    rank = table.rank[rows][counted][special]
     values = {m.name: np.zeros(len(n_truths)) for m in metrics}
-    block = min(_MAX_BLOCK, max(1, _BLOCK_ELEMENTS // (len(special) + 1)))
-    for start in range(0, len(n_truths), block):
-        draw = slice(start, start + block)
-        weights = columns[:, draw]
-        precision, recall = _block(
-            flags,
-            weights[image[special]],
-            np.asarray(plain @ weights),
-            n_truths[draw],
-            rank,
-            {m.max_rank for m in metrics if m.kind == "AR"},
-        )
-        for m in metrics:
-            which = slice(None) if m.iou is None else m.iou == IOU_THRESHOLDS
-            chosen = precision if m.kind == "AP" else recall[m.max_rank]
-            values[m.name][draw] = chosen[which].mean(axis=0)
+    ranks = {m.max_rank for m in metrics if m.kind == "AR"}
+    piece = max(1, _PIECE_ELEMENTS // (len(ranked.image) + 1))
+    most = max(piece, _GATHERED_ELEMENTS // (len(ranked.image) + 1))
+    for start in range(0, len(n_truths), most):
+        some = columns[:, start : start + most]
+        weights, plain = some[ranked.image], np.asarray(ranked.plain @ some)
+        for at in range(0, weights.shape[1], piece):
+            part = slice(at, at + piece)
+            draw = slice(start + at, min(start + at + piece, start + weights.shape[1]))
+            precision, recall = _piece(
+                ranked,
+                np.ascontiguousarray(weights[:, part].T),
+                np.ascontiguousarray(plain[:, part].T),
+                np.maximum(n_truths[draw], 1),
+                ranks,
+            )
+            for m in metrics:
+                which = slice(None) if m.iou is None else m.iou == IOU_THRESHOLDS
+                chosen = precision if m.kind == "AP" else recall[m.max_rank]
+                values[m.name][draw] = chosen[which].mean(axis=0)
     return values
 
 
@@ -117,30 +156,40 @@ def _plain_between(image: Ints, special: Ints, n_images: int) -> sparse.csr_matr
     )
 
 
-def _block(
-    flags: tuple[Bools, Bools],
-    weights: NDArray[np.int32],
-    plain: NDArray[np.int32],
-    n_truths: NDArray[np.int64],
-    rank: Ints,
-    ranks: set[int | None],
+def _piece(
+    ranked: _Ranked, weights: Counts, plain: Counts, n_truths: Counts, ranks: set[int | None]
 ) -> tuple[Floats, dict[int | None, Floats]]:
-    """AP (T, n) and AR by rank (T, n) of n draws. weights, plain: (S, n)."""
+    """AP (T, n) and AR by rank (T, n) of n draws. weights, plain: (n, S); n_truths: (n,), > 0."""
     n = len(n_truths)
-    plain_above = np.cumsum(plain, axis=0, dtype=np.int32)
-    denominator = np.maximum(n_truths, 1)
-    most = int((weights * flags[0].any(axis=0)[:, None]).sum(axis=0).max(initial=0))
-    gained = np.searchsorted(
-        RECALL_THRESHOLDS, np.arange(most + 1)[:, None] / denominator, side="right"
-    ).astype(np.uint8)
+    above = np.cumsum(weights + plain, axis=1, dtype=np.int32)
     precision = np.zeros((len(IOU_THRESHOLDS), n))
     recall = {r: np.zeros((len(IOU_THRESHOLDS), n)) for r in ranks}
-    for t, (true, false) in enumerate(zip(*flags, strict=True)):
-        at = np.flatnonzero(true)
-        n_false = np.cumsum(weights * false[:, None], axis=0, dtype=np.int32)[at] + plain_above[at]
-        n_true = np.cumsum(weights[at], axis=0, dtype=np.int32)
-        precision[t] = mean_precision(n_true, n_false, gained[n_true, np.arange(n)])
+    gained, width = _gained(n_truths, weights)
+    first = (np.arange(n) * width)[:, None]
+    for t, (at, skipped) in enumerate(zip(ranked.true, ranked.skipped, strict=True)):
+        drawn = weights.take(at, axis=1)
+        n_true = np.cumsum(drawn, axis=1, dtype=np.intp)
+        n_all = above.take(at, axis=1)
+        if len(skipped):
+            out = np.zeros((n, len(skipped) + 1), np.int32)
+            np.cumsum(weights.take(skipped, axis=1), axis=1, out=out[:, 1:])
+            n_all -= out.take(np.searchsorted(skipped, at), axis=1)
+        steps = gained.take(n_true + first)
+        steps[:, 1:] -= steps[:, :-1].copy()
+        precision[t] = mean_precision(n_true, n_all, steps)
         for r in ranks:
-            within = at if r is None else at[rank[at] < r]
-            recall[r][t] = weights[within].sum(axis=0) / denominator
+            within = drawn if r is None else drawn[:, ranked.rank[at] < r]
+            recall[r][t] = np.add.reduce(within, axis=1) / n_truths
     return precision, recall
+
+
+def _gained(n_truths: Counts, weights: Counts) -> tuple[NDArray[np.uint8], int]:
+    """Recall thresholds reached in each draw with 0, 1, ... true positives, and how many of these.
+
+    In floating point as the evaluators compare them: m / n >= threshold.
+    """
+    most = int(np.add.reduce(weights, axis=1).max(initial=0))
+    different, which = np.unique(n_truths, return_inverse=True)
+    shares = np.arange(most + 1) / different[:, None]
+    found = np.searchsorted(RECALL_THRESHOLDS, shares, side="right").astype(np.uint8)
+    return found[which].ravel(), most + 1

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.errors import LegoWorldError
+from legoworld.evaluation.folder import read_rows
 from legoworld.running.run_folder import JOURNAL, PREDICTIONS, ROWS, RUN
 
 
@@ -55,8 +56,7 @@ def read_run(folder: Path) -> Run:
     try:
         configuration = document["configuration"]
         task = configuration["task"]
-        lines = (folder / ROWS).read_text(encoding="utf-8").splitlines()
-        images = tuple(sorted((_image(json.loads(x)) for x in lines), key=lambda i: i.id))
+        images = tuple(sorted(map(_image, read_rows(folder / ROWS)), key=lambda i: i.id))
         attempted = configuration["attempted"]
     except (KeyError, TypeError, ValueError, OSError) as error:
         raise RunUnusableError(
@@ -84,6 +84,15 @@ def read_predictions(run: Run) -> list[Any]:
             expected="COCO or LVIS results: a list of objects",
         )
     return entries
+
+
+def run_view(run: Run) -> dict[str, Any]:
+    """view/run.json: what a report says of the run and of each of its images, without any time."""
+    document = _read_json(run.folder / RUN, "a finished run")
+    return {
+        **{key: document.get(key) for key in ("configuration", "versions", "scenes", "baseline")},
+        "images": sorted(read_rows(run.folder / ROWS), key=lambda row: int(row["image_id"])),
+    }
 
 
 def _image(row: dict[str, Any]) -> RunImage:

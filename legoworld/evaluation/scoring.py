@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -46,14 +46,23 @@ class ScoreRequest:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Score:
-    """Everything one policy gives. aware and agnostic: counts within and across categories."""
+class RankedScore:
+    """What depends on the ranking of predictions: one set of it for each confidence policy."""
 
     scores: OfficialScores
     problem: Problem
     table: MatchTable
     curves: Curves
     ties: TieResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score(RankedScore):
+    """A ranked score with what is free of scores, and the intervals of both.
+
+    aware and agnostic: counts within and across categories.
+    """
+
     pairs_aware: Pairs
     pairs_agnostic: Pairs
     aware: MatchedCounts
@@ -69,39 +78,50 @@ def frequencies_of(truth: Truth) -> NDArray[np.str_]:
 
 def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Score:
     """Score predictions. EvaluatorDisagreesError when evaluator and matches do not agree."""
-    truth, protocol = request.truth, request.protocol
-    notice("matching")
-    problem = build_problem(truth, predictions, protocol)
-    state = unmatched(problem)
-    aware, agnostic = Pairer(problem, class_aware=True), Pairer(problem, class_aware=False)
-    for found in image_overlaps(problem, truth, predictions):
-        match_image(problem, found, state)
-        aware.add(found)
-        agnostic.add(found)
-    table = match_table(problem, state)
-    curves = accumulate(table, protocol)
-    notice("running the evaluator")
-    scores = run_evaluator(truth, predictions, protocol, request.kind)
-    check_agreement(scores, curves, truth, protocol)
-    notice(f"{request.draws} tie orders")
-    ties = tie_orders(table, draws=request.draws, seed=request.seed)
+    problem = build_problem(request.truth, predictions, request.protocol)
+    aware, agnostic = (Pairer(problem, class_aware=kind) for kind in (True, False))
+    ranked = _ranked(request, predictions, problem, (aware, agnostic), notice)
     pairs_aware, pairs_agnostic = aware.result(), agnostic.result()
-    counts_aware = matched_counts(problem, pairs_aware)
-    counts_agnostic = matched_counts(problem, pairs_agnostic)
+    counts = matched_counts(problem, pairs_aware), matched_counts(problem, pairs_agnostic)
     notice(f"{request.draws} bootstrap samples")
     samples = resample_counts(len(problem.image_ids), request.draws, request.seed)
     return Score(
-        scores=scores,
-        problem=problem,
-        table=table,
-        curves=curves,
-        ties=ties,
+        **{f.name: getattr(ranked, f.name) for f in fields(ranked)},
         pairs_aware=pairs_aware,
         pairs_agnostic=pairs_agnostic,
-        aware=counts_aware,
-        agnostic=counts_agnostic,
-        intervals=_intervals(request, scores, table, counts_aware, counts_agnostic, samples),
+        aware=counts[0],
+        agnostic=counts[1],
+        intervals=_intervals(request, ranked.scores, ranked.table, *counts, samples),
     )
+
+
+def ranked_score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> RankedScore:
+    """Score the same predictions under another ranking; what is free of scores is left out."""
+    problem = build_problem(request.truth, predictions, request.protocol)
+    return _ranked(request, predictions, problem, (), notice)
+
+
+def _ranked(
+    request: ScoreRequest,
+    predictions: Predictions,
+    problem: Problem,
+    pairers: Sequence[Pairer],
+    notice: Notice,
+) -> RankedScore:
+    notice("matching")
+    state = unmatched(problem)
+    for found in image_overlaps(problem, request.truth, predictions):
+        match_image(problem, found, state)
+        for pairer in pairers:
+            pairer.add(found)
+    table = match_table(problem, state)
+    curves = accumulate(table, request.protocol)
+    notice("running the evaluator")
+    scores = run_evaluator(request.truth, predictions, request.protocol, request.kind)
+    check_agreement(scores, curves, request.truth, request.protocol)
+    notice(f"{request.draws} tie orders")
+    ties = tie_orders(table, draws=request.draws, seed=request.seed)
+    return RankedScore(scores=scores, problem=problem, table=table, curves=curves, ties=ties)
 
 
 def check_agreement(
@@ -142,7 +162,7 @@ def _intervals(
                 found[f"{prefix}.{name}"] = resampled[name]
                 values[f"{prefix}.{name}"] = float(point[name][0])
     del found["class_aware.label_accuracy"]
-    lone = _metrics_of_one_image(table, protocol, frequencies_of(request.truth))
+    lone = metrics_of_one_image(table, protocol, frequencies_of(request.truth))
     if len(np.unique(table.truth_image)) < 2:
         lone = set(found)
     return {
@@ -153,7 +173,7 @@ def _intervals(
     }
 
 
-def _metrics_of_one_image(
+def metrics_of_one_image(
     table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_]
 ) -> set[str]:
     """Metrics whose truth lies in fewer than two images: resampling cannot show their spread."""

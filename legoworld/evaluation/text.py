@@ -25,8 +25,8 @@ def evaluation_text(summary: dict[str, Any], protocol: DetectionProtocol, table:
         f"{evaluator['name']} {evaluator['version']}, {summary['iou_type']}, "
         + _images(summary["coverage"]),
         "\n".join(official_lines(protocol, summary["official"])),
-        table(("metric", "value", "95 % interval", "over"), _rows(summary, protocol)),
-        "\n".join(_notes(summary)),
+        table(("metric", "value", "95 % interval", "over"), metric_rows(summary, protocol)),
+        "\n".join(notes(summary)),
     ]
     return "\n\n".join(parts)
 
@@ -57,7 +57,8 @@ def _images(coverage: dict[str, Any]) -> str:
     )
 
 
-def _rows(summary: dict[str, Any], protocol: DetectionProtocol) -> list[tuple[str, ...]]:
+def metric_rows(summary: dict[str, Any], protocol: DetectionProtocol) -> list[tuple[str, ...]]:
+    """Every number as (metric, value, 95 % interval, what it is over)."""
     counts, coverage = summary["counts"], summary["coverage"]
     images = _many(coverage["attempted"], "image")
     with_truth = _many(counts["categories_with_truth"], "category")
@@ -119,7 +120,8 @@ def _tie_rows(summary: dict[str, Any], over: str) -> list[tuple[str, ...]]:
     return rows
 
 
-def _notes(summary: dict[str, Any]) -> list[str]:
+def notes(summary: dict[str, Any]) -> list[str]:
+    """The counts behind the numbers, a line each."""
     counts, coverage = summary["counts"], summary["coverage"]
     statuses = ", ".join(f"{n} {name}" for name, n in coverage["by_status"].items())
     lines = [

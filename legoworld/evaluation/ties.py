@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.accumulation import (
     category_slices,
-    gained_thresholds,
+    first_reached,
     mean_precision,
     segments,
     truths_per_category,
@@ -22,10 +22,13 @@ from legoworld.evaluation.accumulation import (
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.problem import Floats, Ints
 
-#: Elements of one block of draws, to bound memory.
+#: Elements of one block of random orders, to bound memory: part of what a seed means.
 _BLOCK_ELEMENTS: Final = 1 << 21
+#: Elements of what is accumulated at a time, so that it stays in a core's cache.
+_PIECE_ELEMENTS: Final = 1 << 15
 
 Counts = NDArray[np.int32]
+Steps = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,23 +65,25 @@ class _Ranking:
     plain_before: Ints
     plain_in: Ints
 
+    @property
+    def tied(self) -> bool:
+        """Whether any order is open: a run of several detections, not all alike."""
+        sizes = np.bincount(self.group, minlength=len(self.plain_in))
+        return bool(((sizes > 1) | ((sizes > 0) & (self.plain_in > 0))).any())
+
 
 def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
     """AP over all areas under `draws` random orders; NaN when no category has truth."""
     n_truths = truths_per_category(table)[0]
-    total = np.zeros(draws)
     bounds = np.zeros(2)
     scored = np.flatnonzero(n_truths)
     slices = category_slices(table)
     for k in scored:
         rows = slices[k]
         ranking = _ranking(table.state[0, :, rows], table.score[rows])
-        gained = gained_thresholds(int(n_truths[k]))
-        random = np.random.default_rng([seed, int(table.category_ids[k])])
-        total += _sampled(ranking, gained, draws, random)
-        bounds += _bounds(ranking, gained)
+        bounds += _bounds(ranking, first_reached(int(n_truths[k])))
     n = len(scored)
-    aps = total / n if n else np.full(draws, np.nan)
+    aps = order_aps(table, draws=draws, seed=seed)
     worst, best = bounds / n if n else (np.nan, np.nan)
     return TieResult(
         expected=float(aps.mean()),
@@ -94,6 +99,20 @@ def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
             if run.stop - run.start > 1
         ),
     )
+
+
+def order_aps(table: MatchTable, *, draws: int, seed: int) -> Floats:
+    """(draws,) AP over all areas, one of each random order; NaN when no category has truth."""
+    n_truths = truths_per_category(table)[0]
+    total = np.zeros(draws)
+    scored = np.flatnonzero(n_truths)
+    slices = category_slices(table)
+    for k in scored:
+        rows = slices[k]
+        ranking = _ranking(table.state[0, :, rows], table.score[rows])
+        random = np.random.default_rng([seed, int(table.category_ids[k])])
+        total += _sampled(ranking, first_reached(int(n_truths[k])), draws, random)
+    return total / len(scored) if len(scored) else np.full(draws, np.nan)
 
 
 def _ranking(state: NDArray[np.uint8], score: Floats) -> _Ranking:
@@ -113,25 +132,29 @@ def _ranking(state: NDArray[np.uint8], score: Floats) -> _Ranking:
     )
 
 
-def _sampled(
-    ranking: _Ranking, gained: NDArray[np.uint8], draws: int, random: np.random.Generator
-) -> Floats:
+def _sampled(ranking: _Ranking, steps: Steps, draws: int, random: np.random.Generator) -> Floats:
     """(draws,) AP of one category under random orders, averaged over thresholds."""
     n_special = len(ranking.group)
     if not n_special:
         return np.zeros(draws)
+    if not ranking.tied:
+        alone = ranking.plain_before[ranking.group][None].astype(np.int32)
+        once = _average_precision(ranking, np.arange(n_special)[None], alone, steps)
+        return np.repeat(once, draws)
     block = max(1, _BLOCK_ELEMENTS // n_special)
+    piece = max(1, _PIECE_ELEMENTS // n_special)
     values = np.empty(draws)
     for start in range(0, draws, block):
         n = min(block, draws - start)
         order, plain = _random_order(ranking, n, random)
-        values[start : start + n] = np.mean(
-            [
-                _average_precision(true[order], false[order], plain, gained)
-                for true, false in zip(ranking.true, ranking.false, strict=True)
-            ],
-            axis=0,
-        )
+        for at in range(0, n, piece):
+            some = slice(at, min(at + piece, n))
+            values[start + some.start : start + some.stop] = _average_precision(
+                ranking,
+                np.ascontiguousarray(order[:, some].T),
+                np.ascontiguousarray(plain[:, some].T),
+                steps,
+            )
     return values
 
 
@@ -160,7 +183,7 @@ def _random_order(
     return order, plain
 
 
-def _bounds(ranking: _Ranking, gained: NDArray[np.uint8]) -> Floats:
+def _bounds(ranking: _Ranking, steps: Steps) -> Floats:
     """(worst, best) AP of one category: false positives first in every run, or last."""
     values = np.zeros(2)
     if not len(ranking.group):
@@ -170,17 +193,34 @@ def _bounds(ranking: _Ranking, gained: NDArray[np.uint8]) -> Floats:
         false_in = ranking.plain_in + np.bincount(ranking.group[false], minlength=n_groups)
         until = np.cumsum(false_in)
         group = ranking.group[true]
-        above = np.stack([until[group], (until - false_in)[group]], axis=1)
-        n_true = np.repeat(np.arange(1, len(group) + 1)[:, None], 2, axis=1)
-        values += mean_precision(n_true, above, gained[n_true])
+        above = np.stack([until[group], (until - false_in)[group]])
+        n_true = np.arange(1, len(group) + 1)
+        values += mean_precision(n_true, n_true + above, steps[: len(group)])
     result: Floats = values / len(ranking.true)
     return result
 
 
-def _average_precision(
-    true: NDArray[np.bool_], false: NDArray[np.bool_], plain: Counts, gained: NDArray[np.uint8]
-) -> Floats:
-    """(n,) from one threshold's flags in n orders, each (S, n)."""
-    n_true = np.cumsum(true, axis=0, dtype=np.int32)
-    n_false = np.cumsum(false, axis=0, dtype=np.int32) + plain
-    return mean_precision(n_true, n_false, gained[n_true])
+def _average_precision(ranking: _Ranking, order: Ints, plain: Counts, steps: Steps) -> Floats:
+    """(n,) AP in n orders, averaged over thresholds. order, plain: (n, S), see _random_order.
+
+    Every order has as many true positives at a threshold, so they form an array of their own.
+    """
+    place = plain + np.arange(1, order.shape[1] + 1, dtype=np.int32)
+    true, skipped = _bits(ranking.true)[order], _bits(~(ranking.true | ranking.false))[order]
+    values = []
+    for t, flags in enumerate(ranking.true):
+        at = np.flatnonzero((true >> t) & 1)
+        n_all = place.ravel()[at]
+        if (~(flags | ranking.false[t])).any():
+            n_all -= np.cumsum((skipped >> t) & 1, axis=1, dtype=np.int32).ravel()[at]
+        n_true = np.arange(1, int(flags.sum()) + 1)
+        values.append(mean_precision(n_true, n_all.reshape(len(order), -1), steps[: len(n_true)]))
+    mean: Floats = np.mean(values, axis=0)
+    return mean
+
+
+def _bits(flags: NDArray[np.bool_]) -> NDArray[np.uint16]:
+    """(S,) flags of all thresholds in one number each, threshold t in bit t. flags: (T, S)."""
+    weights = 1 << np.arange(len(flags), dtype=np.uint16)
+    bits: NDArray[np.uint16] = np.bitwise_or.reduce(flags * weights[:, None], axis=0)
+    return bits

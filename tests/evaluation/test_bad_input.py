@@ -14,13 +14,14 @@ from evaluation.detection_runs import (
     write_truth,
 )
 from evaluation.test_official_numbers import evaluate
+from pycocotools import mask as coco_mask
 
 from legoworld import cli
 from legoworld.catalog import folder
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.evaluation.box_formats import check_box_format
 from legoworld.evaluation.detections import evaluate_detections
-from legoworld.evaluation.masks import rle_problem, run_lengths
+from legoworld.evaluation.masks import pixels_covered, rle_problem
 
 
 def refused(tmp_path, task, truth, predictions, match):
@@ -41,7 +42,6 @@ PREDICTION_FAULTS = {
     "three numbers": ("coco", {"bbox": [1, 2, 3]}, "four finite numbers"),
     "a NaN box": ("coco", {"bbox": [1, 2, 3, float("nan")]}, "four finite numbers"),
     "a negative width": ("coco", {"bbox": [9, 9, -3, 4]}, "x, y, width, height"),
-    "a box beside a mask": ("lvis", {"bbox": [1, 2, 3, 4]}, "carry a bbox"),
     "a polygon": ("lvis", {"segmentation": [[1, 1, 5, 1, 5, 5]]}, "polygon"),
     "another size": ("lvis", {"segmentation": {"size": [9, 9], "counts": "a"}}, "size"),
     "cut counts": ("lvis", {"segmentation": {"size": [90, 120], "counts": "11"}}, "run lengths"),
@@ -127,10 +127,20 @@ def test_uncompressed_masks_are_compressed_and_counted(tmp_path):
     predictions = random_predictions("lvis", truth, seed=4)
     whole = evaluate(tmp_path / "a", "lvis", truth, predictions).summary
     for p in predictions[:5]:
-        p["segmentation"]["counts"] = run_lengths(p["segmentation"]["counts"]).tolist()
+        p["segmentation"]["counts"] = runs_of(p["segmentation"])
     again = evaluate(tmp_path / "b", "lvis", truth, predictions).summary
     assert again["official"] == whole["official"]
     assert any(w.startswith("5 masks with uncompressed") for w in again["warnings"])
+
+
+def test_a_box_beside_a_mask_is_left_out_and_counted(tmp_path):
+    truth = random_truth("lvis", seed=4)
+    predictions = random_predictions("lvis", truth, seed=4)
+    whole = evaluate(tmp_path / "a", "lvis", truth, predictions).summary
+    boxed = [{**p, "bbox": [0, 0, 1, 1]} for p in predictions[:7]] + predictions[7:]
+    again = evaluate(tmp_path / "b", "lvis", truth, boxed).summary
+    assert again["official"] == whole["official"]
+    assert "7 masks with a bbox, which was left out" in again["warnings"]
 
 
 def test_masks_without_a_pixel_are_dropped_and_counted(tmp_path):
@@ -141,21 +151,48 @@ def test_masks_without_a_pixel_are_dropped_and_counted(tmp_path):
     assert summary["counts"]["empty_masks_dropped"] == 1
 
 
-@pytest.mark.parametrize("n", [1, 2, 7, 300])
-def test_run_lengths_are_those_pycocotools_means(n):
-    from pycocotools import mask as coco_mask
+def runs_of(mask):
+    """Uncompressed counts of a compressed mask, by way of its pixels."""
+    pixels = coco_mask.decode(mask).flatten(order="F")
+    edges = np.flatnonzero(np.diff(pixels, prepend=0, append=1 - pixels[-1]))
+    return np.diff(edges, prepend=0).tolist()
 
-    random = np.random.default_rng(n)
-    for share in (0.0, 0.02, 0.5, 1.0):
-        mask = (random.random((n, 40)) < share).astype(np.uint8)
-        encoded = coco_mask.encode(np.asfortranarray(mask))
-        runs = run_lengths(encoded["counts"].decode())
-        np.testing.assert_array_equal(
-            np.repeat(np.arange(len(runs)) % 2, runs), mask.flatten(order="F")
-        )
-        text = {"size": [n, 40], "counts": encoded["counts"].decode()}
-        assert rle_problem(text, (40, n)) is None
-        assert rle_problem({**text, "counts": text["counts"][:-1]}, (40, n)) is not None or n == 1
+
+def encoded(pixels):
+    return coco_mask.encode(np.asfortranarray(pixels.astype(np.uint8)))["counts"].decode()
+
+
+def test_counts_of_whole_masks_cover_their_image_and_cut_ones_do_not():
+    random = np.random.default_rng(0)
+    sizes = [tuple(random.integers(1, 90, 2)) for _ in range(1500)]
+    texts = [encoded(random.random(size) < random.random()) for size in sizes]
+    pixels = np.array([h * w for h, w in sizes])
+    np.testing.assert_array_equal(pixels_covered(texts), pixels)
+    assert (pixels_covered([t[:-1] for t in texts]) != pixels).all()
+    assert (pixels_covered([t[:-1] + "~" for t in texts]) == -1).all()
+    assert (pixels_covered([t + "\u00e9" for t in texts]) == -1).all()
+    assert pixels_covered(["", "0", "P", "PPPPPPPPPP0"]).tolist() == [-1, 0, -1, -1]
+    assert pixels_covered([]).shape == (0,)
+
+
+def test_one_unusable_text_leaves_its_neighbours_as_they_are():
+    whole = encoded(np.eye(30) > 0)
+    for bad in ("", "P", "~", whole[:-1], encoded(np.eye(30) > 0)[::-1]):
+        covered = pixels_covered([whole, bad, whole, bad, bad, whole])
+        assert covered[[0, 2, 5]].tolist() == [900, 900, 900], bad
+        assert (covered[[1, 3, 4]] != 900).all(), bad
+
+
+def test_negative_runs_are_no_run_lengths():
+    # 5, 3, -2 as pycocotools would write them: the sixth bit of -2's only character is its sign.
+    assert pixels_covered(["53N"]).tolist() == [-1]
+    assert pixels_covered(["532"]).tolist() == [10]
+
+
+def test_a_list_of_counts_is_held_to_its_image():
+    assert rle_problem({"size": [2, 5], "counts": [4, 6]}, (5, 2)) is None
+    for counts in ([], [4, 5], [-1, 11], [4.0, 6.0], None):
+        assert rle_problem({"size": [2, 5], "counts": counts}, (5, 2)) is not None
 
 
 TRUTH_FAULTS = {

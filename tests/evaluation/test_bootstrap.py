@@ -84,10 +84,12 @@ def test_blocks_of_draws_do_not_change_anything(tmp_path, monkeypatch):
     _, table = match_everything(protocol, read, predictions)
     counts = resample_counts(12, 50, seed=0)
     whole = resampled_metrics(table, protocol, counts)
-    monkeypatch.setattr("legoworld.evaluation.resampling._MAX_BLOCK", 7)
+    monkeypatch.setattr("legoworld.evaluation.resampling._PIECE_ELEMENTS", 70)
+    monkeypatch.setattr("legoworld.evaluation.resampling._GATHERED_ELEMENTS", 200)
+    monkeypatch.setattr("legoworld.evaluation.resampling._MOST_THREADS", 1)
     parts = resampled_metrics(table, protocol, counts)
     for name, values in whole.items():
-        np.testing.assert_allclose(values, parts[name], rtol=0, atol=1e-15)
+        np.testing.assert_array_equal(values, parts[name])
 
 
 def test_draws_are_seeded_and_more_extend_fewer():

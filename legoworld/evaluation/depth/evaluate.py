@@ -22,6 +22,7 @@ from legoworld.evaluation.folder import (
     prepare_folder,
     write_evaluation,
 )
+from legoworld.evaluation.run import run_view
 from legoworld.running.run_folder import ROWS, RUN
 
 
@@ -52,7 +53,7 @@ def evaluate_depth(
     configuration = _configuration(protocol, settings)
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
     rows: list[Row] = []
-    views: dict[str, Any] = {}
+    views: dict[str, Any] = {"run.json": run_view(depth_run.run)}
     for image, file in zip(depth_run.images, files, strict=True):
         camera = file.camera if camera_model == "dataset" else None
         result = score_row(image, file, camera, protocol)

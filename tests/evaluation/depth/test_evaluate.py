@@ -83,7 +83,8 @@ def test_every_status(tmp_path: Path) -> None:
     everything = summary["all_attempted"]
     assert (everything["images"], everything["missing"]) == (9, 6)
     assert everything["abs_rel"]["error_1"] == pytest.approx((sum(scored) + 6) / 9, rel=1e-14)
-    assert sorted(p.name for p in (tmp_path / "e/view").iterdir()) == ["1.json", "2.json", "3.json"]
+    names = sorted(p.name for p in (tmp_path / "e/view").iterdir())
+    assert names == ["1.json", "2.json", "3.json", "run.json"]
 
 
 def test_the_row_says_how_it_was_scored(tmp_path: Path) -> None:
