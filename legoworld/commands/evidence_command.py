@@ -21,20 +21,24 @@ from legoworld.commands import options
 def command(
     action: str, folder: Path, root: Path | None, as_json: bool, quiet: bool, verbose: bool
 ) -> int:
-    """Check that an evaluation FOLDER is what its evidence.json says.
+    """Check that an evaluation's or a comparison's FOLDER is what its evidence.json says.
 
-    Every file of the folder and every input is hashed again; the numbers of summary.json are
-    computed again from matches.npz and per_image.jsonl. Exit code 1 when anything differs or an
-    input is not there.
+    Every file of the folder and every input is hashed again. The numbers of an evaluation are
+    computed again from matches.npz and per_image.jsonl, of depth also the rows of up to ten
+    images from the arrays; those of a comparison from its evaluations. Exit code 1 when anything
+    differs or an input is not there.
 
     \b
     Examples:
       legoworld evidence verify evals/coco
       legoworld evidence verify evals/coco --root /data
+      legoworld evidence verify comparisons/coco
     """
-    from legoworld.evaluation.evidence import verify
+    from legoworld.comparison.verification import KINDS, verify_comparison
+    from legoworld.evaluation.evidence import read_evidence, verify
 
-    checks = verify(folder, root)
+    kind = read_evidence(folder, ("evaluation", *KINDS))["kind"]
+    checks = verify_comparison(folder, root) if kind in KINDS else verify(folder, root)
     bad = [check for check in checks if check.status != "ok"]
     if as_json:
         options.print_json({"ok": not bad, "checks": [check.__dict__ for check in checks]})

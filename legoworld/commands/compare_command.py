@@ -1,0 +1,126 @@
+"""`legoworld compare`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.comparison.thresholds import Tripped
+
+#: The exit code of a threshold that does not hold.
+_BELOW = 3
+
+
+@click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("evaluations", nargs=-1, required=True, type=options.EXISTING_FOLDER)
+@click.option("-o", "--output", type=options.FOLDER, required=True, help="The folder to write.")
+@click.option(
+    "--join",
+    "joining",
+    is_flag=True,
+    help="The arguments are comparisons of different tasks: make one table of them.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(min=1),
+    help="Bootstrap samples and tie orders [default: 2000].",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Of both [default: 0].")
+@click.option(
+    "--fail-below",
+    "thresholds",
+    multiple=True,
+    metavar="METRIC=DELTA",
+    help="Exit 3 when the scene's gain over a baseline is less; may be given again.",
+)
+@click.option(
+    "--allow-truth-prompts",
+    is_flag=True,
+    help="Take a baseline that was prompted with truth; every table says so.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace another comparison in the folder.")
+@options.output_options
+def command(
+    evaluations: tuple[Path, ...],
+    output: Path,
+    joining: bool,
+    draws: int | None,
+    seed: int | None,
+    thresholds: tuple[str, ...],
+    allow_truth_prompts: bool,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Put the first of EVALUATIONS, the scene's, beside each of the others.
+
+    Numbers over all attempted images and over paired ones (scored on both sides, with truth), and
+    their differences, with intervals from bootstrap samples that both sides share. Evaluations
+    of other truth, tracks, cards, evaluators or versions are refused.
+
+    A gain is the difference towards better: scene minus baseline, the other way round for errors.
+    --fail-below looks at all attempted images where the metric has them, at paired ones with
+    paired.METRIC.
+
+    \b
+    Examples:
+      legoworld compare evals/scene evals/dino -o comparisons/coco
+      legoworld compare evals/scene evals/dino evals/yolox -o comparisons/coco
+      legoworld compare evals/scene evals/dino -o comparisons/coco --fail-below AP=-0.3
+      legoworld compare --join comparisons/coco comparisons/eth3d -o comparisons/all
+    """
+    if joining:
+        if draws is not None or seed is not None or thresholds or allow_truth_prompts:
+            raise click.UsageError("--join takes comparisons as they are: only -o goes with it")
+        from legoworld.comparison.making import make_joined
+
+        joined = make_joined(evaluations, output, overwrite=overwrite)
+        _show(joined, [], output, as_json=as_json)
+        return 0
+    from legoworld.comparison.document import Settings
+    from legoworld.comparison.making import make_comparison
+
+    document, below = make_comparison(
+        evaluations,
+        output,
+        Settings(
+            draws=2000 if draws is None else draws,
+            seed=seed or 0,
+            allow_truth_prompts=allow_truth_prompts,
+        ),
+        thresholds=thresholds,
+        overwrite=overwrite,
+        notice=options.notifier(quiet or not (verbose or options.on_terminal())),
+    )
+    _show(document, below, output, as_json=as_json)
+    for one in below:
+        click.echo(f"legoworld: below its threshold: {one}", err=True)
+    return _BELOW if below else 0
+
+
+def _show(
+    document: dict[str, Any], below: Sequence[Tripped], output: Path, *, as_json: bool
+) -> None:
+    if as_json:
+        tripped = [str(one) for one in below]
+        options.print_json(
+            {"folder": str(output), "comparison": document, "below_threshold": tripped}
+        )
+        return
+    from legoworld.comparison.tables import coverage_table, headline_table
+
+    headline, coverage = headline_table(document), coverage_table(document)
+    click.echo(options.table(headline.header, headline.rows))
+    click.echo()
+    click.echo(options.table(coverage.header, coverage.rows))
+    click.echo()
+    for note in headline.notes:
+        click.echo(note)
+    click.echo(f"\n-> {output}")

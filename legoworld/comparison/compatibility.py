@@ -1,0 +1,140 @@
+"""What two evaluations must have in common before their numbers stand beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from legoworld.comparison.sides import Side
+from legoworld.errors import LegoWorldError, one_line
+from legoworld.evaluation.depth.rows import SCORED
+
+_TRUTH_ROLES = ("truth", "truth_declaration")
+#: What per_image rows say of the truth alone.
+_TRUTH_FACTS = ("n_truth", "n_ignored_truth", "truth_wh", "n_valid")
+
+
+class IncomparableError(LegoWorldError):
+    """Two evaluations are of different things."""
+
+    code = "incomparable"
+
+
+def check_comparable(sides: Sequence[Side], *, allow_truth_prompts: bool) -> None:
+    """Hold every baseline to the first side. IncomparableError names all that differs."""
+    first = sides[0]
+    for side in sides:
+        if side.summary["partial"]:
+            raise IncomparableError(
+                f"{side.name} is a partial run",
+                found=f"{side.summary['coverage']['attempted']} of its track's images attempted",
+                expected="a run over the whole track",
+                next_step="run it without --limit or --image-id and evaluate again",
+            )
+        _check_truth_prompts(side, allow=allow_truth_prompts)
+    for other in sides[1:]:
+        if first.task != other.task:
+            raise _different(first, other, [f"task {first.task} and {other.task}"])
+        differences = [*_differences(first, other), *_depth_differences(first, other)]
+        if differences:
+            raise _different(first, other, differences)
+
+
+def _check_truth_prompts(side: Side, *, allow: bool) -> None:
+    if side.used_truth and not allow:
+        raise IncomparableError(
+            f"{side.name} was prompted with the truth of the images it is scored on",
+            found=f"used_truth {one_line(str(side.used_truth), 120)}",
+            expected="a run that saw the photos and the vocabulary alone",
+            next_step="pass --allow-truth-prompts: it is then printed beside every score",
+        )
+
+
+def _different(first: Side, other: Side, differences: list[str]) -> IncomparableError:
+    return IncomparableError(
+        f"{first.name} and {other.name} cannot be compared",
+        found="; ".join(differences),
+        expected="the same truth, track, card, evaluator, task and dataset version",
+        next_step="evaluate both over one track, with the same truth and --evaluator",
+    )
+
+
+def _differences(first: Side, other: Side) -> list[str]:
+    """What differs of what must be the same for every task."""
+    facts: dict[str, Callable[[Side], Any]] = {
+        "dataset version": lambda s: s.summary.get("dataset_version"),
+        "evaluator": lambda s: "{name} {version}".format(**s.summary["evaluator"]),
+        "card": lambda s: _short(s.evidence["configuration"].get("card_sha256")),
+        "truth": _truth_files,
+        "categories": lambda s: _short(s.run["configuration"].get("vocabulary_sha256")),
+    }
+    found = []
+    for name, fact in facts.items():
+        ours, theirs = fact(first), fact(other)
+        if ours != theirs:
+            found.append(f"{name} {ours} and {theirs}")
+    tracks = [s.run["configuration"].get("track_sha256") for s in (first, other)]
+    if None not in tracks and tracks[0] != tracks[1]:
+        found.append(f"track {_short(tracks[0])} and {_short(tracks[1])}")
+    return found + _image_differences(first, other)
+
+
+def _truth_files(side: Side) -> str:
+    """Short hashes of the truth, in the order of its images."""
+    entries = side.evidence["inputs"]
+    hashes = [e["sha256"] for e in entries if e["role"] in _TRUTH_ROLES]
+    return _short(hashes[0]) if len(hashes) == 1 else "+".join(_short(h) for h in hashes)
+
+
+def _image_differences(first: Side, other: Side) -> list[str]:
+    """Images that only one side has, or whose truth is not the same."""
+    ours, theirs = ({(r["image_id"], r["file_name"]) for r in s.rows} for s in (first, other))
+    if ours != theirs:
+        example = min(ours ^ theirs)
+        return [f"images: {len(ours ^ theirs)} in one alone, such as {example[0]} ({example[1]})"]
+    facts = [
+        {r["image_id"]: [r.get(k) for k in _TRUTH_FACTS] for r in s.rows} for s in (first, other)
+    ]
+    unlike = [i for i in facts[0] if facts[0][i] != facts[1][i]]
+    return [f"the truth of image {unlike[0]}"] if unlike else []
+
+
+def _depth_differences(first: Side, other: Side) -> list[str]:
+    """Cameras and sizes that make two depths different tasks (docs/protocols/comparison.md)."""
+    if first.camera_model is None:
+        return []
+    found = []
+    if first.kind == other.kind == "scene" and first.camera_model != other.camera_model:
+        found.append(f"camera model {first.camera_model} and {other.camera_model}")
+    if first.camera_model == other.camera_model == "dataset":
+        ours, theirs = (_calibration(s) for s in (first, other))
+        if ours != theirs:
+            found.append("calibration")
+    return found + _size_differences(first, other)
+
+
+def _calibration(side: Side) -> list[str]:
+    return [e["sha256"] for e in side.evidence["inputs"] if e["role"] == "calibration"]
+
+
+def _size_differences(first: Side, other: Side) -> list[str]:
+    """A scene read out smaller than the photos stands beside nothing of full size."""
+    if first.kind == other.kind == "scene":
+        if first.max_side != other.max_side:
+            return [f"depth {_size(first)} and {_size(other)}"]
+        return []
+    for scene, baseline in ((first, other), (other, first)):
+        if scene.max_side is None:
+            continue
+        full = [r for r in baseline.rows if r["status"] in SCORED and not r["resampled"]]
+        if full:
+            return [f"depth {_size(scene)} and {len(full)} images of full size"]
+    return []
+
+
+def _size(side: Side) -> str:
+    return "of full size" if side.max_side is None else f"resampled from {side.max_side} px"
+
+
+def _short(sha256: Any) -> str:
+    return str(sha256)[:12]

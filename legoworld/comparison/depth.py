@@ -1,0 +1,121 @@
+"""Depth: the means of a side over its scored, its attempted, and the paired images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.comparison.measures import (
+    EVERYTHING,
+    HEADLINE,
+    TABLE,
+    Better,
+    Images,
+    Measure,
+    Measures,
+    Metric,
+)
+from legoworld.comparison.pairing import has_truth, is_scored
+from legoworld.comparison.sides import Side
+from legoworld.evaluation.bootstrap import resample_counts, resampled_means
+from legoworld.evaluation.depth.eth3d import scene_of
+from legoworld.evaluation.depth.protocol import PRIMARY_POLICY, HolePolicy
+from legoworld.evaluation.depth.summary import metric_policies
+from legoworld.evaluation.folder import Row
+
+#: The one metric a missing image has a value for.
+_WITH_MISSING: Final = "abs_rel"
+_DETAILS: Final = ("delta2", "delta3")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupDraws:
+    """The bootstrap over groups (ETH3D scenes), shared by both sides.
+
+    counts: (draws, groups), None where there are fewer than two groups; column: of each group.
+    """
+
+    counts: NDArray[np.int32] | None
+    column: dict[str, int]
+
+
+def depth_metrics() -> list[Metric]:
+    """Every metric and hole policy, in the order it is shown."""
+    found = []
+    for name, policy in metric_policies():
+        level = EVERYTHING if name in _DETAILS else TABLE
+        if name == _WITH_MISSING or (name, policy) == ("delta1", PRIMARY_POLICY):
+            level = HEADLINE
+        better: Better = "higher" if name.startswith("delta") else "lower"
+        found.append(Metric(id=f"{name}.{policy}", policy=policy, better=better, level=level))
+    return found
+
+
+def group_unit(rows: Sequence[Row]) -> str:
+    """What is drawn: scenes where every photo is named after one, else images."""
+    named = bool(rows) and all(scene_of(row["file_name"]) for row in rows)
+    return "scene" if named else "image"
+
+
+def shared_group_draws(rows: Sequence[Row], draws: int, seed: int) -> GroupDraws:
+    """The draws over the groups of these rows; both sides' rows have the same groups."""
+    names = sorted({row["group"] for row in rows})
+    counts = resample_counts(len(names), draws, seed) if len(names) > 1 else None
+    return GroupDraws(counts=counts, column={name: k for k, name in enumerate(names)})
+
+
+def measure_depth(
+    side: Side, images: Images, kept: NDArray[np.bool_], shared: GroupDraws
+) -> Measures:
+    """The means of a side over the kept images, (images,) bool.
+
+    images "scored": of the kept, those this side has scores of; "paired": the kept are scored;
+    "attempted": AbsRel alone, a kept image without a score given the declared error.
+    """
+    rows = [row for row, keep in zip(side.rows, kept, strict=True) if keep]
+    found: Measures = {}
+    if images == "attempted":
+        given = float(side.summary["all_attempted"]["missing_abs_rel"])
+        for name, policy in metric_policies():
+            if name == _WITH_MISSING:
+                values = [row["metrics"][name][policy] if is_scored(row) else given for row in rows]
+                over = {"images": len(rows), "missing": sum(not is_scored(r) for r in rows)}
+                found[f"{name}.{policy}"] = _mean(values, rows, shared, over, {})
+        return found
+    scored = [row for row in rows if is_scored(row)]
+    for name, policy in metric_policies():
+        values = [row["metrics"][name][policy] for row in scored]
+        extra = {"constant": _constant(scored, name, policy)}
+        found[f"{name}.{policy}"] = _mean(values, scored, shared, {"images": len(scored)}, extra)
+    return found
+
+
+def with_truth(side: Side) -> NDArray[np.bool_]:
+    """(images,) which images have truth enough to be scored."""
+    return np.array([has_truth(row) for row in side.rows], bool)
+
+
+def _constant(rows: Sequence[Row], name: str, policy: HolePolicy) -> float:
+    """The mean of the constant that knows nothing of the picture, on the same pixels."""
+    values = [row["constant"][name][policy] for row in rows]
+    return float(np.mean(np.array(values, np.float64))) if values else float("nan")
+
+
+def _mean(
+    values: Sequence[float],
+    rows: Sequence[Row],
+    shared: GroupDraws,
+    over: dict[str, int],
+    extra: dict[str, float],
+) -> Measure:
+    numbers = np.array(values, np.float64)
+    value = float(np.mean(numbers)) if len(numbers) else float("nan")
+    samples = None
+    if shared.counts is not None and len(numbers):
+        groups = np.array([shared.column[row["group"]] for row in rows], np.int64)
+        samples = resampled_means(numbers, groups, shared.counts)
+    return Measure(value=value, samples=samples, over=over, extra=extra)

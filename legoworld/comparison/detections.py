@@ -1,0 +1,169 @@
+"""Boxes and masks: every official and score-free number of a side, over some of its images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE, Measure, Measures, Metric
+from legoworld.comparison.sides import Side
+from legoworld.comparison.subsets import counts_of_images, table_of_images
+from legoworld.evaluation import matches_file
+from legoworld.evaluation.accumulation import accumulate, metric_value, truths_per_category
+from legoworld.evaluation.bootstrap import resample_counts
+from legoworld.evaluation.matched_metrics import MatchedCounts, matched_metrics
+from legoworld.evaluation.matching import MatchTable
+from legoworld.evaluation.problem import Floats
+from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
+from legoworld.evaluation.protocols import Metric as OfficialMetric
+from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.scoring import metrics_of_one_image
+from legoworld.evaluation.ties import tie_orders
+
+EQUAL: Final = "equal_confidence."
+TIES: Final = "tie_orders.AP"
+_KINDS: Final = ("class_aware", "class_agnostic")
+_HEADLINE: Final = ("AP", "AP50", "AP75")
+#: COCO's recalls at fewer than its 100 detections are in every row, not in every table.
+_SMALL_CAPS: Final = ("AR1", "AR10")
+_SCORE_FREE: Final = (
+    "miou_gt_micro", "miou_gt_macro", "miou_matched", "precision_50", "recall_50", "f1_50",
+    "sq", "rq", "pq", "label_accuracy",
+)  # fmt: skip
+_SCORE_FREE_TABLE: Final = ("miou_gt_micro", "miou_matched", "f1_50")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draws:
+    """The bootstrap of one selection of images, shared by both sides. counts: (draws, images)."""
+
+    counts: NDArray[np.int32]
+    draws: int
+    seed: int
+
+
+def shared_draws(n_images: int, draws: int, seed: int) -> Draws:
+    """The draws over so many images; they depend on nothing else, so both sides have the same."""
+    return Draws(counts=resample_counts(n_images, draws, seed), draws=draws, seed=seed)
+
+
+def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
+    """Every metric of a comparison of boxes or masks, in the order it is shown."""
+    found = []
+    for prefix, policy in (("", "own_scores"), (EQUAL, "equal_confidence")):
+        for official in protocol.metrics:
+            level = HEADLINE if official.name in _HEADLINE else TABLE
+            if official.name in _SMALL_CAPS or (prefix and official.name != "AP"):
+                level = EVERYTHING
+            found.append(
+                Metric(id=prefix + official.name, policy=policy, better="higher", level=level)
+            )
+    found.append(Metric(id=TIES, policy="tie_orders", better="higher", level=TABLE))
+    for kind in _KINDS:
+        for name in _SCORE_FREE:
+            if (kind, name) != ("class_aware", "label_accuracy"):  # right by construction
+                shown = kind == "class_aware" and name in _SCORE_FREE_TABLE
+                level = TABLE if shown else EVERYTHING
+                found.append(
+                    Metric(id=f"{kind}.{name}", policy="score_free", better="higher", level=level)
+                )
+    return found
+
+
+def frequencies_of_side(side: Side, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
+    """(K,) LVIS's frequency letters; empty for categories with neither truth nor predictions."""
+    letters = {row["category_id"]: row.get("frequency", "") for row in side.categories}
+    return np.array([letters.get(int(i), "") for i in category_ids])
+
+
+def measure_detections(
+    side: Side, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
+) -> Measures:
+    """Every metric of `detection_metrics` over the kept images, from the matches on record."""
+    arrays = side.matches()
+    frequencies = frequencies_of_side(side, arrays["category_ids"])
+    found: Measures = {}
+    table = table_of_images(matches_file.table_from(arrays, matches_file.OWN), kept)
+    own = equal = _official(table, protocol, frequencies, shared)
+    if not side.summary["equal_confidence"]["already_equal"]:
+        table = table_of_images(matches_file.table_from(arrays, matches_file.EQUAL), kept)
+        equal = _official(table, protocol, frequencies, shared)
+    found |= own | {EQUAL + name: measure for name, measure in equal.items()}
+    found[TIES] = _ties(table, shared, equal["AP"].over)
+    images_with_truth = len(np.unique(table.truth_image))
+    for kind, aware in zip(_KINDS, (True, False), strict=True):
+        counts = counts_of_images(matches_file.counts_from(arrays, class_aware=aware), kept)
+        for name, measure in _score_free(counts, shared, spread=images_with_truth > 1).items():
+            found[f"{kind}.{name}"] = measure
+    return found
+
+
+def _official(
+    table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_], shared: Draws
+) -> Measures:
+    """The evaluator's own numbers, and their bootstrap samples."""
+    curves = accumulate(table, protocol)
+    samples = resampled_metrics(table, protocol, shared.counts, frequencies)
+    lone = metrics_of_one_image(table, protocol, frequencies)
+    n_truths = truths_per_category(table)
+    found = {}
+    for metric in protocol.metrics:
+        value = metric_value(metric, curves, frequencies)
+        defined = value != -1 and metric.name not in lone
+        found[metric.name] = Measure(
+            value=np.nan if value == -1 else value,
+            samples=samples[metric.name] if defined else None,
+            over=_over(table, metric, n_truths, frequencies),
+            extra={},
+        )
+    return found
+
+
+def _over(
+    table: MatchTable, metric: OfficialMetric, n_truths: NDArray[Any], frequencies: NDArray[np.str_]
+) -> dict[str, int]:
+    counted = n_truths[AREA_NAMES.index(metric.area)]
+    if metric.frequency is not None:
+        counted = np.where(frequencies == metric.frequency, counted, 0)
+    return {
+        "images": len(table.image_ids),
+        "categories": int((counted > 0).sum()),
+        "truths": int(counted.sum()),
+    }
+
+
+def _ties(table: MatchTable, shared: Draws, over: Any) -> Measure:
+    """Expected AP over random orders of equally confident predictions."""
+    ties = tie_orders(table, draws=shared.draws, seed=shared.seed)
+    extra = {"sd": ties.sd, "worst": ties.worst, "best": ties.best}
+    return Measure(value=ties.expected, samples=None, over=over, extra=extra)
+
+
+def _score_free(counts: MatchedCounts, shared: Draws, *, spread: bool) -> Measures:
+    samples = matched_metrics(counts, shared.counts)
+    point: dict[str, Floats] = matched_metrics(
+        counts, np.ones((1, len(counts.per_image)), np.int32)
+    )
+    over = {
+        "images": len(counts.per_image),
+        "truths": int(point["n_gt"][0]),
+        "predictions": int(point["n_dt"][0]),
+    }
+    more = {
+        "miou_gt_macro": {"categories": len(np.unique(counts.cell_category))},
+        "miou_matched": {"pairs": int(point["n_matched"][0])},
+        "label_accuracy": {"pairs": int(point["n_hits_50"][0])},
+    }
+    found = {}
+    for name in _SCORE_FREE:
+        value = float(point[name][0])
+        found[name] = Measure(
+            value=value,
+            samples=samples[name] if spread and np.isfinite(value) else None,
+            over={**over, **more.get(name, {})},
+            extra={},
+        )
+    return found

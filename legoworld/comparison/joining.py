@@ -1,0 +1,103 @@
+"""Comparisons of several tasks as one: the one table of task by metric by method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.comparison.document import KIND
+from legoworld.comparison.folder import COMPARISON, ComparisonFolderError, input_entry
+from legoworld.comparison.provenance import NOT_RECORDED, ByField, provenance_notes
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.errors import UsageError
+from legoworld.evaluation.folder import EVIDENCE, installed_versions
+from legoworld.evaluation.protocols import PROTOCOLS
+
+JOINED: Final = "joined_comparison"
+#: The tasks in the order tables have them.
+_ORDER: Final = (*PROTOCOLS, "eth3d")
+
+
+def join(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """One document of comparisons of different tasks, whatever order they are given in.
+
+    ComparisonFolderError for a document that is joined already; UsageError for fewer than two, or
+    two of one task.
+    """
+    joined = [d for d in documents if d["kind"] != KIND]
+    if joined:
+        raise ComparisonFolderError(
+            "what was joined cannot be joined again",
+            found=f"kind {joined[0]['kind']}",
+            expected="the comparisons of each task",
+        )
+    tasks = [d["task"] for d in documents]
+    if len(set(tasks)) < max(2, len(tasks)):
+        raise UsageError(
+            "comparisons are joined over different tasks",
+            found=", ".join(tasks),
+            expected="one comparison of each of two or more tasks",
+            next_step="compare several baselines of a task at once: EVAL_SCENE EVAL_BASELINE...",
+        )
+    ordered = sorted(documents, key=lambda d: _ORDER.index(d["task"]))
+    common = _common_images(ordered)
+    by_field = _provenance(ordered)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "kind": JOINED,
+        "comparisons": ordered,
+        "common_images": common,
+        "provenance": by_field,
+        "notes": [_images_note(ordered, common), *provenance_notes(by_field)],
+    }
+
+
+def joined_evidence(
+    folder: Path, document: dict[str, Any], comparisons: Sequence[Path]
+) -> dict[str, Any]:
+    """What evidence.json proves of a joined comparison: the comparisons by hash, in task order."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "kind": JOINED,
+        "configuration": {},
+        "versions": installed_versions(),
+        "inputs": [
+            input_entry(folder, f"comparison {one['task']}", path / name)
+            for one, path in zip(document["comparisons"], comparisons, strict=True)
+            for name in (COMPARISON, EVIDENCE)
+        ],
+    }
+
+
+def _common_images(documents: Sequence[dict[str, Any]]) -> int:
+    """Images that occur in every track, by id and file name: ids alone mean nothing across sets."""
+    sets = [{(i["image_id"], i["file_name"]) for i in d["images"]} for d in documents]
+    return len(set.intersection(*sets))
+
+
+def _images_note(documents: Sequence[dict[str, Any]], common: int) -> str:
+    sizes = {d["task"]: len(d["images"]) for d in documents}
+    if set(sizes.values()) == {common}:
+        return f"The {len(sizes)} tracks hold the same {common} images."
+    listed = ", ".join(f"{task} {n}" for task, n in sizes.items())
+    return (
+        f"The {len(sizes)} tracks hold different images ({listed}; {common} in all of them): "
+        "numbers of different tasks are not of the same photos."
+    )
+
+
+def _provenance(documents: Sequence[dict[str, Any]]) -> ByField:
+    """field -> "task method" -> value -> images; what nobody of a task recorded is so named."""
+    fields = [name for d in documents for name in d["provenance"]]
+    return {
+        field: {
+            f"{d['task']} {method['name']}": d["provenance"]
+            .get(field, {})
+            .get(method["name"], {NOT_RECORDED: len(d["images"])})
+            for d in documents
+            for method in d["methods"]
+            if method["kind"] == "scene"
+        }
+        for field in dict.fromkeys(fields)
+    }

@@ -1,0 +1,60 @@
+"""`legoworld compare`: evaluations, or comparisons to join, to a comparison folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from legoworld.comparison.compatibility import check_comparable
+from legoworld.comparison.document import Settings, compare
+from legoworld.comparison.folder import (
+    evidence_of,
+    paired_evidence,
+    prepare_folder,
+    read_document,
+    write_comparison,
+)
+from legoworld.comparison.joining import join, joined_evidence
+from legoworld.comparison.sides import read_sides
+from legoworld.comparison.thresholds import Tripped, parse_thresholds, tripped
+
+
+def make_comparison(
+    evaluations: Sequence[Path],
+    output: Path,
+    settings: Settings,
+    *,
+    thresholds: Sequence[str] = (),
+    overwrite: bool = False,
+    notice: Callable[[str], None] = lambda _text: None,
+) -> tuple[dict[str, Any], list[Tripped]]:
+    """Compare the first evaluation with the others and write the folder.
+
+    Returns comparison.json's document and the thresholds ("METRIC=DELTA") that do not hold. Every
+    LegoWorldError is raised before anything is written.
+    """
+    sides = read_sides(evaluations)
+    check_comparable(sides, allow_truth_prompts=settings.allow_truth_prompts)
+    wanted = parse_thresholds(thresholds, sides[0].task)
+    evidence = evidence_of(output, sides, asdict(settings))
+    prepare_folder(output, evidence, overwrite=overwrite)
+    document = compare(sides, settings, notice)
+    write_comparison(
+        output, document, {**evidence, "pairs": paired_evidence(document)}, overwrite=overwrite
+    )
+    return document, tripped(document, wanted)
+
+
+def make_joined(
+    comparisons: Sequence[Path], output: Path, *, overwrite: bool = False
+) -> dict[str, Any]:
+    """Join comparisons of different tasks and write the folder; returns its document."""
+    documents = [read_document(folder) for folder in comparisons]
+    document = join(documents)
+    by_task = {d["task"]: folder for d, folder in zip(documents, comparisons, strict=True)}
+    ordered = [by_task[one["task"]] for one in document["comparisons"]]
+    evidence = joined_evidence(output, document, ordered)
+    write_comparison(output, document, evidence, overwrite=overwrite)
+    return document

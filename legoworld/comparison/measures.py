@@ -1,0 +1,111 @@
+"""One number of one side and the difference of two, with intervals from the same draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from legoworld.evaluation.bootstrap import centred_interval, interval
+from legoworld.evaluation.folder import Row, number
+from legoworld.evaluation.problem import Floats
+
+#: Which images a number is over; docs/protocols/comparison.md says what each means.
+Images = Literal["attempted", "scored", "paired"]
+Better = Literal["higher", "lower"]
+
+#: 1: also in the joined table of several tasks; 2: in a comparison's table; 3: in CSV and JSON.
+HEADLINE: Final = 1
+TABLE: Final = 2
+EVERYTHING: Final = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """What a row of a comparison is about. id: unique among a task's metrics."""
+
+    id: str
+    policy: str
+    better: Better
+    level: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """A metric of one side over one selection of images.
+
+    value: NaN where undefined. samples: (draws,) of the bootstrap, None where there is no
+    interval to give. over: its denominators. extra: what else is said of it, such as `sd`.
+    """
+
+    value: float
+    samples: Floats | None
+    over: Mapping[str, int]
+    extra: Mapping[str, float]
+
+
+Measures = dict[str, Measure]
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntervalRule:
+    """evaluate's own rule. centred: samples are shifted onto the value; unit: what is drawn."""
+
+    centred: bool
+    unit: str
+
+    def of_value(self, samples: Floats | None, value: float) -> Row | None:
+        """The interval of a metric; None without samples."""
+        if samples is None:
+            return None
+        if self.centred:
+            return centred_interval(samples, value, unit=self.unit)
+        return interval(samples, unit=self.unit)
+
+    def of_difference(self, samples: Floats | None, value: float) -> Row | None:
+        """The interval of a difference, by the same rule; of two fractions it stays in [-1, 1]."""
+        if samples is None:
+            return None
+        if not self.centred:
+            return interval(samples, unit=self.unit)
+        defined = samples[~np.isnan(samples)]
+        mean = float(defined.mean()) if len(defined) else float("nan")
+        found = interval(samples - mean + value, unit=self.unit)
+        if found["low"] is not None:
+            found["low"], found["high"] = (min(1.0, max(-1.0, found[k])) for k in ("low", "high"))
+        found["bootstrap_mean"] = number(mean)
+        return found
+
+
+def comparison_row(
+    metric: Metric, images: Images, scene: Measure, baseline: Measure, rule: IntervalRule
+) -> Row:
+    """A row of comparison.json. The difference of each draw is taken before any percentile."""
+    samples = None
+    if scene.samples is not None and baseline.samples is not None:
+        samples = scene.samples - baseline.samples
+    difference = scene.value - baseline.value
+    return {
+        "metric": metric.id,
+        "policy": metric.policy,
+        "images": images,
+        "better": metric.better,
+        "level": metric.level,
+        "scene": _side(scene, rule),
+        "baseline": _side(baseline, rule),
+        "difference": {
+            "value": number(difference),
+            "interval": rule.of_difference(samples, difference),
+        },
+    }
+
+
+def _side(measure: Measure, rule: IntervalRule) -> Row:
+    return {
+        "value": number(measure.value),
+        "interval": rule.of_value(measure.samples, measure.value),
+        "over": dict(measure.over),
+        **{name: number(value) for name, value in measure.extra.items()},
+    }

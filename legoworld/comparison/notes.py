@@ -1,0 +1,69 @@
+"""Sentences a reader of a comparison must see beside its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legoworld.comparison.provenance import ByField, provenance_notes
+from legoworld.comparison.sides import Side
+from legoworld.errors import one_line
+
+
+def notes_of(sides: Sequence[Side], by_field: ByField) -> list[str]:
+    """Everything that is not the same on all sides and is not a reason to refuse."""
+    notes = [f"Differences are {sides[0].name} minus the other method."]
+    notes += [_truth_prompts(side) for side in sides if side.used_truth]
+    notes += _scores(sides) if "equal_confidence" in sides[0].summary else _depth(sides)
+    made = provenance_notes(by_field) if any(s.kind == "scene" for s in sides) else []
+    return [*notes, *_versions(sides), *made]
+
+
+def _truth_prompts(side: Side) -> str:
+    return (
+        f"{side.name} was prompted with the truth of the images it is scored on: "
+        f"{one_line(str(side.used_truth), 160)}."
+    )
+
+
+def _scores(sides: Sequence[Side]) -> list[str]:
+    """Which sides rank their predictions."""
+    ranked = [s.name for s in sides if not s.summary["equal_confidence"]["already_equal"]]
+    unranked = [s.name for s in sides if s.summary["equal_confidence"]["already_equal"]]
+    if not ranked or not unranked:
+        return []
+    return [
+        f"Official metrics: {', '.join(ranked)} ranked by own scores, {', '.join(unranked)} "
+        "equally confident in everything and ordered canonically. Those of equal_confidence and "
+        "tie_orders: no method ranks."
+    ]
+
+
+def _depth(sides: Sequence[Side]) -> list[str]:
+    notes = ["Images scored: each method over its own, so their differences are of other images."]
+    models = {s.name: s.camera_model for s in sides}
+    if set(models.values()) != {"none"}:
+        listed = ", ".join(f"{name} {model}" for name, model in models.items())
+        notes.append(
+            f"Camera model: {listed}. A scene's pinhole view is warped to the distorted photo that "
+            "the other methods saw."
+        )
+    notes += [
+        f"{s.name}: {s.summary['resampled']} of {s.summary['coverage']['scored']} depth maps are "
+        "smaller than the truth and were resampled to it."
+        for s in sides
+        if s.summary["resampled"]
+    ]
+    return notes
+
+
+def _versions(sides: Sequence[Side]) -> list[str]:
+    """Packages of other versions: numbers are held to 1e-12 within one, not between two."""
+    versions = [s.evidence["versions"] for s in sides]
+    names = sorted({name for found in versions for name in found})
+    notes = []
+    for name in names:
+        found = [v.get(name, "absent") for v in versions]
+        if len(set(found)) > 1:
+            listed = ", ".join(f"{s.name} {v}" for s, v in zip(sides, found, strict=True))
+            notes.append(f"Evaluated with other versions of {name}: {listed}.")
+    return notes

@@ -1,0 +1,88 @@
+"""Who made what, as far as runs recorded it: agents, prompts, cameras given, feedback."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, Final
+
+from legoworld.comparison.sides import Side
+from legoworld.evaluation.folder import Row
+from legoworld.files import canonical_json
+
+NOT_RECORDED: Final = "not recorded"
+
+#: field -> method -> value -> images
+ByField = dict[str, dict[str, dict[str, int]]]
+#: What provenance.json of a scene may say, and so what runs are held against each other by.
+FIELDS: Final = (
+    "agent",
+    "model",
+    "plugin",
+    "prompt_sha256",
+    "task",
+    "vocabulary_sha256",
+    "camera_given",
+    "metric_feedback",
+)
+
+
+def recorded_provenance(side: Side) -> list[Row]:
+    """Each distinct provenance of a run with the number of its scenes, most frequent first.
+
+    A baseline's is one for all its images. Images without a scene have nothing to record.
+    """
+    scenes = side.run.get("scenes") or {}
+    if side.kind == "scene":
+        found = [(scene or {}).get("provenance", NOT_RECORDED) for scene in scenes.values()]
+    else:
+        recorded = side.run["configuration"].get("provenance", NOT_RECORDED)
+        found = [recorded] * side.summary["coverage"]["attempted"]
+    counted = Counter(canonical_json(one) for one in found)
+    ordered = sorted(counted.items(), key=lambda item: (-item[1], item[0]))
+    return [{"provenance": json.loads(text), "images": n} for text, n in ordered]
+
+
+def provenance_by_field(sides: Sequence[Side]) -> ByField:
+    """How scenes were made: of the fields that any recorded. What a baseline is, is its own."""
+    by_method = {side.name: recorded_provenance(side) for side in sides if side.kind == "scene"}
+    found = {}
+    for field in FIELDS:
+        values = {name: _values(groups, field) for name, groups in by_method.items()}
+        if any(set(counts) - {NOT_RECORDED} for counts in values.values()):
+            found[field] = values
+    return found
+
+
+def provenance_notes(by_field: ByField) -> list[str]:
+    """A sentence for every field that differs between scenes; one when nothing is recorded."""
+    if not by_field:
+        what = "agent, prompts, camera given, metric feedback"
+        return [f"How the scenes were made ({what}) is not recorded."]
+    notes = []
+    for field, by_method in by_field.items():
+        if len({value for counts in by_method.values() for value in counts}) < 2:
+            continue
+        parts = [
+            f"{name} {', '.join(f'{value} ({n})' for value, n in counts.items()) or NOT_RECORDED}"
+            for name, counts in by_method.items()
+        ]
+        notes.append(f"Scenes differ in {field} (images): {'; '.join(parts)}.")
+    return notes
+
+
+def _values(groups: Sequence[Row], field: str) -> dict[str, int]:
+    counts: Counter[str] = Counter()
+    for group in groups:
+        counts[_shown(group["provenance"], field)] += group["images"]
+    return dict(sorted(counts.items()))
+
+
+def _shown(provenance: Any, field: str) -> str:
+    if not isinstance(provenance, dict):
+        return NOT_RECORDED if provenance == NOT_RECORDED else "unreadable"
+    if field not in provenance:
+        return NOT_RECORDED
+    value = provenance[field]
+    return value if isinstance(value, str) else canonical_json(value)

@@ -1,0 +1,105 @@
+"""--fail-below: thresholds on differences, for a build that must not get worse."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from legoworld.comparison.depth import depth_metrics
+from legoworld.comparison.detections import detection_metrics
+from legoworld.errors import UsageError
+from legoworld.evaluation.protocols import PROTOCOLS
+
+_PAIRED: Final = "paired."
+#: Where a metric is looked for: a method that fails on its worst images must not gain by it.
+_ORDER: Final = ("attempted", "paired")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Threshold:
+    """The least gain of the scene over a baseline. Gain: the difference, towards better."""
+
+    metric: str
+    paired: bool
+    least_gain: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tripped:
+    """A threshold that does not hold. gain: None where it is undefined, which never passes."""
+
+    threshold: Threshold
+    baseline: str
+    images: str
+    gain: float | None
+
+    def __str__(self) -> str:
+        gain = "undefined" if self.gain is None else f"{self.gain:+.4f}"
+        return (
+            f"{self.threshold.metric} over {self.images} images: gain over {self.baseline} "
+            f"{gain}, at least {self.threshold.least_gain:+g} asked for"
+        )
+
+
+def parse_thresholds(texts: Sequence[str], task: str) -> tuple[Threshold, ...]:
+    """METRIC=DELTA texts. UsageError names the nearest metric of the task."""
+    metrics = detection_metrics(PROTOCOLS[task]) if task in PROTOCOLS else depth_metrics()
+    return tuple(_parse(text, [m.id for m in metrics]) for text in texts)
+
+
+def _parse(text: str, known: Sequence[str]) -> Threshold:
+    name, _, delta = text.rpartition("=")
+    paired = name.startswith(_PAIRED)
+    metric = name.removeprefix(_PAIRED)
+    try:
+        least = float(delta)
+    except ValueError:
+        least = math.nan
+    if not name or not math.isfinite(least):
+        raise UsageError(
+            "--fail-below cannot be read",
+            found=repr(text),
+            expected="METRIC=DELTA, such as AP=-0.05 or paired.AP=0",
+        )
+    if metric not in known:
+        near = difflib.get_close_matches(metric, known, n=3, cutoff=0.0)
+        raise UsageError(
+            "--fail-below names no metric of this task",
+            found=repr(metric),
+            expected=f"one of {len(known)}, nearest: {', '.join(near)}",
+        )
+    return Threshold(metric=metric, paired=paired, least_gain=least)
+
+
+def tripped(document: dict[str, Any], thresholds: Sequence[Threshold]) -> list[Tripped]:
+    """The thresholds that do not hold, against every baseline of a comparison."""
+    found = []
+    for threshold in thresholds:
+        for pair in document["pairs"]:
+            row = _row(pair["rows"], threshold)
+            gain = None if row is None else _gain(row)
+            if gain is None or gain < threshold.least_gain:
+                images = "paired" if row is None else row["images"]
+                found.append(
+                    Tripped(
+                        threshold=threshold, baseline=pair["baseline"], images=images, gain=gain
+                    )
+                )
+    return found
+
+
+def _row(rows: Sequence[dict[str, Any]], threshold: Threshold) -> dict[str, Any] | None:
+    """The metric over attempted images, or, where it is asked for or all there is, paired ones."""
+    by_images = {r["images"]: r for r in rows if r["metric"] == threshold.metric}
+    order = ("paired",) if threshold.paired else _ORDER
+    return next((by_images[images] for images in order if images in by_images), None)
+
+
+def _gain(row: dict[str, Any]) -> float | None:
+    value: float | None = row["difference"]["value"]
+    if value is None or row["better"] == "higher":
+        return value
+    return -value

@@ -1,0 +1,108 @@
+"""Re-checking a comparison folder: every hash, then every number from the evaluations again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.comparison.document import KIND, Settings, compare
+from legoworld.comparison.folder import (
+    COMPARISON,
+    evidence_of,
+    paired_evidence,
+    read_document,
+    rendered_tables,
+)
+from legoworld.comparison.joining import JOINED, join
+from legoworld.comparison.sides import read_sides
+from legoworld.evaluation.evidence import (
+    Check,
+    check_files,
+    check_inputs,
+    located,
+    read_evidence,
+)
+from legoworld.evaluation.folder import EVIDENCE
+from legoworld.evaluation.scoring import AGREEMENT
+
+KINDS: Final = (KIND, JOINED)
+
+
+def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
+    """Every check of a comparison folder, joined or not.
+
+    The evaluations (or joined comparisons) are looked for below `root` where given. Where one is
+    missing or changed, the numbers cannot be made again and only hashes are checked.
+    """
+    evidence = read_evidence(folder, KINDS)
+    checks = [*check_files(folder, evidence), *check_inputs(folder, evidence, root)]
+    if any(c.status != "ok" for c in checks):
+        return checks
+    document = read_document(folder)
+    again = _joined if evidence["kind"] == JOINED else _compared
+    checks += again(folder, evidence, document, root)
+    return [*checks, *_tables(folder, document)]
+
+
+def _compared(
+    folder: Path, evidence: dict[str, Any], document: dict[str, Any], root: Path | None
+) -> Iterator[Check]:
+    """The document from the evaluations, made again."""
+    evaluations = [path.parent for path in _inputs_named(folder, evidence, EVIDENCE, root)]
+    names = [method["name"] for method in document["methods"]]
+    sides = read_sides(evaluations, names=names)
+    configuration = evidence["configuration"]
+    again = compare(sides, Settings(**configuration))
+    yield _agrees("numbers from the evaluations", again, document)
+    raw = evidence_of(folder, sides, configuration)["methods"]
+    yield _agrees("raw numbers of the evaluations", raw, evidence["methods"])
+    yield _agrees("paired images and numbers", paired_evidence(again), evidence["pairs"])
+
+
+def _joined(
+    folder: Path, evidence: dict[str, Any], document: dict[str, Any], root: Path | None
+) -> Iterator[Check]:
+    """The document from the joined comparisons, made again."""
+    paths = _inputs_named(folder, evidence, COMPARISON, root)
+    again = join([json.loads(path.read_text(encoding="utf-8")) for path in paths])
+    yield _agrees("numbers from the comparisons", again, document)
+
+
+def _inputs_named(
+    folder: Path, evidence: dict[str, Any], name: str, root: Path | None
+) -> list[Path]:
+    """Where the inputs of that file name lie, in their recorded order."""
+    entries = [e["path"] for e in evidence["inputs"] if Path(e["path"]).name == name]
+    found = [located(folder, path, root) for path in entries]
+    return [path for path in found if path is not None]
+
+
+def _agrees(what: str, found: Any, recorded: Any) -> Check:
+    """Equal but for summation order: another machine's numpy may add in another one."""
+    worst, where = _largest_difference(json.loads(json.dumps(found)), recorded, "")
+    status = "ok" if worst <= AGREEMENT else "DIFFERS"
+    return Check(status, what, f"largest difference {worst:.1e}{where and ' at ' + where}")
+
+
+def _largest_difference(found: Any, recorded: Any, where: str) -> tuple[float, str]:
+    """The largest difference of two numbers; infinite where anything else differs."""
+    if type(found) in (int, float) and type(recorded) in (int, float):
+        return abs(found - recorded), where if found != recorded else ""
+    pairs: list[tuple[Any, Any, str]] = []
+    if isinstance(found, dict) and isinstance(recorded, dict) and found.keys() == recorded.keys():
+        pairs = [(found[k], recorded[k], f"{where}.{k}") for k in found]
+    elif isinstance(found, list) and isinstance(recorded, list) and len(found) == len(recorded):
+        both = zip(found, recorded, strict=True)
+        pairs = [(a, b, f"{where}[{k}]") for k, (a, b) in enumerate(both)]
+    elif found != recorded:
+        return float("inf"), where
+    differences = (_largest_difference(*pair) for pair in pairs)
+    return max(differences, key=lambda one: one[0], default=(0.0, ""))
+
+
+def _tables(folder: Path, document: dict[str, Any]) -> Iterator[Check]:
+    for name, text in rendered_tables(document).items():
+        same = (folder / name).read_bytes() == text.encode("utf-8")
+        yield Check("ok" if same else "DIFFERS", f"{name} from {COMPARISON}", "")
