@@ -1,1 +1,1 @@
-"""Specialist models: started in processes of their own, or imported from their results."""
+"""Specialist models beside scenes: run in processes of their own, or imported from files."""

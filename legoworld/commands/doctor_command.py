@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import options
 
+if TYPE_CHECKING:
+    from legoworld.baselines.cards import BaselineCard
+
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing looked at: what it is, whether it is well, and what to do where it is not."""
+    """One thing looked at: what it is, whether it is well, and what to do where it is not.
+
+    needed: whether legoworld is broken without it.
+    """
 
     name: str
     good: bool
     found: str
     next_step: str = ""
+    needed: bool = True
 
 
 @click.command("doctor", context_settings={"help_option_names": ["-h", "--help"]})
@@ -28,21 +37,31 @@ class Finding:
 def command(as_json: bool) -> int:
     """Check that this machine has what legoworld needs, and say what to install.
 
+    Baselines are looked at in the environments `legoworld baseline install` made, or in the one
+    Python that LEGOWORLD_BASELINE_PYTHON names. One that is not ready is no failure.
+
     \b
     Examples:
       legoworld doctor
       legoworld doctor --json
     """
-    findings = [_python(), _system_libraries(), _blender(), _kernel(), _cache(), _baselines()]
-    bad = [f for f in findings if not f.good]
+    findings = [_python(), _system_libraries(), _blender(), _kernel(), _cache(), *_baselines()]
+    bad = [f for f in findings if not f.good and f.needed]
     if as_json:
         options.print_json({"ok": not bad, "findings": [f.__dict__ for f in findings]})
     else:
-        rows = [("ok" if f.good else "MISSING", f.name, f.found) for f in findings]
+        rows = [(_state(f), f.name, f.found) for f in findings]
         click.echo(options.table(("", "what", "found"), rows))
-        for finding in bad:
-            click.echo(f"{finding.name}: {finding.next_step}")
+        for finding in findings:
+            if not finding.good:
+                click.echo(f"{finding.name}: {finding.next_step}")
     return 1 if bad else 0
+
+
+def _state(finding: Finding) -> str:
+    if finding.good:
+        return "ok"
+    return "MISSING" if finding.needed else "not ready"
 
 
 def _python() -> Finding:
@@ -121,8 +140,37 @@ def _cache() -> Finding:
     )
 
 
-def _baselines() -> Finding:
-    from legoworld import catalog
+def _baselines() -> list[Finding]:
+    """One finding a baseline: whether its Python has what its pyproject.toml asks for."""
+    from legoworld.baselines.cards import baseline_cards
+    from legoworld.errors import CatalogError
 
-    names = sorted(p.parent.name for p in catalog.folder("baselines").glob("*/pyproject.toml"))
-    return Finding(name="baselines", good=True, found=", ".join(names) or "none in this version")
+    try:
+        cards = baseline_cards()
+    except CatalogError as error:
+        return [Finding(name="baselines", good=False, found=str(error), next_step=error.next_step)]
+    given = os.environ.get("LEGOWORLD_BASELINE_PYTHON")
+    return [_baseline(card, Path(given) if given else None) for card in cards]
+
+
+def _baseline(card: BaselineCard, given: Path | None) -> Finding:
+    from legoworld.baselines import environments
+    from legoworld.errors import LegoWorldError
+
+    name, install = f"baseline {card.name}", f"legoworld baseline install {card.name}"
+    python = given or environments.installed_python(card)
+    if python is None:
+        return Finding(
+            name=name, good=False, found="no environment", next_step=install, needed=False
+        )
+    try:
+        lacking = environments.problems(card, python)
+    except LegoWorldError as error:
+        lacking = [f"{error.what}: {error.found}"]
+    return Finding(
+        name=name,
+        good=not lacking,
+        found="; ".join(lacking) or f"ready, {python}",
+        next_step=f"pip install the rest into {python}" if given else install,
+        needed=False,
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
@@ -52,7 +52,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 def refuse_strangers(folder: Path) -> None:
     """Refuse a folder that holds something else than a run, before anything in it is touched."""
-    if not folder.exists() or _earlier_configuration(folder) is not None:
+    if not folder.exists() or recorded_configuration(folder) is not None:
         return
     strangers = sorted(p.name for p in folder.iterdir() if p.name != _LOCK)
     if strangers:
@@ -70,22 +70,49 @@ def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> 
     ConfigurationMismatchError names the keys that differ from an earlier run; with `overwrite`
     the earlier results are deleted.
     """
+    records = earlier_records(folder, configuration, overwrite=overwrite)
+    begin(folder, configuration, overwrite=overwrite)
+    return records
+
+
+def earlier_records(
+    folder: Path, configuration: dict[str, Any], *, overwrite: bool, unknown: Sequence[str] = ()
+) -> list[Record]:
+    """The records the folder has for this configuration, before anything in it is changed.
+
+    unknown: keys of the configuration that are known only when the work begins; `begin` compares
+    them. ConfigurationMismatchError names the other keys that differ, unless `overwrite`.
+    """
+    earlier = recorded_configuration(folder)
+    if overwrite or earlier is None:
+        return []
+    _refuse_changes(earlier, configuration, unknown)
+    return [*finished_records(folder), *_journal_records(folder)]
+
+
+def begin(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> None:
+    """Put the configuration on record, after the same check; with `overwrite` results go first."""
     if overwrite:
         _delete_results(folder)
     for leftover in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
         if leftover.is_file():
             leftover.unlink()
-    earlier = _earlier_configuration(folder)
+    earlier = recorded_configuration(folder)
     if earlier is None:
         write_text(folder / _CONFIGURATION, readable_json(configuration))
-        return []
-    changed = sorted(
-        key for key in {*earlier, *configuration} if earlier.get(key) != configuration.get(key)
-    )
+    else:
+        _refuse_changes(earlier, configuration, ())
+
+
+def _refuse_changes(
+    earlier: dict[str, Any], configuration: dict[str, Any], unknown: Sequence[str]
+) -> None:
+    before = _flat({k: v for k, v in earlier.items() if k not in unknown})
+    now = _flat({k: v for k, v in configuration.items() if k not in unknown})
+    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:
         shown = "; ".join(
-            f"{key}: {_short(earlier.get(key))} -> {_short(configuration.get(key))}"
-            for key in changed
+            f"{key}: {_short(before.get(key))} -> {_short(now.get(key))}" for key in changed
         )
         raise ConfigurationMismatchError(
             "the run folder holds a run of another configuration",
@@ -93,7 +120,17 @@ def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> 
             expected="the same configuration, to resume",
             next_step="choose another -o, or pass --overwrite",
         )
-    return [*finished_records(folder), *_journal_records(folder)]
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested objects as one, under dotted keys; an empty object stays itself."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, dict) and value:
+            found |= _flat(value, f"{prefix}{key}.")
+        else:
+            found[f"{prefix}{key}"] = value
+    return found
 
 
 @contextmanager
@@ -153,7 +190,8 @@ def _write_predictions(folder: Path, places: list[int]) -> None:
         stream.write("[]\n" if before == "[\n" else "\n]\n")
 
 
-def _earlier_configuration(folder: Path) -> dict[str, Any] | None:
+def recorded_configuration(folder: Path) -> dict[str, Any] | None:
+    """The configuration of the run in a folder, finished or not; None when there is none."""
     for name in (_CONFIGURATION, RUN):
         path = folder / name
         if path.is_file():

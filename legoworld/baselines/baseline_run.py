@@ -1,0 +1,207 @@
+"""`legoworld baseline run`: a track's photos through a specialist, to a run folder."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legoworld import __version__
+from legoworld.baselines.conversation import Conversation
+from legoworld.baselines.records import (
+    PhotoMissingError,
+    Record,
+    failed_record,
+    is_intact,
+)
+from legoworld.baselines.request import BaselineRequest, configuration_of, selected_images
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.errors import UsageError
+from legoworld.files import sha256_of_file
+from legoworld.running import run_folder
+from legoworld.track import TrackImage
+from legoworld.track_making import find_photo
+
+PROVENANCE = "provenance"
+
+Progress = Callable[[dict[str, Any]], None]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineResult:
+    """What a run left in its folder."""
+
+    rows: tuple[dict[str, Any], ...]
+    summary: dict[str, Any]
+
+
+def run_baseline(
+    request: BaselineRequest, *, progress: Progress, notice: Say, log: Say
+) -> BaselineResult:
+    """Predict every image of the request that has no valid result yet, then write the run.
+
+    Raises UsageError, ConfigurationMismatchError or BaselineFailedError before an image is
+    predicted; an image the baseline cannot do is a row of the run, never an exception.
+    log: what the baseline prints.
+    """
+    images = selected_images(request.track, request.image_ids, request.limit)
+    known = configuration_of(request, images)
+    photos = {i.id: path for i in images if (path := find_photo(request.photos, i)) is not None}
+    if not photos:
+        raise UsageError(
+            "PHOTOS has none of the track's photos",
+            found=f"nothing like {request.photos.name}/{images[0].file_name}",
+            expected="photos by the track's file names, or those below train2017/ or val2017/",
+        )
+    with run_folder.locked(request.run):
+        earlier = run_folder.earlier_records(
+            request.run, known, overwrite=request.overwrite, unknown=(PROVENANCE,)
+        )
+        done = _intact(earlier, images, photos, request.run)
+        del earlier  # predictions are many: from here on they are on disk only
+        todo = [image for image in images if image.id not in done]
+        if done:
+            notice(f"{len(done)} of {len(images)} images have a valid result already")
+
+        def begin(provenance: dict[str, Any]) -> None:
+            configuration = {**known, PROVENANCE: provenance}
+            run_folder.begin(request.run, configuration, overwrite=request.overwrite and not began)
+            began.append(True)
+
+        began: list[bool] = []
+        batches = {image.id: k // request.batch_size for k, image in enumerate(images)}
+        conversation = Conversation(request, photos, batches, begin, log)
+        records = _journalled(
+            request, done, _every_record(conversation, images, todo, photos), progress
+        )
+        return write_run(
+            request.run,
+            [records[image.id] for image in images],
+            run_folder.recorded_configuration(request.run) or known,
+            {
+                "name": request.card.name,
+                "title": request.card.title,
+                "licence": request.card.licence,
+                "label_map": request.labels,
+            },
+        )
+
+
+def _intact(
+    earlier: Sequence[Record], images: Sequence[TrackImage], photos: dict[int, Path], run: Path
+) -> dict[int, Record]:
+    """The earlier records that need not be made again, by image id."""
+    by_id = {record["row"]["image_id"]: record for record in earlier}
+    return {
+        i.id: by_id[i.id]
+        for i in images
+        if i.id in by_id
+        and i.id in photos
+        and is_intact(by_id[i.id], run, {"photo_sha256": sha256_of_file(photos[i.id])})
+    }
+
+
+def _every_record(
+    conversation: Conversation,
+    images: list[TrackImage],
+    todo: list[TrackImage],
+    photos: dict[int, Path],
+) -> Iterator[Record]:
+    yield from conversation.records(images, [i for i in todo if i.id in photos])
+    for image in todo:
+        if image.id not in photos:
+            yield failed_record(
+                image,
+                PhotoMissingError(
+                    "there is no photo", found="nothing", expected=f"PHOTOS/{image.file_name}"
+                ),
+            )
+
+
+def _journalled(
+    request: BaselineRequest,
+    done: dict[int, Record],
+    made: Iterator[Record],
+    progress: Progress,
+) -> dict[int, Record]:
+    """Every record on disk, in the order they are made; without its predictions afterwards.
+
+    The journal is opened with the first new record: until a model has said what it is, nothing
+    in the folder is touched.
+    """
+    first = next(made, None)
+    with run_folder.journal(request.run) as journal:
+        records = {i: run_folder.append(journal, record) for i, record in done.items()}
+        while first is not None:
+            records[first["row"]["image_id"]] = run_folder.append(journal, first)
+            progress(first["row"])
+            first = next(made, None)
+    return records
+
+
+def write_run(
+    folder: Path,
+    records: Sequence[Record],
+    configuration: dict[str, Any],
+    baseline: dict[str, Any],
+) -> BaselineResult:
+    """The canonical files of a baseline's run, from journalled records in the images' order."""
+    rows = tuple(record["row"] for record in records)
+    summary = summarise(configuration, rows)
+    run_folder.finish(
+        folder,
+        records=records,
+        run=_run_document(configuration, baseline),
+        summary=summary,
+        with_predictions=configuration["task"] != "eth3d",
+    )
+    return BaselineResult(rows=rows, summary=summary)
+
+
+def summarise(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """summary.json: coverage by status, what was predicted, what was counted on the way."""
+    ok = [row for row in rows if row["status"] == "ok"]
+    counts: Counter[str] = Counter()
+    for row in ok:
+        counts.update(row.get("counts", {}))
+    summary: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "task": configuration["task"],
+        "partial": configuration["partial"],
+        "coverage": {
+            "attempted": configuration["attempted"],
+            "ok": len(ok),
+            "by_status": dict(sorted(Counter(row["status"] for row in rows).items())),
+        },
+        "counts": dict(sorted(counts.items())),
+        "warnings": sum(len(row["warnings"]) for row in rows),
+    }
+    if configuration["task"] == "eth3d":
+        summary["depth_bytes"] = sum(row["depth"]["bytes"] for row in ok)
+    else:
+        summary["coverage"]["ok_empty"] = sum(row["n_predictions"] == 0 for row in ok)
+        summary["predictions"] = sum(row["n_predictions"] for row in ok)
+        summary["empty_masks_dropped"] = sum(row["empty_masks_dropped"] for row in ok)
+    return summary
+
+
+def _run_document(configuration: dict[str, Any], baseline: dict[str, Any]) -> dict[str, Any]:
+    import platform
+
+    import numpy as np
+
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "finished_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "configuration": configuration,
+        "baseline": baseline,
+        "versions": {
+            "legoworld": __version__,
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+        },
+    }

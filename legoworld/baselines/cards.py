@@ -1,0 +1,183 @@
+"""Baselines by their card.toml: what each is, what it can be asked, and what its code hashes to."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld import catalog
+from legoworld.errors import CatalogError, UsageError
+from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+
+CARD: Final = "card.toml"
+PROJECT: Final = "pyproject.toml"
+PROGRAM: Final = "run.py"
+SHARED: Final = "shared"
+_TASKS: Final = ("coco", "lvis", "eth3d")
+_TYPES: Final[Mapping[str, type]] = {"str": str, "int": int, "float": float, "bool": bool}
+_TRUE_AND_FALSE: Final = {"true": True, "false": False}
+
+OptionValue = str | int | float | bool | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """One [options.KEY] of a card. default None: the baseline decides; choices (): any value."""
+
+    key: str
+    type: str
+    default: OptionValue
+    choices: tuple[OptionValue, ...]
+    help: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineCard:
+    """One baseline. folder: with its run.py; prompts_from_truth: whether it can be given them."""
+
+    name: str
+    title: str
+    version: str
+    licence: str
+    tasks: tuple[str, ...]
+    options: tuple[Option, ...]
+    prompts_from_truth: bool
+    folder: Path
+    sha256: str
+
+    @property
+    def program(self) -> Path:
+        """The program that is started."""
+        return self.folder / PROGRAM
+
+    @property
+    def shared(self) -> Path:
+        """The folder the program imports legoworld_baseline from."""
+        return catalog.folder("baselines") / SHARED
+
+    def code_sha256(self) -> str:
+        """Hash of every program and card a run depends on: the baseline's own and the shared."""
+        named = [
+            (kind, path.relative_to(top).as_posix(), sha256_of_file(path))
+            for kind, top in (("own", self.folder), ("shared", self.shared))
+            for path in (*top.rglob("*.py"), *top.rglob("*.toml"))
+            if not any(part.startswith(".") for part in path.relative_to(top).parts)
+        ]
+        return sha256_of_text(canonical_json(sorted(named)))
+
+
+def baseline_cards() -> list[BaselineCard]:
+    """Every baseline there is, by name. CatalogError for a card that cannot be used."""
+    return [read_card(p) for p in sorted(catalog.folder("baselines").glob(f"*/{CARD}"))]
+
+
+def load_baseline(name: str) -> BaselineCard:
+    """A baseline by name, or by the path of its folder, which has a "/" in it.
+
+    UsageError lists the nearest names where there is none.
+    """
+    folder = Path(name) if "/" in name else catalog.folder("baselines") / name
+    if (folder / CARD).is_file():
+        return read_card(folder.resolve() / CARD)
+    names = sorted(p.parent.name for p in catalog.folder("baselines").glob(f"*/{CARD}"))
+    near = difflib.get_close_matches(name, names, n=3)
+    raise UsageError(
+        "there is no such baseline",
+        found=repr(name),
+        expected=" or ".join(near or names) or f"the path of a folder with a {CARD}",
+        next_step="`legoworld list baselines` shows them all",
+    )
+
+
+def read_card(path: Path) -> BaselineCard:
+    """Read a card.toml. CatalogError says what it lacks."""
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise _error(path, str(error), "a TOML file") from error
+    texts = {key: values.get(key) for key in ("name", "title", "version", "licence")}
+    for key, text in texts.items():
+        if not isinstance(text, str) or not text:
+            raise _error(path, f"{key} = {text!r}", f'{key} = "..."')
+    if texts["name"] != path.parent.name:
+        raise _error(path, f"name = {texts['name']!r}", f"its folder's name, {path.parent.name!r}")
+    tasks = values.get("tasks")
+    if not isinstance(tasks, list) or not tasks or not set(tasks) <= {*_TASKS}:
+        raise _error(path, f"tasks = {tasks!r}", f"a list of {', '.join(_TASKS)}")
+    if not (path.parent / PROGRAM).is_file():
+        raise _error(path, f"no {PROGRAM} beside it", f"{PROGRAM}, the program that is started")
+    options = values.get("options", {})
+    return BaselineCard(
+        **{key: str(text) for key, text in texts.items()},
+        tasks=tuple(tasks),
+        options=tuple(_option(key, entry, path) for key, entry in sorted(options.items())),
+        prompts_from_truth=values.get("prompts_from_truth") is True,
+        folder=path.parent,
+        sha256=sha256_of_file(path),
+    )
+
+
+def chosen_options(card: BaselineCard, given: Sequence[str]) -> dict[str, OptionValue]:
+    """The card's options with those given as KEY=VALUE. UsageError for what it does not have."""
+    known = {option.key: option for option in card.options}
+    values = {option.key: option.default for option in card.options}
+    for text in given:
+        key, equals, value = text.partition("=")
+        if not equals or key not in known:
+            near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
+            raise UsageError(
+                f"the baseline {card.name} has no such option",
+                found=f"--option {text}",
+                expected=" | ".join(f"{k}=..." for k in (near or known)) or "none: it has none",
+            )
+        values[key] = _parsed(known[key], value)
+    return values
+
+
+def _parsed(option: Option, text: str) -> OptionValue:
+    expected = f"{option.key}=<{option.type}>"
+    try:
+        value: OptionValue = (
+            _TRUE_AND_FALSE[text] if option.type == "bool" else _TYPES[option.type](text)
+        )
+        canonical_json(value)
+    except (KeyError, ValueError) as error:
+        if option.type == "bool":
+            expected = f"{option.key}=true or {option.key}=false"
+        raise UsageError(
+            "an option's value cannot be used",
+            found=f"--option {option.key}={text}",
+            expected=expected,
+        ) from error
+    if option.choices and value not in option.choices:
+        raise UsageError(
+            "an option's value cannot be used",
+            found=f"--option {option.key}={text}",
+            expected=" or ".join(f"{option.key}={choice}" for choice in option.choices),
+        )
+    return value
+
+
+def _option(key: str, entry: Any, path: Path) -> Option:
+    if not isinstance(entry, dict) or not isinstance(entry.get("help"), str):
+        raise _error(path, f"options.{key} = {entry!r}", f'[options.{key}] with help = "..."')
+    default, choices = entry.get("default"), entry.get("choices", [])
+    kind = entry.get("type") or type(default).__name__
+    right = kind in _TYPES and (default is None or type(default) is _TYPES[kind])
+    if not right or any(type(choice) is not _TYPES[kind] for choice in choices):
+        raise _error(
+            path,
+            f"options.{key}: type {kind!r}, default {default!r}, choices {choices!r}",
+            f"a type of {', '.join(_TYPES)}, and values of it",
+        )
+    return Option(key=key, type=kind, default=default, choices=tuple(choices), help=entry["help"])
+
+
+def _error(path: Path, found: str, expected: str) -> CatalogError:
+    return CatalogError(
+        f"baselines/{path.parent.name}/{CARD} cannot be used", found=found, expected=expected
+    )

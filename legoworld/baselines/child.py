@@ -1,0 +1,195 @@
+"""A baseline's process: started with one request, read line by line, ended with its group."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Final, Self
+
+from legoworld.baselines.cards import BaselineCard
+from legoworld.errors import LegoWorldError, one_line
+
+Message = dict[str, Any]
+
+_KEPT_LOG_LINES: Final = 60
+_WAIT_FOR_END_S: Final = 5.0
+_POLL_S: Final = 0.5
+
+
+class BaselineFailedError(LegoWorldError):
+    """The baseline's process ended before it could work on any image."""
+
+    code = "baseline_failed"
+
+
+class TooSlowError(Exception):
+    """No message came within the time limit."""
+
+
+class BaselineProcess:
+    """One process of a baseline.
+
+    Lines on its standard output that are no messages, and its standard error, are its log and go
+    to `log`; the last lines of standard error are kept for `last_words`.
+    """
+
+    def __init__(
+        self, card: BaselineCard, python: Path, request: Message, log: Callable[[str], None]
+    ) -> None:
+        self._log = log
+        self._tail: deque[str] = deque(maxlen=_KEPT_LOG_LINES)
+        self._messages: queue.Queue[Message | None] = queue.Queue()
+        try:
+            self._process = subprocess.Popen(
+                [str(python), str(card.program)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                encoding="utf-8",
+                errors="replace",
+                start_new_session=True,  # Ctrl-C is for the command, which ends the whole group
+                env=_environment(card, offline=bool(request["offline"])),
+            )
+        except OSError as error:
+            raise BaselineFailedError(
+                f"the baseline {card.name} cannot be started",
+                found=f"{python}: {error.strerror}",
+                expected="a Python that runs",
+                next_step="pass another --python",
+            ) from error
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
+        self._readers = [
+            threading.Thread(target=target, args=(stream,), daemon=True)
+            for target, stream in (
+                (self._read_messages, self._process.stdout),
+                (self._read_log, self._process.stderr),
+            )
+        ]
+        for reader in self._readers:
+            reader.start()
+        # The pipe stays open: its end is how the process learns that legoworld is gone.
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.write(json.dumps(request) + "\n")
+            self._process.stdin.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def next_message(self, time_limit_s: float | None) -> Message | None:
+        """The next message; None when the process has ended. TooSlowError past the limit."""
+        deadline = None if time_limit_s is None else time.monotonic() + time_limit_s
+        while True:
+            left = _POLL_S if deadline is None else min(_POLL_S, deadline - time.monotonic())
+            try:
+                return self._messages.get(timeout=max(left, 0.0))
+            except queue.Empty as error:
+                if self._process.poll() is not None:
+                    return self._last_message()
+                if deadline is not None and time.monotonic() >= deadline:
+                    raise TooSlowError from error
+
+    def _last_message(self) -> Message | None:
+        """What a process that has ended said last; what it started may hold its pipe open."""
+        self._kill()
+        with contextlib.suppress(queue.Empty):
+            return self._messages.get(timeout=_WAIT_FOR_END_S)
+        return None
+
+    def how_it_ended(self) -> str:
+        """The exit code or signal, and the last line of its log; to be asked after its end."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_WAIT_FOR_END_S)
+        self.close()
+        code = self._process.returncode
+        how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+        return f"{how}; {self.last_words()}"
+
+    def last_words(self) -> str:
+        """The last line of standard error that says something."""
+        lines = [line for line in self._tail if line.strip()]
+        return one_line(lines[-1], 300) if lines else "no message"
+
+    def close(self) -> None:
+        """End the process and everything it started."""
+        self._kill()
+        self._process.wait()
+        for reader in self._readers:
+            reader.join(_WAIT_FOR_END_S)
+        if any(reader.is_alive() for reader in self._readers):
+            return  # a process that left the group holds a pipe: closing it here would wait for it
+        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                # A killed reader leaves unsent bytes behind.
+                with contextlib.suppress(BrokenPipeError):
+                    pipe.close()
+
+    def _kill(self) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+
+    def _read_messages(self, stream: IO[str]) -> None:
+        for line in stream:
+            message = _message(line)
+            if message is None:
+                self._pass_on(line)
+            else:
+                self._messages.put(message)
+        self._messages.put(None)
+
+    def _read_log(self, stream: IO[str]) -> None:
+        for line in stream:
+            self._tail.append(line)
+            self._pass_on(line)
+
+    def _pass_on(self, line: str) -> None:
+        if line.strip():
+            self._log(line.rstrip("\n"))
+
+
+def _message(line: str) -> Message | None:
+    """The message of a line; None for a print that came through, and for a line cut short."""
+    if not line.startswith("{") or not line.endswith("\n"):
+        return None
+    try:
+        message = json.loads(line)
+    except ValueError:
+        return None
+    return message if isinstance(message, dict) else None
+
+
+def _environment(card: BaselineCard, *, offline: bool) -> dict[str, str]:
+    """The process's environment: the shared package alone on its path, no files left behind."""
+    environment = dict(os.environ)
+    environment["PYTHONPATH"] = str(card.shared)
+    environment["PYTHONHASHSEED"] = "0"
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    environment["PYTHONUNBUFFERED"] = "1"
+    environment.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # cuBLAS repeats itself with it
+    environment.setdefault("TOKENIZERS_PARALLELISM", "false")
+    if not sys.stderr.isatty():
+        environment.setdefault("HF_HUB_DISABLE_PROGRESS_BARS", "1")
+    if offline:
+        environment |= {"HF_HUB_OFFLINE": "1", "TRANSFORMERS_OFFLINE": "1"}
+    return environment

@@ -1,0 +1,173 @@
+"""From images to answers through processes that may refuse, crash, hang or say nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from legoworld.baselines.child import (
+    BaselineFailedError,
+    BaselineProcess,
+    Message,
+    TooSlowError,
+)
+from legoworld.baselines.records import (
+    AnswerInvalidError,
+    ImageCrashedError,
+    ImageTimeoutError,
+    Record,
+    answered_record,
+    failed_record,
+)
+from legoworld.baselines.request import BaselineRequest, child_request
+from legoworld.errors import LegoWorldError, UsageError
+from legoworld.files import sha256_of_file
+from legoworld.track import TrackImage
+
+Photos = Mapping[int, Path]
+
+#: An image whose process dies is tried once more, in a fresh one: the cause may lie elsewhere.
+_TRIES = 2
+
+
+class BaselineRefusedError(UsageError):
+    """The baseline says that nothing can be run as asked."""
+
+    code = "baseline_refused"
+
+
+class Conversation:
+    """Asks for images until each has a record.
+
+    photos: every image's photo; batches: every image's batch number; begin: called with each
+    process's provenance before anything is asked of it, and may refuse it.
+    """
+
+    def __init__(
+        self,
+        request: BaselineRequest,
+        photos: Photos,
+        batches: Mapping[int, int],
+        begin: Callable[[dict[str, Any]], None],
+        log: Callable[[str], None],
+    ) -> None:
+        self._request = request
+        self._photos = photos
+        self._batches = batches
+        self._begin = begin
+        self._log = log
+        self._pending: dict[int, TrackImage] = {}
+        self._deaths: Counter[int] = Counter()
+        self._environment: dict[str, Any] = {}
+
+    def records(self, images: list[TrackImage], todo: list[TrackImage]) -> Iterator[Record]:
+        """A record of every image of `todo`, as they are made. images: the whole run's, in order.
+
+        Images that share a batch with a pending one are predicted again with it, so that a batch
+        is always of the same images; only pending ones are recorded.
+        """
+        self._pending = {image.id: image for image in todo}
+        while self._pending:
+            wanted = {self._batches[image_id] for image_id in self._pending}
+            sent = [
+                (image, self._photos[image.id], self._batches[image.id])
+                for image in images
+                if image.id in self._photos and self._batches[image.id] in wanted
+            ]
+            request = child_request(self._request, sent)
+            with BaselineProcess(
+                self._request.card, self._request.python, request, self._log
+            ) as process:
+                yield from self._listen(process)
+
+    def _listen(self, process: BaselineProcess) -> Iterator[Record]:
+        """One process from its first message to its end."""
+        self._hello(process)
+        working: list[int] = []
+        while True:
+            try:
+                limit = self._request.time_limit_s if working else None
+                message = process.next_message(limit)
+            except TooSlowError:
+                process.close()
+                yield from self._fail(working, self._too_slow(process))
+                return
+            if message is None:
+                yield from self._died(process, working)
+                return
+            if "done" in message:
+                silent = AnswerInvalidError(
+                    "the baseline gave no answer for the image", expected="one line per image"
+                )
+                yield from self._fail(list(self._pending), silent)
+                return
+            if "working_on" in message:
+                working = [i for i in message["working_on"] if i in self._pending]
+            elif message.get("image_id") in self._pending:
+                working = [i for i in working if i != message["image_id"]]
+                yield self._answered(message)
+
+    def _hello(self, process: BaselineProcess) -> None:
+        message = process.next_message(None)
+        name = self._request.card.name
+        if message is None:
+            raise BaselineFailedError(
+                f"the baseline {name} ended before it could begin",
+                found=process.how_it_ended(),
+                expected="a loaded model",
+                next_step="`legoworld doctor` says what its environment lacks; -v shows its log",
+            )
+        if "refused" in message:
+            reason = message["refused"]
+            raise BaselineRefusedError(
+                f"{name}: {reason.get('message')}",
+                found=str(reason.get("found") or ""),
+                expected=str(reason.get("expected") or ""),
+                next_step=str(reason.get("next_step") or ""),
+            )
+        if not isinstance(message.get("provenance"), dict):
+            raise BaselineFailedError(
+                f"the baseline {name} does not say what it runs",
+                found=f"a first line with {', '.join(sorted(message)) or 'nothing'}",
+                expected='{"provenance": {...}}',
+            )
+        self._environment = dict(message.get("environment") or {})
+        self._begin(message["provenance"])
+
+    def _answered(self, message: Message) -> Record:
+        image = self._pending.pop(message["image_id"])
+        source = {
+            "photo_sha256": sha256_of_file(self._photos[image.id]),
+            "environment": self._environment,
+        }
+        return answered_record(image, message, self._request.rules, source)
+
+    def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[Record]:
+        """Name the images it died of; those that were tried before are given up."""
+        ended = process.how_it_ended()
+        if not working:  # between images: the next one is as good a suspect as any
+            working = [next(iter(self._pending))]
+        names = ", ".join(self._pending[i].file_name for i in working)
+        self._log(f"legoworld: the baseline's process ended ({ended}) while it had {names}")
+        self._deaths.update(working)
+        error = ImageCrashedError(
+            f"the baseline's process died {_TRIES} times while it had the image",
+            found=ended,
+            expected="an answer",
+            next_step="-v shows its log; a smaller --batch-size needs less memory",
+        )
+        yield from self._fail([i for i in working if self._deaths[i] >= _TRIES], error)
+
+    def _fail(self, image_ids: list[int], error: LegoWorldError) -> Iterator[Record]:
+        for image_id in image_ids:
+            yield failed_record(self._pending.pop(image_id), error)
+
+    def _too_slow(self, process: BaselineProcess) -> ImageTimeoutError:
+        return ImageTimeoutError(
+            "the baseline did not finish the image",
+            found=f"no answer after {self._request.time_limit_s:g} s; {process.last_words()}",
+            expected="an answer within the time limit",
+            next_step="raise --time-limit",
+        )

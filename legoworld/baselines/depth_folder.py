@@ -1,0 +1,148 @@
+"""Anyone's depth arrays: a folder that mirrors the track, each array labelled and planar."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.depth.arrays import (
+    DepthArray,
+    Intrinsics,
+    checked_array,
+    ray_lengths,
+)
+from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.files import atomic_path
+from legoworld.track import TrackImage
+
+SUFFIXES: Final = (".npy", ".npz", ".pfm", ".exr", ".png")
+
+
+class IntrinsicsError(LegoWorldError):
+    """The file of intrinsics cannot be used."""
+
+    code = "intrinsics"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A pinhole. size_wh: the array size its numbers are at, None where the file does not say."""
+
+    intrinsics_px: Intrinsics
+    size_wh: tuple[int, int] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthSource:
+    """A folder and what is declared of its arrays. cameras: by file name; "" is for every photo."""
+
+    folder: Path
+    space: str | None
+    unit: str | None
+    cameras: Mapping[str, Camera]
+
+
+def depth_source_file(source: DepthSource, image: TrackImage) -> Path | None:
+    """The photo's array below the folder; None without one. DepthFileError when there are two."""
+    found = [p for s in SUFFIXES if (p := source.folder / f"{image.scene}{s}").is_file()]
+    if len(found) > 1:
+        raise DepthFileError(
+            f"{image.file_name} has more than one depth file",
+            found=", ".join(path.name for path in found),
+            expected="one",
+        )
+    return found[0] if found else None
+
+
+def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArray:
+    """A photo's array after every check; ray distances come back as planar depth.
+
+    DepthFileError when the array does not say what it is, or cannot be turned into depth.
+    """
+    camera = source.cameras.get(image.file_name, source.cameras.get(""))
+    array = read_labelled(
+        path,
+        Declaration(
+            space=source.space,
+            unit=source.unit,
+            intrinsics_px=camera.intrinsics_px if camera else None,
+        ),
+    )
+    if camera and camera.size_wh not in (None, array.size_wh):
+        raise DepthFileError(
+            f"{path.name} is of another size than its intrinsics",
+            found="{}x{}".format(*array.size_wh),
+            expected="{}x{}".format(*(camera.size_wh or (0, 0))),
+            next_step="scale fx, fy, cx, cy to the array's size",
+        )
+    if array.space != "ray_distance":
+        return array
+    assert array.intrinsics_px is not None
+    return checked_array(
+        planar_from_ray_distance(array.values, array.intrinsics_px),
+        space="depth",
+        unit=array.unit,
+        intrinsics_px=None,
+        source=path.name,
+    )
+
+
+def planar_from_ray_distance(distance: NDArray[Any], intrinsics_px: Intrinsics) -> NDArray[Any]:
+    """Planar z of (H, W) distances from a pinhole's centre, in the distances' unit and type.
+
+    The ray through the centre of pixel (column u, row v) has the direction
+    ((u + 0.5 - cx) / fx, (v + 0.5 - cy) / fy, 1) with fx, fy, cx, cy at this array's size and the
+    origin at the top left corner of the top left pixel (Hartley and Zisserman, Multiple View
+    Geometry, 2nd edition, section 6.1). A point at distance d along it has z = d over that
+    direction's length. Computed in float64; NaN and inf stay.
+    """
+    rows, cols = np.ogrid[: distance.shape[0], : distance.shape[1]]
+    planar: NDArray[Any] = distance.astype(np.float64) / ray_lengths(intrinsics_px, rows, cols)
+    return planar.astype(distance.dtype)
+
+
+def write_array(path: Path, array: DepthArray) -> None:
+    """Write an array with its labels as the run's .npz, whole or not at all."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(
+            stream,
+            values=array.values,
+            space=np.array(array.space),
+            unit=np.array(array.unit or ""),
+        )
+
+
+def read_cameras_file(path: Path) -> dict[str, Camera]:
+    """Intrinsics: one camera for every photo (key ""), or one for each file name.
+
+    A camera is {"fx", "fy", "cx", "cy"} in pixels, with "width" and "height" where they are not at
+    the arrays' own size. IntrinsicsError when the file holds something else.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if "fx" in document:
+            return {"": _camera(document)}
+        cameras = {str(name): _camera(entry) for name, entry in document.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise IntrinsicsError(
+            f"the intrinsics {path.name} cannot be used",
+            found=f"{type(error).__name__}: {error}",
+            expected='{"fx", "fy", "cx", "cy", "width", "height"}, or such an object by file name',
+        ) from error
+    return cameras
+
+
+def _camera(entry: Mapping[str, Any]) -> Camera:
+    fx, fy, cx, cy = (float(entry[key]) for key in ("fx", "fy", "cx", "cy"))
+    known = "width" in entry or "height" in entry
+    size = (int(entry["width"]), int(entry["height"])) if known else None
+    return Camera(intrinsics_px=(fx, fy, cx, cy), size_wh=size)

@@ -1,0 +1,166 @@
+"""The Python a baseline runs with: one the user names, or an environment made for it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.baselines.cards import PROJECT, BaselineCard
+from legoworld.errors import LegoWorldError, UsageError, one_line
+from legoworld.files import canonical_json, sha256_of_text, write_text
+
+_STAMP: Final = "legoworld-requirements"
+_PIN: Final = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[[^]]*])?\s*(==\s*(?P<version>[^;,\s]+))?")
+#: Asked of a baseline's Python: the installed versions of distributions.
+_VERSIONS: Final = """
+import importlib.metadata as m, json, sys
+found = {}
+for name in json.loads(sys.argv[1]):
+    try: found[name] = m.version(name)
+    except m.PackageNotFoundError: found[name] = None
+print(json.dumps(found))
+"""
+
+
+class EnvironmentFailedError(LegoWorldError):
+    """A baseline's environment could not be made or asked."""
+
+    code = "baseline_environment"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirements:
+    """What a baseline's pyproject.toml asks for.
+
+    dependencies: installed with theirs; no_deps: installed alone ([tool.legoworld] no-deps), for
+    packages whose own pins fit nowhere.
+    """
+
+    dependencies: tuple[str, ...]
+    no_deps: tuple[str, ...]
+
+    @property
+    def sha256(self) -> str:
+        """Hash by which an environment knows that it is current."""
+        return sha256_of_text(canonical_json([self.dependencies, self.no_deps]))
+
+
+def requirements(card: BaselineCard) -> Requirements:
+    """The requirements of a baseline; none where it has no pyproject.toml."""
+    path = card.folder / PROJECT
+    if not path.is_file():
+        return Requirements(dependencies=(), no_deps=())
+    values = tomllib.loads(path.read_text(encoding="utf-8"))
+    own = values.get("tool", {}).get("legoworld", {})
+    return Requirements(
+        dependencies=tuple(values.get("project", {}).get("dependencies", ())),
+        no_deps=tuple(own.get("no-deps", ())),
+    )
+
+
+def environment_folder(card: BaselineCard) -> Path:
+    """Where `legoworld baseline install` makes a baseline's environment."""
+    from platformdirs import user_data_path
+
+    return Path(user_data_path("legoworld")) / "baselines" / card.name
+
+
+def installed_python(card: BaselineCard) -> Path | None:
+    """The Python of the baseline's own environment; None where none was made, or not to its end."""
+    folder = environment_folder(card)
+    return _python_in(folder) if (folder / _STAMP).is_file() else None
+
+
+def chosen_python(card: BaselineCard, given: Path | None) -> Path:
+    """The Python to run a baseline with. UsageError says how to get one."""
+    python = given or installed_python(card)
+    if python is None:
+        raise UsageError(
+            f"the baseline {card.name} has no environment yet",
+            found=f"nothing in {environment_folder(card)}",
+            expected="an environment with its own requirements",
+            next_step=f"`legoworld baseline install {card.name}`, or pass --python of one you have",
+        )
+    return python
+
+
+def problems(card: BaselineCard, python: Path) -> list[str]:
+    """What a Python lacks of a baseline's requirements; empty when it is ready.
+
+    Versions are compared where the requirement pins one with ==.
+    """
+    needed = requirements(card)
+    pins = [m for text in (*needed.dependencies, *needed.no_deps) if (m := _PIN.match(text))]
+    found = _ask(python, [pin["name"] for pin in pins])
+    lacking = []
+    for pin in pins:
+        version, wanted = found[pin["name"]], pin["version"]
+        if version is None:
+            lacking.append(f"{pin['name']} is not installed")
+        elif wanted and version.partition("+")[0] != wanted.partition("+")[0]:
+            lacking.append(f"{pin['name']} is {version}, not {wanted}")
+    if python == installed_python(card) and _stamp(card) != needed.sha256:
+        lacking.append("installed for other requirements")
+    return lacking
+
+
+def install(card: BaselineCard, notice: Callable[[str], None]) -> Path:
+    """Make the baseline's environment anew, with uv where there is one, and return its Python."""
+    folder, needed = environment_folder(card), requirements(card)
+    uv = shutil.which("uv")
+    notice(f"making {folder} with {'uv' if uv else 'venv and pip'}")
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    if uv:
+        _run([uv, "venv", "--quiet", "--python", sys.executable, str(folder)])
+        pip = [uv, "pip", "install", "--quiet", "--python", str(_python_in(folder))]
+    else:
+        _run([sys.executable, "-m", "venv", str(folder)])
+        pip = [str(_python_in(folder)), "-m", "pip", "install", "--quiet"]
+    for extra, packages in (([], needed.dependencies), (["--no-deps"], needed.no_deps)):
+        if packages:
+            notice("installing " + ", ".join(packages))
+            _run([*pip, *extra, *packages])
+    write_text(folder / _STAMP, needed.sha256 + "\n")
+    return _python_in(folder)
+
+
+def _stamp(card: BaselineCard) -> str:
+    return (environment_folder(card) / _STAMP).read_text(encoding="utf-8").strip()
+
+
+def _python_in(folder: Path) -> Path:
+    return folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+
+
+def _ask(python: Path, names: list[str]) -> dict[str, Any]:
+    done = _run([str(python), "-c", _VERSIONS, json.dumps(names)])
+    found: dict[str, Any] = json.loads(done)
+    return found
+
+
+def _run(command: list[str]) -> str:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise EnvironmentFailedError(
+            f"{Path(command[0]).name} cannot be started",
+            found=error.strerror or str(error),
+            expected="a Python that runs",
+        ) from error
+    if done.returncode:
+        raise EnvironmentFailedError(
+            f"`{one_line(' '.join(command[:4]), 100)} ...` failed",
+            found=one_line(done.stderr[-400:]),
+            expected="exit code 0",
+        )
+    return done.stdout

@@ -1,0 +1,121 @@
+"""Other people's label names to a vocabulary's: by name, with a map where they differ."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+from legoworld.errors import LegoWorldError
+from legoworld.vocabulary import Category, Vocabulary, normal_name
+
+#: Names that PASCAL VOC gave six of COCO's categories, and that many checkpoints still carry.
+OLD_NAMES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "motorbike": "motorcycle",
+        "aeroplane": "airplane",
+        "sofa": "couch",
+        "pottedplant": "potted plant",
+        "diningtable": "dining table",
+        "tvmonitor": "tv",
+    }
+)
+
+LabelMap = dict[str, str | None]
+"""Their name to ours; None leaves their label out."""
+
+
+class LabelsUnmatchedError(LegoWorldError):
+    """Labels that name no category of the vocabulary."""
+
+    code = "labels_unmatched"
+
+
+def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
+    """The old names that apply to this vocabulary, and the user's own map, which wins.
+
+    path: JSON {"their label": "our name", "another": null}. LabelsUnmatchedError when a name of
+    ours is not in the vocabulary, with the nearest that are.
+    """
+    found: LabelMap = {
+        old: name
+        for old, name in OLD_NAMES.items()
+        if task == "coco" and vocabulary.match(name) and not vocabulary.match(old)
+    }
+    if path is not None:
+        own = _read(path)
+        unknown = [name for name in own.values() if name and not vocabulary.match(name)]
+        if unknown:
+            raise _unmatched(
+                f"{path.name} maps to {len(unknown)} unknown names", unknown, vocabulary
+            )
+        taken = {normal_name(label) for label in own}
+        found = {old: name for old, name in found.items() if normal_name(old) not in taken} | own
+    return found
+
+
+class Matcher:
+    """Finds the category of a label, and keeps what it does not find for one message."""
+
+    def __init__(self, vocabulary: Vocabulary, names: LabelMap) -> None:
+        self._vocabulary = vocabulary
+        self._names = {normal_name(label): name for label, name in names.items()}
+        self.unmatched: dict[str, int] = {}
+        self.left_out: dict[str, int] = {}
+
+    def knows(self, label: str) -> bool:
+        """Whether the map says what becomes of this label."""
+        return normal_name(label) in self._names
+
+    def match(self, label: str) -> Category | None:
+        """The label's category; None, counted, when it is left out or not found."""
+        name = self._names.get(normal_name(label), label)
+        if name is None:
+            self.left_out[label] = self.left_out.get(label, 0) + 1
+            return None
+        category = self._vocabulary.match(name)
+        if category is None:
+            self.unmatched[label] = self.unmatched.get(label, 0) + 1
+        return category
+
+    def refuse_unmatched(self) -> None:
+        """LabelsUnmatchedError when a label was not found."""
+        if self.unmatched:
+            raise _unmatched(
+                f"{len(self.unmatched)} labels name no category",
+                list(self.unmatched),
+                self._vocabulary,
+            )
+
+
+def _unmatched(what: str, labels: list[str], vocabulary: Vocabulary) -> LabelsUnmatchedError:
+    shown = []
+    for label in labels[:6]:
+        near = vocabulary.nearest(label)
+        shown.append(f"{label!r}" + (f" (near: {', '.join(near)})" if near else ""))
+    return LabelsUnmatchedError(
+        what,
+        found=", ".join(shown) + (", ..." if len(labels) > len(shown) else ""),
+        expected=f"one of the vocabulary's {len(vocabulary.categories)} names",
+        next_step='pass --label-map FILE with {"their label": "our name"}, or null to leave it out',
+    )
+
+
+def _read(path: Path) -> LabelMap:
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise LabelsUnmatchedError(
+            f"the label map {path.name} cannot be read", found=str(error), expected="JSON"
+        ) from error
+    if not isinstance(values, dict) or not all(
+        name is None or isinstance(name, str) for name in values.values()
+    ):
+        raise LabelsUnmatchedError(
+            f"the label map {path.name} cannot be used",
+            found=repr(values)[:100],
+            expected='{"their label": "our name" or null}',
+        )
+    return values

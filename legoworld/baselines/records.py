@@ -1,0 +1,208 @@
+"""What becomes of one image's answer: a record of the run, checked as `evaluate` would check it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.box_formats import check_box_values
+from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.depth.resampling import check_size
+from legoworld.evaluation.predictions import Predictions, check_results
+from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.readouts.depth import depth_file
+from legoworld.track import TrackImage
+from legoworld.vocabulary import Vocabulary
+
+Record = dict[str, Any]
+"""One image's {"row": per_image row, "predictions": list, "scene": run.json entry or None}."""
+
+
+class ImageFailedError(LegoWorldError):
+    """The baseline has no result for an image, and said why."""
+
+    code = "baseline_image"
+
+
+class AnswerInvalidError(LegoWorldError):
+    """A baseline's result is not what it should be."""
+
+    code = "baseline_answer"
+
+
+class PhotoMissingError(LegoWorldError):
+    """There is no photo for an image of the track."""
+
+    code = "missing_photo"
+    status = "missing"
+
+
+class ResultMissingError(LegoWorldError):
+    """What was imported has nothing for an image of the track."""
+
+    code = "missing_result"
+    status = "missing"
+
+
+class ImageCrashedError(LegoWorldError):
+    """The baseline's process died each time it worked on an image."""
+
+    code = "baseline_crashed"
+
+
+class ImageTimeoutError(LegoWorldError):
+    """The baseline did not finish an image within the time limit."""
+
+    code = "baseline_timeout"
+    status = "timeout"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnswerRules:
+    """What an image's answer is checked against. protocol, vocabulary: None for depth."""
+
+    run: Path
+    protocol: DetectionProtocol | None
+    vocabulary: Vocabulary | None
+
+
+def failed_record(image: TrackImage, error: LegoWorldError) -> Record:
+    """The record of an image without a result."""
+    row = _row(image) | {
+        "status": error.status,
+        "code": error.code,
+        "reason": str(error),
+        "warnings": [],
+    }
+    return {"row": row, "predictions": [], "scene": None}
+
+
+def answered_record(
+    image: TrackImage, answer: Mapping[str, Any], rules: AnswerRules, source: dict[str, Any]
+) -> Record:
+    """A child's answer as a record; one that `evaluate` would refuse is that image's failure."""
+    try:
+        if "failed" in answer:
+            raise ImageFailedError(str(answer["failed"]))
+        if rules.protocol is None:
+            depth = answer.get("depth")
+            record = depth_record(image, rules.run, source)
+            _check_depth_answer(depth, record["row"])
+        else:
+            record = detection_record(image, _checked(image, answer, rules), source)
+    except LegoWorldError as error:
+        return failed_record(image, error)
+    record["row"]["counts"] = dict(answer.get("counts") or {})
+    return record
+
+
+def detection_record(image: TrackImage, predictions: Predictions, source: dict[str, Any]) -> Record:
+    """The record of one image's checked boxes or masks. source: its run.json entry."""
+    entries = list(predictions.entries)
+    row = _ok_row(image) | {
+        "n_predictions": len(entries),
+        "predictions_sha256": predictions_sha256(entries),
+        "empty_masks_dropped": predictions.n_dropped_empty,
+        "warnings": list(predictions.warnings),
+    }
+    return {"row": row, "predictions": entries, "scene": source}
+
+
+def depth_record(image: TrackImage, run: Path, source: dict[str, Any]) -> Record:
+    """The record of one image's depth file in the run, read back and checked.
+
+    LegoWorldError when it is absent, unlabelled, or of a size that cannot be scored.
+    """
+    name = depth_file(image.scene)
+    path = run / name
+    if not path.is_file():
+        raise AnswerInvalidError("the depth file was not written", expected=name)
+    array = read_labelled(path, Declaration())
+    assert image.size_wh is not None
+    check_size(array.size_wh, image.size_wh)
+    predicted = np.isfinite(array.values)
+    if array.space != "disparity":
+        predicted &= array.values > 0
+    row = _ok_row(image) | {
+        "rendered_wh": list(array.size_wh),
+        "depth": {
+            "file": name,
+            "space": array.space,
+            "unit": array.unit,
+            "bytes": path.stat().st_size,
+            "sha256": sha256_of_file(path),
+            "finite_px": int(predicted.sum()),
+        },
+        "warnings": [] if predicted.any() else ["no pixel has a prediction"],
+    }
+    return {"row": row, "predictions": [], "scene": source}
+
+
+def is_intact(record: Record, run: Path, source: Mapping[str, Any]) -> bool:
+    """Whether a stored record is a result, whole, of this same source (its hashes)."""
+    row, stored = record["row"], record["scene"]
+    if row["status"] != "ok" or stored is None:
+        return False
+    if any(stored.get(key) != value for key, value in source.items()):
+        return False
+    if "depth" not in row:
+        return bool(row["predictions_sha256"] == predictions_sha256(record["predictions"]))
+    path: Path = run / row["depth"]["file"]
+    return path.is_file() and sha256_of_file(path) == row["depth"]["sha256"]
+
+
+def predictions_sha256(entries: list[dict[str, Any]]) -> str:
+    """Hash of an image's predictions, whatever number the image has in a track."""
+    named = [{k: v for k, v in p.items() if k != "image_id"} for p in entries]
+    return sha256_of_text(canonical_json(named))
+
+
+def _checked(image: TrackImage, answer: Mapping[str, Any], rules: AnswerRules) -> Predictions:
+    entries = answer.get("predictions")
+    if not isinstance(entries, list):
+        raise AnswerInvalidError(
+            "the baseline gave no list of predictions", found=f"keys {sorted(answer)[:6]}"
+        )
+    assert rules.protocol is not None
+    assert rules.vocabulary is not None
+    assert image.size_wh is not None
+    return check_results(
+        entries,
+        status_by_image={image.id: "ok"},
+        sizes_wh={image.id: image.size_wh},
+        vocabulary=rules.vocabulary,
+        protocol=rules.protocol,
+        check_boxes=check_box_values,
+    )
+
+
+def _check_depth_answer(said: Any, row: dict[str, Any]) -> None:
+    """The file that was written is the one the child spoke of."""
+    found = {**row["depth"], "size_wh": row["rendered_wh"]}
+    keys = ("sha256", "size_wh", "space", "unit")
+    if not isinstance(said, dict) or any(said.get(key) != found[key] for key in keys):
+        raise AnswerInvalidError(
+            "the depth file is not the one the baseline spoke of",
+            found=canonical_json({key: found[key] for key in keys}),
+            expected=repr(said)[:300],
+        )
+
+
+def _ok_row(image: TrackImage) -> dict[str, Any]:
+    return _row(image) | {"status": "ok", "code": "ok", "reason": None}
+
+
+def _row(image: TrackImage) -> dict[str, Any]:
+    return {
+        "image_id": image.id,
+        "file_name": image.file_name,
+        "scene": image.scene,
+        "size_wh": list(image.size_wh) if image.size_wh else None,
+    }

@@ -1,0 +1,151 @@
+"""What a baseline is asked for, and the configuration and request that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legoworld import __version__
+from legoworld.baselines.cards import BaselineCard, OptionValue
+from legoworld.baselines.labels import LabelMap
+from legoworld.baselines.records import AnswerRules
+from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.errors import UsageError
+from legoworld.evaluation.protocols import detection_protocol
+from legoworld.files import canonical_json, sha256_of_text
+from legoworld.readouts.tasks import Protocol
+from legoworld.track import Track, TrackImage
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineRequest:
+    """Everything a run of a baseline is asked for.
+
+    python, offline, overwrite and time_limit_s never change its results. device: such as "cpu" or
+    "cuda:1"; time_limit_s: for one image or batch, None for no limit.
+    """
+
+    card: BaselineCard
+    protocol: Protocol
+    track: Track
+    photos: Path
+    weights: str
+    run: Path
+    python: Path
+    device: str
+    dtype: str
+    batch_size: int
+    options: Mapping[str, OptionValue]
+    labels: LabelMap
+    prompts: TruthPrompts | None
+    offline: bool
+    overwrite: bool
+    limit: int | None
+    image_ids: tuple[int, ...]
+    time_limit_s: float | None
+
+    @property
+    def rules(self) -> AnswerRules:
+        """What answers are checked against."""
+        vocabulary = self.protocol.vocabulary
+        task = self.protocol.task.name
+        protocol = detection_protocol(task) if vocabulary is not None else None
+        return AnswerRules(run=self.run, protocol=protocol, vocabulary=vocabulary)
+
+
+def selected_images(track: Track, image_ids: Sequence[int], limit: int | None) -> list[TrackImage]:
+    """The images to attempt: all of the track's, or those that --image-id and --limit leave."""
+    images = list(track.images)
+    known = {image.id for image in images}
+    unknown = [i for i in image_ids if i not in known]
+    if unknown:
+        raise UsageError(
+            "the track has no such image",
+            found=f"--image-id {unknown[0]}",
+            expected=f"one of {len(known)} ids, such as {min(known)}",
+        )
+    if image_ids:
+        images = [image for image in images if image.id in image_ids]
+    return images[:limit] if limit is not None else images
+
+
+def common_configuration(
+    protocol: Protocol, track: Track, images: Sequence[TrackImage], *, partial: bool
+) -> dict[str, Any]:
+    """The part of a configuration that runs and imports share with a scene's run."""
+    described = [[i.id, i.file_name, i.size_wh] for i in images]
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "baseline",
+        "task": protocol.task.name,
+        "card_version": protocol.card.version,
+        "card_sha256": protocol.card.sha256,
+        "vocabulary_sha256": protocol.vocabulary.sha256 if protocol.vocabulary else None,
+        "track_sha256": track.sha256,
+        "images_sha256": sha256_of_text(canonical_json(described)),
+        "attempted": len(images),
+        "partial": partial,
+        "legoworld": __version__,
+    }
+
+
+def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> dict[str, Any]:
+    """What a run's results depend on, besides photos and what the model says of itself.
+
+    The weights' own hashes are in the provenance that the process gives when it has loaded them.
+    """
+    weights = Path(request.weights)
+    partial = request.limit is not None or bool(request.image_ids)
+    return common_configuration(request.protocol, request.track, images, partial=partial) | {
+        "baseline": request.card.name,
+        "baseline_version": request.card.version,
+        "baseline_card_sha256": request.card.sha256,
+        "code_sha256": request.card.code_sha256(),
+        "weights": weights.name if weights.exists() else request.weights,
+        "device": request.device.partition(":")[0],
+        "dtype": request.dtype,
+        "batch_size": request.batch_size,
+        "options": dict(request.options),
+        "label_map_sha256": sha256_of_text(canonical_json(request.labels)),
+        "used_truth": request.prompts.document if request.prompts else None,
+    }
+
+
+def child_request(
+    request: BaselineRequest, images: Sequence[tuple[TrackImage, Path, int]]
+) -> dict[str, Any]:
+    """The one request a process is sent. images: with the photo's path and the batch's number."""
+    vocabulary, weights = request.protocol.vocabulary, Path(request.weights)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "task": request.protocol.task.name,
+        "images": [_image_record(*found) for found in images],
+        "categories": [
+            {"id": c.id, "name": c.name, "synonyms": list(c.synonyms)}
+            for c in (vocabulary.categories if vocabulary else ())
+        ],
+        "label_map": request.labels,
+        "weights": str(weights.resolve()) if weights.exists() else request.weights,
+        "device": request.device,
+        "dtype": request.dtype,
+        "batch_size": request.batch_size,
+        "offline": request.offline,
+        "options": dict(request.options),
+        "prompts": prompts_of_request(request.prompts),
+        "output": str(request.run.resolve()),
+    }
+
+
+def _image_record(image: TrackImage, path: Path, batch: int) -> dict[str, Any]:
+    assert image.size_wh is not None
+    return {
+        "image_id": image.id,
+        "file_name": image.file_name,
+        "path": str(path.resolve()),
+        "width": image.size_wh[0],
+        "height": image.size_wh[1],
+        "batch": batch,
+    }

@@ -1,0 +1,64 @@
+"""The one place upstream of `evaluate` that reads truth: LVIS's verified categories as prompts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legoworld.baselines.cards import BaselineCard
+from legoworld.errors import CatalogError, UsageError
+from legoworld.files import sha256_of_file
+from legoworld.track import TrackImage
+
+WHAT = "each image's positive and negative categories, as prompts"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TruthPrompts:
+    """category_ids: per image id, ascending; document: how run.json says that truth was used."""
+
+    category_ids: dict[int, list[int]]
+    document: dict[str, str]
+
+
+def read_truth_prompts(
+    path: Path, images: Sequence[TrackImage], card: BaselineCard, task: str
+) -> TruthPrompts:
+    """The categories that LVIS verified on each image: those annotated, and those known absent.
+
+    UsageError when the baseline cannot be prompted or the task is not lvis; CatalogError when the
+    file is not LVIS truth of these images.
+    """
+    if task != "lvis" or not card.prompts_from_truth:
+        raise UsageError(
+            "--prompts-from-truth is for prompted baselines on LVIS, whose images list categories",
+            found=f"the baseline {card.name} on {task}",
+            expected="--task lvis and a baseline whose card says prompts_from_truth = true",
+        )
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        negative = {i["id"]: set(i["neg_category_ids"]) for i in document["images"]}
+        verified: dict[int, set[int]] = {image.id: negative[image.id] for image in images}
+        for annotation in document["annotations"]:
+            if annotation["image_id"] in verified:
+                verified[annotation["image_id"]].add(annotation["category_id"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise CatalogError(
+            f"{path.name} cannot give prompts",
+            found=f"{type(error).__name__}: {error}",
+            expected="LVIS annotations with neg_category_ids, of every image of the track",
+        ) from error
+    return TruthPrompts(
+        category_ids={i: sorted(ids) for i, ids in verified.items()},
+        document={"sha256": sha256_of_file(path), "what": WHAT},
+    )
+
+
+def prompts_of_request(prompts: TruthPrompts | None) -> dict[str, Any] | None:
+    """The request's "prompts": JSON keys are texts."""
+    if prompts is None:
+        return None
+    return {str(image_id): ids for image_id, ids in sorted(prompts.category_ids.items())}

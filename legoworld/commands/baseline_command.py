@@ -1,0 +1,59 @@
+"""`legoworld baseline`: the group, and `install`; the other two are in modules of their own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from legoworld.commands import options
+from legoworld.commands.baseline_importing import import_command
+from legoworld.commands.baseline_running import run_command
+
+_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
+
+
+@click.group("baseline", context_settings=_HELP)
+def command() -> None:
+    """Run a specialist model over a track's photos, or import anyone's results, as a run folder.
+
+    \b
+    Examples:
+      legoworld baseline install dino
+      legoworld baseline run dino --task coco --track track.json --photos val2017 \\
+          --weights dino.pth -o runs/dino
+      legoworld baseline import results.json --task coco --track track.json -o runs/theirs
+    """
+
+
+command.add_command(run_command)
+command.add_command(import_command)
+
+
+@command.command("install", context_settings=_HELP)
+@click.argument("name")
+@options.output_options
+def install(name: str, as_json: bool, quiet: bool, verbose: bool) -> int:
+    """Make the environment of the baseline NAME in the user's data folder, anew.
+
+    With uv where there is one, with venv and pip otherwise; nothing but its own requirements goes
+    into it. `legoworld doctor` says which baselines have one.
+
+    \b
+    Examples:
+      legoworld baseline install dino
+      legoworld baseline install da3 --json
+    """
+    from legoworld.baselines import environments
+    from legoworld.baselines.cards import load_baseline
+
+    card = load_baseline(name)
+    python = environments.install(card, options.notifier(quiet))
+    lacking = environments.problems(card, python)
+    if as_json:
+        options.print_json({"baseline": name, "python": str(python), "lacking": lacking})
+    else:
+        for line in lacking:
+            click.echo(line)
+        click.echo(f"{name} {'is not ready' if lacking else 'is ready'} -> {python}")
+    return 1 if lacking else 0

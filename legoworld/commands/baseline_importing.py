@@ -1,0 +1,150 @@
+"""`legoworld baseline import`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from legoworld.commands import baseline_output, options
+
+if TYPE_CHECKING:
+    from legoworld.baselines.baseline_import import ImportRequest
+    from legoworld.baselines.baseline_run import BaselineResult
+    from legoworld.baselines.results_file import BoxFormat
+
+
+@click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("source", type=click.Path(path_type=Path, exists=True))
+@click.option("--task", required=True, type=baseline_output.TASKS, help="What the results are of.")
+@click.option("--track", required=True, type=options.EXISTING_FILE, help="The images.")
+@click.option("-o", "--output", type=options.FOLDER, required=True, help="The run folder to write.")
+@click.option("--name", help="What the baseline is called [default: SOURCE's name].")
+@click.option(
+    "--box-format",
+    type=click.Choice(["xywh", "xyxy", "cxcywh"]),
+    help="What four numbers of a box are, in pixels [default: xywh].",
+)
+@click.option(
+    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "our name" or null}.'
+)
+@click.option(
+    "--images-run",
+    type=options.EXISTING_FILE,
+    help="The images it was run on, by id or file name [default: every image of the track].",
+)
+@click.option("--subset", is_flag=True, help="Leave out results of images outside the track.")
+@click.option(
+    "--space",
+    type=click.Choice(["depth", "disparity", "ray_distance"]),
+    help="Depth: what the numbers are, where the files do not say.",
+)
+@click.option("--unit", help="Depth: m, mm, m/256, m/5000, sun_rgbd or nyu_raw.")
+@click.option(
+    "--intrinsics",
+    type=options.EXISTING_FILE,
+    help="Depth: JSON with fx, fy, cx, cy at the arrays' size; turns ray distance into depth.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace another import in the folder.")
+@options.output_options
+def import_command(
+    source: Path,
+    task: str,
+    track: Path,
+    output: Path,
+    name: str | None,
+    box_format: BoxFormat | None,
+    label_map: Path | None,
+    images_run: Path | None,
+    subset: bool,
+    space: str | None,
+    unit: str | None,
+    intrinsics: Path | None,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Import SOURCE, a results JSON or a folder of depth arrays, as a run.
+
+    Whatever `legoworld evaluate` would refuse is refused here. Categories are matched by name
+    where the results carry names. Depth arrays mirror the track: <file_name without
+    extension>.npy, .npz, .pfm, .exr or .png; an image without one is missing.
+
+    \b
+    Examples:
+      legoworld baseline import results.json --task coco --track track.json -o runs/theirs
+      legoworld baseline import dino.json --task coco --track track.json --box-format cxcywh \\
+          --subset --name DINO -o runs/dino
+      legoworld baseline import depths --task eth3d --track eth3d.json --space ray_distance \\
+          --unit m --intrinsics camera.json -o runs/depths
+    """
+    from legoworld.baselines.baseline_import import ImportRequest
+    from legoworld.baselines.baseline_import import images_run as read_images_run
+
+    images, protocol = baseline_output.track_of(task, track)
+    for_depth = {"--space": space, "--unit": unit, "--intrinsics": intrinsics}
+    for_boxes = {"--box-format": box_format if task != "coco" else None}
+    for_labels = {"--label-map": label_map, "--subset": subset or None}
+    wrong = {**for_boxes, **(for_labels if task == "eth3d" else for_depth)}
+    for option, value in wrong.items():
+        if value is not None:
+            raise click.UsageError(f"{option} is not for --task {task}")
+    if source.is_dir() != (task == "eth3d"):
+        raise click.UsageError(
+            f"--task {task} imports {'a folder of depth arrays' if task == 'eth3d' else 'a file'}"
+        )
+    request = ImportRequest(
+        protocol=protocol,
+        track=images,
+        run=output,
+        name=name or source.resolve().stem,
+        ran_on=read_images_run(images_run, images.images) if images_run else None,
+        subset=subset,
+        overwrite=overwrite,
+    )
+    if task == "eth3d":
+        result = _import_depth(request, source, space, unit, intrinsics, quiet=quiet)
+    else:
+        result = _import_detections(request, source, box_format or "xywh", label_map, quiet=quiet)
+    return baseline_output.show(result, output, as_json=as_json, verbose=verbose)
+
+
+def _import_detections(
+    request: ImportRequest,
+    source: Path,
+    box_format: BoxFormat,
+    label_map: Path | None,
+    *,
+    quiet: bool,
+) -> BaselineResult:
+    from legoworld.baselines.baseline_import import DetectionSource, import_detections
+
+    labels = baseline_output.labels(label_map, request.protocol)
+    return import_detections(
+        request,
+        DetectionSource(path=source, box_format=box_format, labels=labels),
+        notice=options.notifier(quiet),
+    )
+
+
+def _import_depth(
+    request: ImportRequest,
+    source: Path,
+    space: str | None,
+    unit: str | None,
+    intrinsics: Path | None,
+    *,
+    quiet: bool,
+) -> BaselineResult:
+    from legoworld.baselines.baseline_import import import_depth
+    from legoworld.baselines.depth_folder import DepthSource, read_cameras_file
+
+    cameras = read_cameras_file(intrinsics) if intrinsics else {}
+    declared = DepthSource(folder=source, space=space, unit=unit, cameras=cameras)
+    return baseline_output.with_progress(
+        lambda progress, say: import_depth(request, declared, progress=progress, notice=say),
+        len(request.track.images),
+        quiet=quiet,
+    )

@@ -1,0 +1,111 @@
+"""What `baseline run` and `baseline import` share: the track, the labels, what is printed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.baselines.baseline_run import BaselineResult
+    from legoworld.readouts.tasks import Protocol
+    from legoworld.track import Track
+
+TASKS = click.Choice(["coco", "lvis", "eth3d"])
+
+
+def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
+    """The track and its task's protocol; click.UsageError for a track of another task."""
+    from legoworld.readouts.tasks import protocol
+    from legoworld.track import load_track
+
+    images = load_track(track)
+    if images.info.get("task") not in (None, task):
+        raise click.UsageError(
+            f"the track is made for {images.info['task']}, not for {task}: make one with "
+            f"`legoworld track make --task {task}`"
+        )
+    return images, protocol(task, images.vocabulary)
+
+
+def labels(path: Path | None, protocol: Protocol) -> dict[str, str | None]:
+    """Their names to ours: those known, and those of --label-map."""
+    from legoworld.baselines.labels import label_map
+
+    if protocol.vocabulary is None:
+        if path is not None:
+            raise click.UsageError("--label-map is for boxes and masks: depth has no labels")
+        return {}
+    return label_map(path, protocol.vocabulary, protocol.task.name)
+
+
+def with_progress(
+    work: Callable[[Callable[[dict[str, Any]], None], Callable[[str], None]], BaselineResult],
+    total: int,
+    *,
+    quiet: bool,
+) -> BaselineResult:
+    """Do the work with a progress bar where there is a terminal."""
+    if quiet or not options.on_terminal():
+        return work(lambda _row: None, options.notifier(quiet))
+    from tqdm import tqdm
+
+    with tqdm(total=total, unit="image", leave=False) as bar:
+        failed = 0
+
+        def advance(row: dict[str, Any]) -> None:
+            nonlocal failed
+            failed += row["status"] != "ok"
+            bar.set_postfix(failed=failed)
+            bar.update()
+
+        return work(advance, lambda text: bar.write(text, file=sys.stderr))
+
+
+def show(result: BaselineResult, output: Path, *, as_json: bool, verbose: bool) -> int:
+    """Print what the run holds; the exit code."""
+    bad = [row for row in result.rows if row["status"] != "ok"]
+    if as_json:
+        options.print_json({"run": str(output), "summary": result.summary, "rows": result.rows})
+    else:
+        _print(result, bad, output, verbose=verbose)
+    return 1 if bad else 0
+
+
+def _print(
+    result: BaselineResult, bad: list[dict[str, Any]], output: Path, *, verbose: bool
+) -> None:
+    summary = result.summary
+    if verbose:
+        cells = [
+            (row["image_id"], row["file_name"], row["status"], _made(row)) for row in result.rows
+        ]
+        click.echo(options.table(("image", "photo", "status", "predicted"), cells) + "\n")
+    for row in bad[:50]:
+        click.echo(
+            f"{row['status']}: {row['file_name']} (image {row['image_id']}): {row['reason']}"
+        )
+    if len(bad) > 50:
+        click.echo(f"... and {len(bad) - 50} more, in {output / 'per_image.jsonl'}")
+    coverage = summary["coverage"]
+    line = f"{coverage['ok']} of {coverage['attempted']} images predicted"
+    if "ok_empty" in coverage:
+        what = "boxes" if summary["task"] == "coco" else "masks"
+        line += f" ({coverage['ok_empty']} without any), {summary['predictions']} {what}"
+    if summary["partial"]:
+        line += ", partial run"
+    click.echo(f"{line} -> {output}")
+
+
+def _made(row: dict[str, Any]) -> object:
+    if row["status"] != "ok":
+        return "-"
+    if "depth" in row:
+        width, height = row["rendered_wh"]
+        return f"{row['depth']['finite_px'] / (width * height):.1%} {row['depth']['space']}"
+    return row["n_predictions"]

@@ -1,0 +1,144 @@
+"""`legoworld baseline run`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from legoworld.commands import baseline_output, options
+
+
+@click.command("run", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("name")
+@click.option("--task", required=True, type=baseline_output.TASKS, help="What to predict.")
+@click.option("--track", required=True, type=options.EXISTING_FILE, help="The images.")
+@click.option(
+    "--photos", required=True, type=options.EXISTING_FOLDER, help="The folder of the photos."
+)
+@click.option("--weights", required=True, help="A file, a folder, or a hub id.")
+@click.option("-o", "--output", type=options.FOLDER, required=True, help="The run folder to write.")
+@click.option(
+    "--python",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    envvar="LEGOWORLD_BASELINE_PYTHON",
+    help="A Python that has what the baseline needs [default: its installed environment].",
+)
+@click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, mps.")
+@click.option(
+    "--dtype",
+    type=click.Choice(["float32", "float16", "bfloat16"]),
+    default="float32",
+    show_default=True,
+    help="What the network computes in.",
+)
+@click.option(
+    "--batch-size",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Images at once, where the baseline can.",
+)
+@click.option("--option", "given", multiple=True, metavar="KEY=VALUE", help="Its own; repeat.")
+@click.option(
+    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "our name" or null}.'
+)
+@click.option(
+    "--prompts-from-truth",
+    type=options.EXISTING_FILE,
+    help="LVIS only: prompt with each image's verified categories; the run says it used truth.",
+)
+@click.option("--offline", is_flag=True, help="Load what is on this machine, download nothing.")
+@click.option("--limit", type=click.IntRange(min=1), help="Only the first N images (partial run).")
+@click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
+@click.option(
+    "--time-limit", type=click.FloatRange(min=0.1), help="Seconds for one image [default: none]."
+)
+@click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
+@options.output_options
+def run_command(
+    name: str,
+    task: str,
+    track: Path,
+    photos: Path,
+    weights: str,
+    output: Path,
+    python: Path | None,
+    device: str,
+    dtype: str,
+    batch_size: int,
+    given: tuple[str, ...],
+    label_map: Path | None,
+    prompts_from_truth: Path | None,
+    offline: bool,
+    limit: int | None,
+    image_ids: tuple[int, ...],
+    time_limit: float | None,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Run the baseline NAME over a track's photos, in a process of its own.
+
+    Predictions are on disk as they are made: the same command again goes on where a run stopped,
+    under the same weights, options, code and versions. An image the baseline cannot do, or dies
+    of twice, is a failed row. Exit code 1 when there is one. -v shows what the baseline prints.
+
+    \b
+    Examples:
+      legoworld baseline run dino --task coco --track track.json --photos val2017 \\
+          --weights checkpoint0023_4scale.pth -o runs/dino --device cuda
+      legoworld baseline run hf-detector --task coco --track track.json --photos val2017 \\
+          --weights PekingU/rtdetr_r50vd -o runs/rtdetr --limit 5
+      legoworld baseline run sam3 --task lvis --track lvis.json --photos coco \\
+          --weights facebook/sam3 -o runs/sam3 --offline --option per_image=300
+    """
+    from legoworld.baselines.baseline_run import run_baseline
+    from legoworld.baselines.cards import chosen_options, load_baseline
+    from legoworld.baselines.environments import chosen_python
+    from legoworld.baselines.request import BaselineRequest, selected_images
+    from legoworld.baselines.truth_prompts import read_truth_prompts
+
+    card = load_baseline(name)
+    if task not in card.tasks:
+        raise click.UsageError(
+            f"the baseline {name} is for {', '.join(card.tasks)}, not for {task}"
+        )
+    images, protocol = baseline_output.track_of(task, track)
+    request = BaselineRequest(
+        card=card,
+        protocol=protocol,
+        track=images,
+        photos=photos,
+        weights=weights,
+        run=output,
+        python=chosen_python(card, python),
+        device=device,
+        dtype=dtype,
+        batch_size=batch_size,
+        options=chosen_options(card, given),
+        labels=baseline_output.labels(label_map, protocol),
+        prompts=(
+            read_truth_prompts(prompts_from_truth, images.images, card, task)
+            if prompts_from_truth
+            else None
+        ),
+        offline=offline,
+        overwrite=overwrite,
+        limit=limit,
+        image_ids=image_ids,
+        time_limit_s=time_limit,
+    )
+    total = len(selected_images(images, image_ids, limit))
+    result = baseline_output.with_progress(
+        lambda progress, say: run_baseline(
+            request,
+            progress=progress,
+            notice=say,
+            log=say if verbose and not quiet else lambda _line: None,
+        ),
+        total,
+        quiet=quiet,
+    )
+    return baseline_output.show(result, output, as_json=as_json, verbose=verbose)

@@ -1,0 +1,43 @@
+"""Whether depth files will fit on the disk, said and checked before the first is written."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from legoworld.errors import LegoWorldError
+from legoworld.readouts.depth import depth_file_bytes
+
+
+class OutputFullError(LegoWorldError):
+    """The run's output does not fit on the disk."""
+
+    code = "disk_full"
+
+
+def check_disk(
+    folder: Path,
+    sizes_wh: Sequence[tuple[int, int]],
+    notice: Callable[[str], None],
+    *,
+    next_step: str,
+) -> None:
+    """Say how large float32 depth of these sizes will be; OutputFullError when it does not fit."""
+    expected = sum(depth_file_bytes(size) for size in sizes_wh)
+    free = shutil.disk_usage(folder).free
+    notice(
+        f"depth: about {_megabytes(expected)} for {len(sizes_wh)} images of known size, "
+        f"{_megabytes(free)} free"
+    )
+    if expected > free:
+        raise OutputFullError(
+            "the depth files will not fit on the disk",
+            found=f"{_megabytes(free)} free",
+            expected=_megabytes(expected),
+            next_step=next_step,
+        )
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:,.0f} MB"

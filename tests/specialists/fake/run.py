@@ -1,0 +1,98 @@
+"""The least a baseline needs, and every way it can go wrong."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from legoworld_baseline import Refused, hash_files, match_labels, read_photo, serve, write_depth
+
+print("an import that prints", end="")
+Request = dict[str, Any]
+
+
+def load(request: Request) -> tuple[Request, dict[str, Any]]:
+    weights = Path(request["weights"])
+    how = request["options"]["how"]
+    if how == "refuse":
+        raise Refused("the checkpoint is another model's", found="resnet", expected="fake")
+    if how == "die_loading":
+        sys.exit("no module named nothing")
+    labels = match_labels(request, ["Dog", "cat", "N/A"], every_category=False)
+    provenance = {"model": "fake", "weights": hash_files([weights]), "labels": labels}
+    return request, provenance
+
+
+def misbehave(request: Request, image: dict[str, Any]) -> None:
+    how, marker = request["options"]["how"], Path(request["weights"]).with_suffix(".crashed")
+    time.sleep(request["options"]["sleep_s"])
+    if how == "print":
+        print('{"image_id": 1, "predictions": []}')
+        os.system("echo from a library in C")
+    if image["image_id"] != request["options"]["at"]:
+        return
+    if how == "child":
+        note_process(request, subprocess.Popen(["sleep", "600"]).pid)
+    if how == "hang":
+        note_process(request, os.getpid())
+        time.sleep(600)
+    if how in ("crash", "child") or (how == "crash_once" and not marker.exists()):
+        print("going down", file=sys.stderr, flush=True)
+        marker.touch()
+        os.kill(os.getpid(), 9)
+    if how == "raise":
+        raise RuntimeError("out of\nmemory")
+
+
+def note_process(request: Request, pid: int) -> None:
+    with Path(request["weights"]).with_suffix(".pids").open("a") as stream:
+        stream.write(f"{pid}\n")
+
+
+def predict(request: Request, image: dict[str, Any]) -> dict[str, Any]:
+    misbehave(request, image)
+    photo = read_photo(image["path"], image["width"], image["height"])
+    brightness = photo.mean(axis=2)
+    if request["task"] == "eth3d":
+        result = write_depth(request, image, (brightness + 1).astype(np.float32), "depth", None)
+        if wrong(request, image, "lie"):
+            result["depth"]["sha256"] = "0" * 64
+        return result
+    ids = (request["prompts"] or {}).get(str(image["image_id"])) or [
+        c["id"] for c in request["categories"]
+    ]
+    found = [entry(request, image, brightness, ids[k % len(ids)], k) for k in range(3)]
+    return {"predictions": found, "counts": {"considered": 3}}
+
+
+def entry(
+    request: Request, image: dict[str, Any], brightness: Any, category_id: int, k: int
+) -> dict[str, Any]:
+    x, y = int(brightness.argmax(axis=1)[k]), k
+    w, h = min(10 + k, image["width"] - x), 20
+    made: dict[str, Any] = {
+        "image_id": image["image_id"],
+        "category_id": 999 if wrong(request, image, "category") else category_id,
+        "score": float("nan") if wrong(request, image, "nan") else round(0.9 - k / 10, 3),
+    }
+    if request["task"] == "coco":
+        made["bbox"] = [x + 0.25, y + 0.5, -5.0 if wrong(request, image, "extent") else w, h]
+    else:
+        size = [image["height"], image["width"]]
+        start = x * size[0] + y
+        made["segmentation"] = {"size": size, "counts": [start, h, size[0] * size[1] - start - h]}
+    return made
+
+
+def wrong(request: Request, image: dict[str, Any], how: str) -> bool:
+    options = request["options"]
+    return bool(options["how"] == how and image["image_id"] == options["at"])
+
+
+if __name__ == "__main__":
+    serve(load, predict)
