@@ -1,9 +1,10 @@
 # The two commands: `make demo` and `make test`. Both make their own .venv first.
 .DELETE_ON_ERROR:
-.PHONY: demo test check format clean
+.PHONY: demo test test-baselines test-cluster check format clean
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
+BASELINES := .venv-baselines
 KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp)
 DEMO := legoworld-demo
 
@@ -13,6 +14,16 @@ demo: $(VENV)/examples-installed
 
 test: $(VENV)/tests-installed
 	$(PYTHON) -m pytest $(PYTEST_ARGS)
+
+# What needs torch runs in an environment of its own; see docs/baselines.md.
+test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
+	$(BASELINES)/bin/python -m pytest tests/baselines $(PYTEST_ARGS)
+	LEGOWORLD_BASELINE_PYTHON=$(CURDIR)/$(BASELINES)/bin/python \
+	  $(PYTHON) -m pytest tests/specialists/test_by_name.py $(PYTEST_ARGS)
+
+# Ray, and S3 from a server on this machine; see docs/clusters.md.
+test-cluster: $(VENV)/cluster-installed
+	$(PYTHON) -m pytest tests/cluster tests/running/test_places.py $(PYTEST_ARGS)
 
 check: $(VENV)/dev-installed
 	$(VENV)/bin/ruff check .
@@ -25,7 +36,7 @@ format: $(VENV)/dev-installed
 	$(VENV)/bin/ruff format .
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info legoworld/visibility/_kernel.* $(DEMO) legoworld-runs
+	rm -rf $(VENV) $(BASELINES) build dist *.egg-info legoworld/visibility/_kernel.* $(DEMO) legoworld-runs
 
 # Python 3.11 is asked for because bpy 5.0's wheel exists for no other.
 $(VENV)/made:
@@ -58,6 +69,19 @@ $(VENV)/tests-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KER
 
 $(VENV)/dev-installed: $(VENV)/tests-installed
 	$(INSTALL) -e '.[examples,test,dev]'
+	@touch $@
+
+$(VENV)/cluster-installed: $(VENV)/tests-installed
+	$(INSTALL) -e '.[examples,test,cluster]'
+	@touch $@
+
+$(BASELINES)/installed: $(VENV)/made Makefile
+	$(PYTHON) -m venv $(BASELINES)
+	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet torch==2.13.0 \
+	  transformers==5.23.0 'numpy>=1.26,<2' pillow safetensors einops addict omegaconf \
+	  'opencv-python-headless<4.12' scipy pycocotools==2.0.11 pytest
+	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet --no-deps \
+	  depth-anything-3==0.1.1
 	@touch $@
 
 # The full counts of what the tests do with a few; minutes each. See docs/robustness.md.

@@ -23,16 +23,25 @@ def render() -> str:
     for name in main.list_commands(context):
         command = main.get_command(context, name)
         assert command is not None
-        own = click.Context(
-            command,
-            info_name=name,
-            parent=context,
-            terminal_width=96,
-            max_content_width=96,
-            help_option_names=["-h", "--help"],
-        )
-        parts.append(f"## legoworld {name}\n\n```\n{command.get_help(own)}\n```\n")
+        parts += _sections(command, name, context)
     return "\n".join(parts)
+
+
+def _sections(command: click.Command, name: str, parent: click.Context) -> list[str]:
+    """The help of a command, and of the commands below it."""
+    own = click.Context(
+        command,
+        info_name=name,
+        parent=parent,
+        terminal_width=96,
+        max_content_width=96,
+        help_option_names=["-h", "--help"],
+    )
+    sections = [f"## {own.command_path}\n\n```\n{command.get_help(own)}\n```\n"]
+    if isinstance(command, click.Group):
+        for below, each in sorted(command.commands.items()):
+            sections += _sections(each, below, own)
+    return sections
 
 
 if __name__ == "__main__":

@@ -77,10 +77,8 @@ def command(
     \b
     Examples:
       legoworld readout --task coco
-      legoworld readout scenes --task coco --track track.json -o runs/coco
-      legoworld readout scenes --task lvis -o runs/lvis --workers 8
-      legoworld readout s3://bucket/scenes --task coco -o s3://bucket/runs/coco
-      legoworld readout scenes --task coco -o shards/3 --shard 3/16   then: legoworld merge
+      legoworld readout scenes --task coco --track track.json -o runs/coco --workers 8
+      legoworld readout scenes --task coco -o shards/3 --shard 3/16
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
     """
     from legoworld.commands.shipped import shipped_examples
