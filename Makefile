@@ -9,8 +9,7 @@ KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp)
 DEMO := legoworld-demo
 
 demo: $(VENV)/examples-installed
-	$(PYTHON) -m legoworld readout --task coco
-	$(PYTHON) docs/look_at_examples.py -o $(DEMO)
+	$(PYTHON) docs/demo.py -o $(DEMO)
 
 test: $(VENV)/tests-installed
 	$(PYTHON) -m pytest $(PYTEST_ARGS)
