@@ -1,0 +1,72 @@
+"""`legoworld report`."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import click
+
+from legoworld.commands import options
+
+
+@click.command("report", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("folders", nargs=-1, required=True, type=options.EXISTING_FOLDER)
+@click.option(
+    "--photos",
+    type=options.EXISTING_FOLDER,
+    help="Where the photos lie, or their train2017/ and val2017/ [default: a page without photos].",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    required=True,
+    help="The HTML file to write.",
+)
+@options.output_options
+def command(
+    folders: tuple[Path, ...],
+    photos: Path | None,
+    output: Path,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """One HTML page of evaluations and comparisons, FOLDERS: numbers, errors, every photo.
+
+    The page needs no network and opens from the disk. It shows truth: keep it private. Past 500
+    views or 64 MiB, its pictures lie in a folder beside it. An earlier page is written over.
+
+    \b
+    Examples:
+      legoworld report evals/coco --photos photos -o report.html
+      legoworld report evals/coco evals/lvis evals/depth --photos photos -o report.html
+      legoworld report comparisons/coco --photos photos -o report.html
+    """
+    from legoworld.report.document import page_document
+    from legoworld.report.page_file import write_page
+    from legoworld.report.sources import read_sources
+
+    document = page_document(read_sources(folders), photos)
+    words = ["legoworld", "report", *(f.resolve().name for f in folders)]
+    words += ["--photos", "PHOTOS"] if photos else []
+    written = write_page(document, output, commands=[shlex.join([*words, "-o", "report.html"])])
+    missing = sum(view["photo"] is None for view in document.views)
+    if missing:
+        notice = options.notifier(quiet)
+        notice(f"{missing} of {len(document.views)} views have no photo; the page says why")
+    if as_json:
+        options.print_json(
+            {
+                "report": str(output),
+                "beside": str(written.beside) if written.beside else None,
+                "bytes": written.n_bytes,
+                "views": len(document.views),
+                "views_without_photo": missing,
+            }
+        )
+        return 0
+    more = f" and {written.beside}" if written.beside else ""
+    click.echo(f"{len(document.views)} views, {written.n_bytes / 1e6:.1f} MB -> {output}{more}")
+    return 0

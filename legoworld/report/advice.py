@@ -1,0 +1,207 @@
+"""What an agent's author should know of one scene: what is wrong, and what to do about it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from legoworld.evaluation.folder import Row
+from legoworld.report.detection_images import DetectionImage, SideImage
+from legoworld.report.shapes import drawn_predictions
+
+Level = Literal["bad", "warn", "note"]
+_ORDER: Final = ("bad", "warn", "note")
+#: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.
+_LOOSE_IOU: Final = 0.75
+
+#: What became of a labelled object without a pixel, by the readout's word, and what helps.
+_UNSEEN: Final = {
+    "no_area": "it has no surface: give it a mesh, or label the object that has one",
+    "behind_camera": "it is behind the camera: move it, or turn the camera",
+    "beyond_clip_end": "it lies outside the camera's clip range: change the clip range",
+    "outside_view": "it is outside the picture: move it, or move the camera",
+    "sub_pixel": "it covers no pixel centre: enlarge it, or bring it nearer",
+    "hidden": "other surfaces cover it: move what stands in front",
+    "holdout": "its material is a holdout: give it an ordinary material",
+    "not_rendered": "it is not rendered: switch its render visibility on",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """One finding. level: bad costs score, warn may, note explains."""
+
+    level: Level
+    what: str
+    do: str = ""
+
+
+def sorted_advice(found: Sequence[Advice]) -> list[dict[str, str]]:
+    """As the page holds it, the costly first."""
+    ordered = sorted(found, key=lambda a: _ORDER.index(a.level))
+    return [{"level": a.level, "what": a.what, "do": a.do} for a in ordered]
+
+
+def detection_advice(
+    task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str], *, scene: bool
+) -> list[dict[str, str]]:
+    """Everything to say of one side's answer to a photo; what to do only where it is a scene."""
+    found = failure_advice(side.run_row)
+    if not found:
+        found += _missed(image, side, names) + _false(task, image, side, names)
+        found += _loose(image, side, names) + _counted(side)
+        if scene:
+            found += _labels(side.run_row)
+    if not scene:
+        found = [Advice(level=a.level, what=a.what) for a in found]
+    found += [Advice(level="warn", what=str(w)) for w in side.run_row.get("warnings") or ()]
+    return sorted_advice(found)
+
+
+def failure_advice(run_row: Row) -> list[Advice]:
+    """Why there is no output at all; nothing when there is one."""
+    if run_row["status"] == "ok":
+        return []
+    reason = str(run_row.get("reason") or "the run gives no reason")
+    what, _, do = reason.partition("; next: ")
+    return [Advice(level="bad", what=f"no output ({run_row['status']}): {what}", do=do)]
+
+
+def _missed(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> list[Advice]:
+    missed = [t for t, s in zip(image.truths, side.errors.truth, strict=True) if s == "missed"]
+    by_name = Counter(names[t["category_id"]] for t in missed)
+    unlabelled = [str(u["name"]) for u in side.run_row.get("unlabelled") or ()]
+    found = []
+    for name, n in sorted(by_name.items(), key=lambda x: (-x[1], x[0])):
+        alike = [u for u in unlabelled if _alike(name, u)]
+        if alike:
+            do = f"{_quoted(alike)} has no category: if that is it, set category = {name}"
+        else:
+            do = "build it, or label the object that shows it (objects without category: below)"
+        found.append(Advice(level="bad", what=f"missed: {n} x {name}", do=do))
+    if not side.entries:
+        found.append(
+            Advice(
+                level="bad",
+                what="nothing was exported from this scene",
+                do="give objects the custom property `category` with a name of the vocabulary",
+            )
+        )
+    return found
+
+
+def _false(
+    task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str]
+) -> list[Advice]:
+    """A finding of every false positive, the same ones together."""
+    found: Counter[Advice] = Counter()
+    for p in drawn_predictions(task, image, side):
+        if p["k"] is not None:
+            truth = None if p["t"] is None else image.truths[p["t"]]
+            found[_false_one(p, truth, names)] += 1
+    return [
+        Advice(level=a.level, what=f"{n} x {a.what}" if n > 1 else a.what, do=a.do)
+        for a, n in found.items()
+    ]
+
+
+def _false_one(drawn: Row, truth: Row | None, names: Mapping[int, str]) -> Advice:
+    name = names[drawn["c"]]
+    if truth is None:
+        return Advice(
+            level="bad",
+            what=f"{name} where the truth has nothing",
+            do="not in the photo, or not counted there: remove it or its category",
+        )
+    other, iou = names[truth["category_id"]], f"(IoU {drawn['i']:.2f})"
+    off = _edges(drawn["box"], truth["bbox"])
+    what, do = {
+        "classification": (
+            f"{name} stands where the truth has {other} {iou}",
+            f"is it a {other}? then set its category so",
+        ),
+        "localisation": (
+            f"{name} overlaps its truth too little {iou}: {off}",
+            "move or resize it to the photo",
+        ),
+        "both": (
+            f"{name} overlaps only another category's truth, {other} {iou}, too little: {off}",
+            "check what it stands for and where it is",
+        ),
+        "duplicate": (
+            f"one more {name} on a truth that is found already {iou}",
+            "label the whole object once: a category on its parent or collection",
+        ),
+    }[drawn["k"]]
+    return Advice(level="bad", what=what, do=do)
+
+
+def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> list[Advice]:
+    pairs = [
+        (iou, names[image.truths[about]["category_id"]])
+        for entry, about, iou in zip(side.entries, side.errors.about, side.errors.iou, strict=True)
+        if entry["outcome_50"] == "tp" and about is not None and iou is not None
+    ]
+    loose = sorted(p for p in pairs if p[0] < _LOOSE_IOU)
+    if not loose:
+        return []
+    listed = ", ".join(f"{name} {iou:.2f}" for iou, name in loose)
+    return [
+        Advice(
+            level="warn",
+            what=f"found, but with an IoU below {_LOOSE_IOU}: {listed}",
+            do="fit size and place to the photo: AP averages over IoU 0.50 to 0.95",
+        )
+    ]
+
+
+def _counted(side: SideImage) -> list[Advice]:
+    row = side.row
+    found = []
+    if row["n_unverified"]:
+        what = f"{row['n_unverified']} predictions are of categories nobody checked in this photo"
+        found.append(Advice(level="note", what=f"{what}: LVIS neither rewards nor punishes them"))
+    if row["n_lost_to_cap"]:
+        what = f"{row['n_lost_to_cap']} predictions are beyond the evaluator's cap"
+        found.append(Advice(level="warn", what=what, do="export fewer objects"))
+    return found
+
+
+def _labels(run_row: Row) -> list[Advice]:
+    found = [
+        Advice(
+            level="warn",
+            what=f"the label {u['label']!r} ({u['count']} x) is not in the vocabulary",
+            do=f"nearest names: {', '.join(u['nearest'])}" if u.get("nearest") else "",
+        )
+        for u in run_row.get("unmatched") or ()
+    ]
+    for u in run_row.get("unexported") or ():
+        what = f"{u['name']} ({u['category']}) is labelled but has no pixel: {u['reason']}"
+        found.append(Advice(level="warn", what=what, do=_UNSEEN.get(u["reason"], "")))
+    nested = run_row.get("nested") or {}
+    if nested.get("instances"):
+        what = f"{nested['instances']} instances are nested in others: their {nested['px']} px"
+        found.append(Advice(level="note", what=f"{what} are cut out of the outer one"))
+    return found
+
+
+def _edges(box: Sequence[float], truth: Sequence[float]) -> str:
+    """How far each edge is from the truth's: pixels outside (+) or inside (-) of it."""
+    left, top = truth[0] - box[0], truth[1] - box[1]
+    right = box[0] + box[2] - truth[0] - truth[2]
+    bottom = box[1] + box[3] - truth[1] - truth[3]
+    named = zip(("left", "top", "right", "bottom"), (left, top, right, bottom), strict=True)
+    return "edges out (+) or in (-): " + ", ".join(f"{n} {v:+.0f} px" for n, v in named)
+
+
+def _alike(category: str, name: str) -> bool:
+    """Whether an object's name holds a word of a category's."""
+    words = {w for w in category.lower().replace("_", " ").replace("(", " ").split() if len(w) > 2}
+    return any(w in name.lower().replace("_", " ").split() for w in words)
+
+
+def _quoted(names: Sequence[Any]) -> str:
+    return ", ".join(repr(n) for n in names[:3])

@@ -1,0 +1,127 @@
+"""The images of a detection section: what each side found, missed and invented in every photo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.folder import Row
+from legoworld.evaluation.masks import compressed, overlaps
+from legoworld.report.error_kinds import ImageErrors, image_errors
+from legoworld.report.sources import ReportInputError, Side
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideImage:
+    """One side's answer to one photo.
+
+    entries: its predictions in canonical order, as view/predictions.json has them; quality: the
+    photo's own panoptic quality, None where there is neither truth nor a false positive.
+    """
+
+    row: Row
+    run_row: Row
+    scene: dict[str, Any] | None
+    entries: tuple[Row, ...]
+    errors: ImageErrors
+
+    @property
+    def quality(self) -> float | None:
+        """Sum of IoU over pairs at 0.5, by TP + FP / 2 + FN / 2 (Kirillov et al., CVPR 2019)."""
+        found = self.row["class_aware"]
+        total = found["n_gt"] + found["n_dt"]
+        return 2 * found["quality_sum"] / total if total else None
+
+    @property
+    def unfound(self) -> int:
+        """Truths without a true positive at IoU 0.5, whatever hides them."""
+        return sum(state in ("missed", "reached") for state in self.errors.truth)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectionImage:
+    """One photo: its truths in file order, and every side's answer in the section's order."""
+
+    image: Row
+    truths: tuple[Row, ...]
+    sides: tuple[SideImage, ...]
+
+
+def detection_images(sides: Sequence[Side]) -> Iterator[DetectionImage]:
+    """The photos of a section's track, ascending id, one at a time."""
+    truth = sides[0].view("truth.json")
+    truths = _by_image(truth["annotations"])
+    entries = [_by_image(side.view("predictions.json")) for side in sides]
+    rows = [{row["image_id"]: row for row in side.rows} for side in sides]
+    for image in sorted(truth["images"], key=lambda i: int(i["id"])):
+        found = tuple(truths.get(image["id"], ()))
+        answers = []
+        for side, mine, row in zip(sides, entries, rows, strict=True):
+            predictions = tuple(mine.get(image["id"], ()))
+            answers.append(
+                SideImage(
+                    row=row[image["id"]],
+                    run_row=side.run_rows[image["id"]],
+                    scene=(side.run.get("scenes") or {}).get(str(image["id"])),
+                    entries=predictions,
+                    errors=_errors(side.task, image, found, predictions),
+                )
+            )
+        yield DetectionImage(image=image, truths=found, sides=tuple(answers))
+
+
+def _errors(
+    task: str, image: Row, truths: Sequence[Row], predictions: Sequence[Row]
+) -> ImageErrors:
+    outcome = [p["outcome_50"] for p in predictions]
+    found = image_errors(
+        outcome=outcome,
+        category=np.array([p["category_id"] for p in predictions], np.int64),
+        score=np.array([p["score"] for p in predictions], np.float64),
+        truth_category=np.array([t["category_id"] for t in truths], np.int64),
+        ignored=np.array([_ignored(task, t) for t in truths], bool),
+        iou=_overlaps(task, image, truths, predictions),
+    )
+    if outcome.count("tp") != sum(f is not None for f in found.finder):
+        raise ReportInputError(
+            f"view/ does not repeat the matches of image {image['id']}",
+            found=f"{sum(f is not None for f in found.finder)} truths found",
+            expected=f"{outcome.count('tp')} true positives",
+            next_step="evaluate again",
+        )
+    return found
+
+
+def _ignored(task: str, truth: Row) -> bool:
+    """What neither scores nor is missed: COCO's crowds; LVIS's ignored and empty truths."""
+    if task == "coco":
+        return bool(truth.get("iscrowd", 0))
+    return bool(truth.get("ignore", 0)) or truth["area"] <= 0
+
+
+def _overlaps(
+    task: str, image: Row, truths: Sequence[Row], predictions: Sequence[Row]
+) -> NDArray[np.float64]:
+    """(D, G) IoU as the evaluator measures it: of boxes for coco, of masks for lvis."""
+    if not truths or not predictions:
+        return np.zeros((len(predictions), len(truths)))
+    if task == "coco":
+        shapes = [p["bbox"] for p in predictions], [t["bbox"] for t in truths]
+    else:
+        size_hw = image["height"], image["width"]
+        shapes = (
+            [compressed(p["segmentation"], size_hw) for p in predictions],
+            [compressed(t["segmentation"], size_hw) for t in truths],
+        )
+    return overlaps(*shapes, [0] * len(truths))
+
+
+def _by_image(rows: Sequence[Row]) -> dict[int, list[Row]]:
+    found: dict[int, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row["image_id"], []).append(row)
+    return found

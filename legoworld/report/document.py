@@ -1,0 +1,296 @@
+"""Evaluations to what the page holds: tables, a list of photos, and a view of each photo."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from legoworld.report.advice import detection_advice
+from legoworld.report.depth_images import DepthImage, depth_advice, depth_images
+from legoworld.report.detection_images import DetectionImage, detection_images
+from legoworld.report.error_kinds import KINDS
+from legoworld.report.facts import run_facts, run_tables
+from legoworld.report.photos import page_photo
+from legoworld.report.provenance import compare_command, provenance
+from legoworld.report.shapes import drawn_predictions, drawn_truths
+from legoworld.report.sources import Section, Side
+from legoworld.report.tables import (
+    category_rows,
+    comparison_tables,
+    coverage_notes,
+    coverage_rows,
+    depth_rows,
+    headline_rows,
+    score_free_rows,
+)
+from legoworld.report.tie_picture import tie_pictures
+
+Json = dict[str, Any]
+
+_TITLES = {"coco": "COCO boxes", "lvis": "LVIS masks", "eth3d": "Depth"}
+
+
+@dataclass(kw_only=True)
+class PageDocument:
+    """Everything a page shows. views: of every photo of every section; photos: each file once.
+
+    A view's "photo" is a position in photos, or None with "said" saying why.
+    """
+
+    sections: list[Json] = field(default_factory=list)
+    views: list[Json] = field(default_factory=list)
+    photos: list[bytes] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class _Photos:
+    """Photos by file name and size: sections over the same photos share them."""
+
+    folder: Path | None
+    document: PageDocument
+    known: dict[tuple[str, tuple[int, int] | None], tuple[int | None, str]] = field(
+        default_factory=dict
+    )
+
+    def read(self, wanted: Sequence[tuple[str, tuple[int, int] | None]]) -> None:
+        """Read photos, several at a time; the page holds them in the order wanted."""
+        new = [key for key in dict.fromkeys(wanted) if key not in self.known]
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            found = pool.map(lambda key: page_photo(self.folder, *key), new)
+            for key, photo in zip(new, found, strict=True):
+                position = None
+                if photo.webp is not None:
+                    position = len(self.document.photos)
+                    self.document.photos.append(photo.webp)
+                self.known[key] = (position, photo.said)
+
+    def place(self, file_name: str, size_wh: tuple[int, int] | None) -> Json:
+        """Where the page holds a photo that was read, or why it does not."""
+        position, said = self.known[file_name, size_wh]
+        return {"photo": position, "said": said}
+
+
+def page_document(sections: Sequence[Section], photos: Path | None) -> PageDocument:
+    """The whole page as values. photos: the folder they are looked up in, None for none."""
+    document = PageDocument()
+    places = _Photos(folder=photos, document=document)
+    for section in sections:
+        made = _section_tables(section)
+        if section.sides:
+            fill = _depth if section.task == "eth3d" else _detections
+            made |= fill(section, document, places)
+        document.sections.append(made)
+    return document
+
+
+def _section_tables(section: Section) -> Json:
+    sides = section.sides
+    made: Json = {
+        "key": section.key,
+        "task": section.task,
+        "title": _TITLES[section.task],
+        "sides": [
+            {"label": s.label, "scene": s.is_scene, "used_truth": s.used_truth} for s in sides
+        ],
+        "specialist": any(not s.is_scene for s in sides),
+        "comparison": section.comparison,
+        "pairs": comparison_tables(section.comparison) if section.comparison else [],
+        "compared": compare_command(section.comparison, sides) if section.comparison else None,
+        "images": [],
+    }
+    if not sides:
+        return made
+    return made | {
+        "evaluators": [s.summary["evaluator"] for s in sides],
+        "partial": [s.label for s in sides if s.summary["partial"]],
+        "coverage": coverage_rows(sides),
+        "notes": [{"label": s.label, "lines": coverage_notes(s)} for s in sides],
+        "provenance": [provenance(s) for s in sides],
+        "attempted": sides[0].summary["coverage"]["attempted"],
+    }
+
+
+def _detections(section: Section, document: PageDocument, places: _Photos) -> Json:
+    sides = section.sides
+    truth = sides[0].view("truth.json")
+    names = {c["id"]: c["name"] for c in truth["categories"]}
+    sizes_wh = {i["id"]: (i["width"], i["height"]) for i in truth["images"]}
+    places.read([(row["file_name"], sizes_wh[row["image_id"]]) for row in sides[0].rows])
+    rows: list[Json] = []
+    used: set[int] = set()
+    errors = [dict.fromkeys(KINDS, 0) for _ in sides]
+    images_with = [dict.fromkeys(KINDS, 0) for _ in sides]
+    reached = [0] * len(sides)
+    for image in detection_images(sides):
+        view = _detection_view(section, image, names, places)
+        rows.append(_detection_row(image, view, len(document.views)))
+        document.views.append(view)
+        used |= {t["c"] for t in view["truths"]}
+        used |= {p["c"] for s in view["sides"] for p in s["predictions"]}
+        for k, side in enumerate(image.sides):
+            reached[k] += side.errors.truth.count("reached")
+            for kind, n in side.errors.counts().items():
+                errors[k][kind] += n
+                images_with[k][kind] += bool(n)
+    return {
+        "head": headline_rows(sides),
+        "score_free": score_free_rows(sides),
+        "ties": [picture for side in sides for picture in tie_pictures(side)],
+        "categories": category_rows(sides),
+        "names": {str(i): names[i] for i in sorted(used)},
+        "errors": [
+            {"label": s.label, "counts": c, "images": w, "reached": r}
+            for s, c, w, r in zip(sides, errors, images_with, reached, strict=True)
+        ],
+        "images": sorted(rows, key=_lowest_quality_first),
+    }
+
+
+def _detection_view(
+    section: Section, image: DetectionImage, names: dict[int, str], places: _Photos
+) -> Json:
+    size_wh = image.image["width"], image.image["height"]
+    file_name = image.sides[0].row["file_name"]
+    answers = []
+    for side, answer in zip(section.sides, image.sides, strict=True):
+        answers.append(
+            {
+                **_side_facts(side, answer.run_row, answer.scene),
+                "advice": detection_advice(section.task, image, answer, names, scene=side.is_scene),
+                "predictions": drawn_predictions(section.task, image, answer),
+                "truth": list(answer.errors.truth),
+            }
+        )
+    return {
+        "section": section.key,
+        "id": image.image["id"],
+        "file_name": file_name,
+        "size_wh": size_wh,
+        "truths": drawn_truths(section.task, image),
+        "sides": answers,
+        **places.place(file_name, size_wh),
+    }
+
+
+def _side_facts(side: Side, run_row: Json, scene: Json | None) -> Json:
+    return {
+        "label": side.label,
+        "status": run_row["status"],
+        "facts": run_facts(run_row, scene),
+        "tables": run_tables(run_row),
+    }
+
+
+def _detection_row(image: DetectionImage, view: Json, at: int) -> Json:
+    cells = []
+    for side, drawn in zip(image.sides, view["sides"], strict=True):
+        counts = side.errors.counts()
+        cells.append(
+            {
+                "status": drawn["status"],
+                "quality": side.quality,
+                "tp": side.row["greedy_50"]["tp"],
+                "fp": side.row["greedy_50"]["fp"],
+                "unfound": side.unfound,
+                "kinds": [k for k in KINDS if counts[k]],
+                "advice": drawn["advice"][0]["what"] if drawn["advice"] else "",
+                "findings": sum(a["level"] == "bad" for a in drawn["advice"]),
+            }
+        )
+    here = {t["c"] for t in view["truths"]}
+    here |= {p["c"] for s in view["sides"] for p in s["predictions"]}
+    return {
+        "id": view["id"],
+        "file_name": view["file_name"],
+        "view": at,
+        "n_truth": image.sides[0].row["n_truth"],
+        "cells": cells,
+        "categories": sorted(here),
+    }
+
+
+def _lowest_quality_first(row: Json) -> tuple[bool, float, int]:
+    """By the first side; photos with neither truth nor a false prediction last."""
+    quality = row["cells"][0]["quality"]
+    return quality is None, quality or 0.0, row["id"]
+
+
+def _depth(section: Section, document: PageDocument, places: _Photos) -> Json:
+    rows: list[Json] = []
+    places.read([(row["file_name"], None) for row in section.sides[0].rows])
+    for image in depth_images(section.sides):
+        view = _depth_view(section, image, places)
+        rows.append(_depth_row(image, view, len(document.views)))
+        document.views.append(view)
+    rows.sort(key=_largest_error_first)
+    return {"head": depth_rows(section.sides), "images": rows, "names": {}}
+
+
+def _depth_view(section: Section, image: DepthImage, places: _Photos) -> Json:
+    first = image.rows[0]
+    answers = []
+    for side, row, run_row, scene in zip(
+        section.sides, image.rows, image.run_rows, image.scenes, strict=True
+    ):
+        facts = _side_facts(side, run_row, scene)
+        facts["facts"] += _fit_facts(row)
+        facts["status"] = row["status"]
+        advice = depth_advice(row, run_row, scene=side.is_scene)
+        answers.append({**facts, "advice": advice})
+    return {
+        "section": section.key,
+        "id": first["image_id"],
+        "file_name": first["file_name"],
+        "size_wh": first["truth_wh"],
+        "sides": answers,
+        "depth": image.view,
+        **places.place(first["file_name"], None),
+    }
+
+
+def _fit_facts(row: Json) -> list[tuple[str, str]]:
+    """How the depth was aligned and what it scored, as text."""
+    found = [("valid truth", f"{row['n_valid']} px of {row['truth_wh'][0]}x{row['truth_wh'][1]}")]
+    if "metrics" not in row:
+        return found
+    found.append(("fit", f"1/z = {row['s']:.6g} x + {row['t']:.6g}, x in {row['space']}"))
+    found.append(("holes", f"{row['hole_share']:.2%} of the valid truth"))
+    for metric, values in row["metrics"].items():
+        text = ", ".join(f"{policy} {value:.4f}" for policy, value in values.items())
+        found.append((metric, text))
+    return found
+
+
+def _depth_row(image: DepthImage, view: Json, at: int) -> Json:
+    cells = []
+    for row, drawn in zip(image.rows, view["sides"], strict=True):
+        metrics = row.get("metrics")
+        cells.append(
+            {
+                "status": row["status"],
+                "abs_rel": metrics["abs_rel"] if metrics else None,
+                "delta1": metrics["delta1"]["error_1"] if metrics else None,
+                "constant": row["constant"]["abs_rel"]["error_1"] if metrics else None,
+                "holes": row.get("hole_share"),
+                "advice": drawn["advice"][0]["what"] if drawn["advice"] else "",
+                "findings": sum(a["level"] == "bad" for a in drawn["advice"]),
+            }
+        )
+    return {
+        "id": view["id"],
+        "file_name": view["file_name"],
+        "view": at,
+        "n_truth": image.rows[0]["n_valid"],
+        "cells": cells,
+        "categories": [],
+    }
+
+
+def _largest_error_first(row: Json) -> tuple[bool, float, int]:
+    """By the first side; photos without a score before all others."""
+    score = row["cells"][0]["abs_rel"]
+    return score is not None, -score["error_1"] if score else 0.0, row["id"]

@@ -1,0 +1,72 @@
+"""The photos behind the drawings: looked up by name, made small, written as WebP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+import cv2
+import numpy as np
+
+from legoworld.errors import LegoWorldError
+from legoworld.pictures import read_photo
+
+LONGEST_SIDE: Final = 800
+_QUALITY: Final = 75
+#: COCO's and LVIS's folders, below the one that is named.
+_FOLDERS: Final = ("", "train2017", "val2017")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Photo:
+    """A photo for the page. webp: None where there is none; said: what the page says of it."""
+
+    webp: bytes | None
+    said: str
+
+
+def find_photo(photos: Path, file_name: str) -> Path | None:
+    """PHOTOS/file_name, or that below its train2017/ or val2017/; None where there is no such file.
+
+    A name that leads out of the folder is not followed.
+    """
+    name = PurePosixPath(file_name)
+    if name.is_absolute() or ".." in name.parts:
+        return None
+    for below in _FOLDERS:
+        path = photos / below / name
+        if path.is_file():
+            return path
+    return None
+
+
+def page_photo(photos: Path | None, file_name: str, size_wh: tuple[int, int] | None) -> Photo:
+    """A photo at most 800 pixels long; one that is absent or does not decode is said, not raised.
+
+    size_wh: what the annotations are drawn for. A photo of another size is not shown: the drawing
+    would lie about it.
+    """
+    if photos is None:
+        return Photo(webp=None, said="no folder of photos was given (--photos)")
+    path = find_photo(photos, file_name)
+    if path is None:
+        return Photo(webp=None, said=f"the photo {file_name} was not found")
+    try:
+        picture = read_photo(path)
+    except (LegoWorldError, OSError) as error:
+        return Photo(webp=None, said=f"the photo {file_name} could not be read: {error}")
+    height, width = picture.shape[:2]
+    if size_wh is not None and (width, height) != size_wh:
+        said = f"the photo {file_name} is {width}x{height}, its truth {size_wh[0]}x{size_wh[1]}"
+        return Photo(webp=None, said=f"{said}: not shown")
+    shrink = LONGEST_SIDE / max(width, height)
+    if shrink < 1:
+        small = max(1, round(width * shrink)), max(1, round(height * shrink))
+        picture = cv2.resize(picture, small, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    done, data = cv2.imencode(
+        ".webp", np.ascontiguousarray(picture[:, :, ::-1]), [cv2.IMWRITE_WEBP_QUALITY, _QUALITY]
+    )
+    if not done:
+        raise LegoWorldError("a photo could not be encoded", found=f"shape {picture.shape}")
+    return Photo(webp=data.tobytes(), said="")

@@ -1,0 +1,147 @@
+"""How to repeat a page's numbers: commands, hashes, versions, licences. No path, no time."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+from typing import Any, Final
+
+from legoworld import catalog
+from legoworld.report.sources import Side
+
+#: Licences of what a score is computed with, by package.
+_LICENCES: Final = {
+    "OpenEXR": "BSD-3-Clause",
+    "bpy": "GPL-3.0",
+    "hotcoco": "MIT",
+    "legoworld": "Apache-2.0",
+    "lvis": "BSD-2-Clause",
+    "numpy": "BSD-3-Clause",
+    "pycocotools": "BSD-2-Clause (FreeBSD)",
+    "python": "PSF-2.0",
+    "scipy": "BSD-3-Clause",
+}
+
+
+def provenance(side: Side) -> dict[str, Any]:
+    """What the page says of where one side's numbers come from."""
+    evidence, run = side.evidence, side.run
+    cards = _cards()
+    versions = {**(run.get("versions") or {}), **evidence["versions"]}
+    return {
+        "label": side.label,
+        "folder": side.folder.name,
+        "commands": [_made_run(side, cards), _evaluated(side)],
+        "partial": bool(side.summary.get("partial")),
+        "configuration": _flat(run.get("configuration") or {}),
+        "evaluation": _flat(evidence["configuration"]),
+        "evaluator": side.summary["evaluator"],
+        "versions": [
+            {"name": n, "version": v, "licence": _LICENCES.get(n, "see the package")}
+            for n, v in sorted(versions.items())
+        ],
+        "inputs": [
+            {**i, "name": PurePosixPath(i["path"]).name, "card": _known(cards, i["sha256"])}
+            for i in evidence["inputs"]
+        ],
+        "outputs": sorted(evidence["files"].items()),
+        "data": _data_licence(side, cards) + _model_licence(side),
+    }
+
+
+def compare_command(comparison: dict[str, Any], sides: Sequence[Side]) -> str:
+    """The command that made a comparison of these evaluations."""
+    bootstrap = comparison["bootstrap"]
+    names = [side.folder.name for side in sides] or ["EVAL_SCENE", "EVAL_BASELINE"]
+    words = ["legoworld", "compare", *names]
+    words += ["--draws", str(bootstrap["draws"]), "--seed", str(bootstrap["seed"])]
+    return shlex.join([*words, "-o", "COMPARISON"])
+
+
+def _made_run(side: Side, cards: list[dict[str, Any]]) -> str:
+    configuration = side.run.get("configuration") or {}
+    run = _run_name(side)
+    track = _known(cards, configuration.get("track_sha256") or "") or "TRACK.json"
+    if not side.is_scene:
+        name = configuration.get("baseline") or "NAME"
+        verb = "import FILE_OR_DIR" if configuration.get("imported") else f"run {_word(name)}"
+        return (
+            f"legoworld baseline {verb} --task {side.task} --track {_word(track)} -o {_word(run)}"
+        )
+    words = ["legoworld", "readout", "SCENES", "--task", side.task]
+    if configuration.get("track_sha256"):
+        words += ["--track", track]
+    if configuration.get("source"):
+        words += ["--source", str(configuration["source"])]
+    if configuration.get("max_side"):
+        words += ["--max-side", str(configuration["max_side"])]
+    if configuration.get("require_frozen"):
+        words.append("--require-frozen")
+    return shlex.join([*words, "-o", run])
+
+
+def _evaluated(side: Side) -> str:
+    configuration = side.evidence["configuration"]
+    truths = [i["path"] for i in side.evidence["inputs"] if i["role"] == "truth"]
+    truth = PurePosixPath(truths[0]).name if side.task != "eth3d" and truths else "TRUTH"
+    words = ["legoworld", "evaluate", _run_name(side), "--truth", truth]
+    for option in ("evaluator", "camera_model", "draws", "seed"):
+        if option in configuration:
+            words += [f"--{option.replace('_', '-')}", str(configuration[option])]
+    return shlex.join([*words, "-o", side.folder.name])
+
+
+def _run_name(side: Side) -> str:
+    path = next(i["path"] for i in side.evidence["inputs"] if i["role"] == "run")
+    return PurePosixPath(path).parent.name
+
+
+def _data_licence(side: Side, cards: list[dict[str, Any]]) -> list[dict[str, str]]:
+    """The dataset cards that know the truth by its hash, else the task's usual one."""
+    truths = {i["sha256"] for i in side.evidence["inputs"] if i["role"] == "truth"}
+    known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
+    said = "this truth, by its hash"
+    if not known:
+        known = [c for c in cards if c["name"] == side.task]
+        said = "the usual dataset of this task: no card knows this truth by its hash"
+    return [
+        {"name": c["name"], "title": c["title"], "licence": c["licence"], "said": said}
+        for c in known
+    ]
+
+
+def _model_licence(side: Side) -> list[dict[str, str]]:
+    """The specialist's own licence, as its card has it."""
+    baseline = side.run.get("baseline") or {}
+    if "licence" not in baseline:
+        return []
+    names = {key: str(baseline.get(key, "")) for key in ("name", "title", "licence")}
+    return [{**names, "said": "the specialist"}]
+
+
+def _cards() -> list[dict[str, Any]]:
+    paths = sorted(catalog.folder("datasets").glob("*/card.toml"))
+    return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths]
+
+
+def _known(cards: list[dict[str, Any]], sha256: str) -> str | None:
+    """Where a shipped file of this hash lies, as datasets/<card>/<file>."""
+    for card in cards:
+        for file in card.get("files", ()):
+            if sha256 and file.get("sha256") == sha256 and file.get("shipped"):
+                return f"datasets/{card['name']}/{file['pattern']}"
+    return None
+
+
+def _flat(values: dict[str, Any]) -> list[tuple[str, str]]:
+    return [(key, _text(value)) for key, value in sorted(values.items())]
+
+
+def _text(value: Any) -> str:
+    return "-" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _word(value: Any) -> str:
+    return shlex.quote(str(value))

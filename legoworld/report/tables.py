@@ -1,0 +1,170 @@
+"""A section's tables: numbers with interval and denominator, coverage, categories, comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.text import metric_rows, notes
+from legoworld.report.sources import Side
+
+#: What stands where no specialist's number is.
+NO_SPECIALIST: Final = "no specialist was run"
+
+Cell = dict[str, str]
+Rows = list[dict[str, Any]]
+
+
+def headline_rows(sides: Sequence[Side]) -> Rows:
+    """The evaluator's own numbers and the tie orders: {"name", "cells": one of each side}."""
+    return [r for r in _detection_rows(sides) if not r["name"].startswith("class_")]
+
+
+def score_free_rows(sides: Sequence[Side]) -> Rows:
+    """The numbers of one-to-one pairs, which need no ranking."""
+    return [r for r in _detection_rows(sides) if r["name"].startswith("class_")]
+
+
+def _detection_rows(sides: Sequence[Side]) -> Rows:
+    found: dict[str, list[Cell | None]] = {}
+    for k, side in enumerate(sides):
+        for name, value, spread, over in metric_rows(side.summary, detection_protocol(side.task)):
+            cell = {"value": value, "spread": spread, "over": over}
+            found.setdefault(name, [None] * len(sides))[k] = cell
+    return [{"name": name, "cells": cells} for name, cells in found.items()]
+
+
+def depth_rows(sides: Sequence[Side]) -> Rows:
+    """Means of every metric and hole policy, with the constant depth's beside them."""
+    rows: Rows = []
+    for metric, by_policy in sides[0].summary["metrics"].items():
+        for policy in by_policy:
+            cells = [_depth_cell(side.summary, metric, policy) for side in sides]
+            rows.append({"name": metric, "policy": policy, "cells": cells})
+    for policy in sides[0].summary["all_attempted"]["abs_rel"]:
+        cells = []
+        for side in sides:
+            every = side.summary["all_attempted"]
+            over = f"{every['images']} images with truth, {every['missing']} of them without a "
+            over += f"score at {every['missing_abs_rel']:g}"
+            value = _number(every["abs_rel"][policy])
+            cells.append({"value": value, "spread": "-", "over": over, "constant": "-"})
+        rows.append({"name": "abs_rel, all attempted", "policy": policy, "cells": cells})
+    return rows
+
+
+def _depth_cell(summary: dict[str, Any], metric: str, policy: str) -> Cell:
+    interval = summary["intervals"][metric][policy]
+    groups, coverage = summary["bootstrap"], summary["coverage"]
+    known = interval["low"] is not None
+    by_scene = f", {groups['groups']} scenes" if groups["unit"] == "scene" else ""
+    return {
+        "value": _number(summary["metrics"][metric][policy]),
+        "spread": f"{interval['low']:.4f} .. {interval['high']:.4f}" if known else "-",
+        "over": f"{coverage['scored']} of {coverage['attempted']} images" + by_scene,
+        "constant": _number(summary["constant"][metric][policy]),
+    }
+
+
+def coverage_rows(sides: Sequence[Side]) -> Rows:
+    """Attempted, scored, with truth, and every status, a side a column."""
+    coverages = [side.summary["coverage"] for side in sides]
+    names = ["attempted", "scored", "with_truth", "scored_with_truth", "scored_without_predictions"]
+    rows: Rows = [
+        {"name": name.replace("_", " "), "cells": [c.get(name, "-") for c in coverages]}
+        for name in names
+        if any(name in c for c in coverages)
+    ]
+    for status in sorted({s for c in coverages for s in c["by_status"]}):
+        cells = [c["by_status"].get(status, 0) for c in coverages]
+        rows.append({"name": f"status {status}", "cells": cells})
+    return rows
+
+
+def coverage_notes(side: Side) -> list[str]:
+    """The evaluation's own sentences about its counts."""
+    if side.task != "eth3d":
+        return notes(side.summary)
+    summary = side.summary
+    lines = [
+        f"mean share of holes {_number(summary['mean_hole_share'])}, outside the view "
+        f"{_number(summary['mean_outside_view_share'])}, clamped "
+        f"{_number(summary['mean_clamped_share'])}",
+        f"{summary['resampled']} resampled, {summary['worse_than_constant']} worse than a constant",
+    ]
+    lines += [f"{r['status']}: {r['file_name']}: {r['reason']}" for r in summary["not_scored"]]
+    return lines + (["partial run: only some images of its track"] if summary["partial"] else [])
+
+
+def category_rows(sides: Sequence[Side]) -> Rows:
+    """A row of each category that has truth or predictions on any side, ascending id."""
+    found: dict[int, dict[str, Any]] = {}
+    for k, side in enumerate(sides):
+        for row in side.categories:
+            mine = found.setdefault(
+                row["category_id"],
+                {
+                    "id": row["category_id"],
+                    "name": row["name"],
+                    "frequency": row.get("frequency"),
+                    "n_truth": row["n_truth"],
+                    "n_images": row["n_images"],
+                    "cells": [None] * len(sides),
+                },
+            )
+            mine["cells"][k] = {
+                "ap": row["AP"],
+                "ap50": row["AP50"],
+                "miou": row["miou_gt"],
+                "n": row["n_predictions"],
+                **row["greedy_50"],
+            }
+    return [found[key] for key in sorted(found)]
+
+
+def comparison_tables(comparison: dict[str, Any]) -> Rows:
+    """Each pair of a comparison with its rows as text; level 1 is the headline."""
+    tables = []
+    for pair in comparison["pairs"]:
+        rows = [
+            {
+                "name": _short_name(row["metric"], row["policy"]),
+                "policy": row["policy"].replace("_", " "),
+                "images": row["images"],
+                "better": row["better"],
+                "scene": _compared(row["scene"]),
+                "baseline": _compared(row["baseline"]),
+                "difference": _compared(row["difference"], signed=True),
+                "level": row["level"],
+            }
+            for row in pair["rows"]
+        ]
+        tables.append({**pair, "rows": rows})
+    return tables
+
+
+def _short_name(metric: str, policy: str) -> str:
+    """A metric without the policy, which has a column of its own."""
+    return metric.removeprefix(f"{policy}.").removesuffix(f".{policy}")
+
+
+def _compared(cell: dict[str, Any], *, signed: bool = False) -> Cell:
+    interval = cell.get("interval")
+    spread = "-"
+    if interval and interval["low"] is not None:
+        sign = "+" if signed else ""
+        spread = f"{interval['low']:{sign}.4f} .. {interval['high']:{sign}.4f}"
+    elif cell.get("sd") is not None:
+        spread = f"sd {cell['sd']:.4f}"
+    counted = sorted((cell.get("over") or {}).items(), key=lambda c: (c[0] != "images", c[0]))
+    over = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counted)
+    if cell.get("constant") is not None:
+        over += f"; a constant: {cell['constant']:.4f}"
+    return {"value": _number(cell["value"], signed=signed), "spread": spread, "over": over}
+
+
+def _number(value: float | None, *, signed: bool = False) -> str:
+    if value is None:
+        return "-"
+    return f"{value:+.4f}" if signed else f"{value:.4f}"

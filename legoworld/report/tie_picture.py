@@ -1,0 +1,80 @@
+"""AP over the orders that equal confidence leaves open, as the coordinates of a small drawing."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.matches_file import EQUAL, OWN, table_from
+from legoworld.evaluation.ties import order_aps
+from legoworld.report.sources import Side
+
+WIDTH: Final = 640
+HEIGHT: Final = 150
+_LEFT: Final = 30
+_TOP: Final = 34
+_BASE: Final = 104
+_BINS: Final = 40
+#: Bounds nearer than this are one number on the page.
+_NO_WIDTH: Final = 5e-5
+
+
+def tie_pictures(side: Side) -> list[dict[str, Any]]:
+    """The picture under the predictions' own scores, and under equal ones where those differ."""
+    summary = side.summary
+    equal = summary["equal_confidence"]
+    pictures = [_picture(side, OWN, "own scores", summary["metrics"]["AP"], summary["ties"])]
+    if equal["already_equal"]:
+        pictures[0]["title"] = f"{side.label}: every prediction with the same confidence"
+    else:
+        ap, ties = equal["metrics"]["AP"], equal["ties"]
+        pictures.append(_picture(side, EQUAL, "equal confidence", ap, ties))
+    return pictures
+
+
+def _picture(
+    side: Side, policy: str, title: str, ap: float | None, ties: dict[str, Any]
+) -> dict[str, Any]:
+    picture: dict[str, Any] = {"title": f"{side.label}: {title}", "ap": ap, "ties": ties}
+    if ap is None or ties["expected"] is None or ties["best"] - ties["worst"] < _NO_WIDTH:
+        return {**picture, "bars": None}
+    aps = order_aps(table_from(side.matches, policy), draws=ties["draws"], seed=ties["seed"])
+    low, high = min(ties["worst"], ap), max(ties["best"], ap)
+    bars = _bars(aps, low, high)
+
+    def x(value: float) -> float:
+        return round(float(_LEFT + (value - low) / (high - low) * (WIDTH - 2 * _LEFT)), 2)
+
+    spread = [max(low, ties["expected"] - ties["sd"]), min(high, ties["expected"] + ties["sd"])]
+    return {
+        **picture,
+        "bars": bars,
+        "x": {key: x(ties[key]) for key in ("worst", "best", "expected")} | {"ap": x(ap)},
+        "spread": [x(v) for v in spread],
+        "width": WIDTH,
+        "height": HEIGHT,
+        "base": _BASE,
+        "top": _TOP,
+    }
+
+
+def _bars(aps: NDArray[np.float64], low: float, high: float) -> list[dict[str, Any]]:
+    """Bars that are not empty: x, y, w, h in the drawing, and what they count."""
+    counts, edges = np.histogram(np.clip(aps, low, high), bins=_BINS, range=(low, high))
+    width = (WIDTH - 2 * _LEFT) / _BINS
+    tallest = counts.max()
+    bars = []
+    for i in np.flatnonzero(counts).tolist():
+        height = round(float(counts[i] / tallest * (_BASE - _TOP)), 2)
+        bars.append(
+            {
+                "x": round(_LEFT + i * width + 0.5, 2),
+                "y": _BASE - height,
+                "w": round(width - 1, 2),
+                "h": height,
+                "text": f"{counts[i]} of {len(aps)} orders: {edges[i]:.4f} to {edges[i + 1]:.4f}",
+            }
+        )
+    return bars

@@ -1,0 +1,310 @@
+"""What a page says is what the evaluations hold: numbers, denominators, failures, foreign names."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from report.pages import HOSTILE, Tables, document_of, embedded, evaluated, page_of, write_photos
+
+from legoworld import cli
+from legoworld.evaluation.protocols import detection_protocol
+from legoworld.report import page_file
+from legoworld.report.page_file import script_json
+from legoworld.report.photos import find_photo
+from legoworld.report.sources import ReportInputError, read_sources
+
+STATUSES = {10: "failed", 13: "missing", 16: "timeout"}
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A scene with failures beside a baseline with scores, over one truth."""
+    folder = tmp_path_factory.mktemp("both")
+    scene = evaluated(folder, "lvis", statuses=STATUSES)
+    other = evaluated(folder, "lvis", levels=None, kind="baseline", baseline="random-masks")
+    return scene, other
+
+
+@pytest.fixture(scope="module")
+def page(both: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    photos = write_photos(folder / "photos", "lvis")
+    (photos / "val2017" / "003.jpg").unlink()
+    return page_of(folder / "report.html", *both, photos=photos)
+
+
+def summary_of(evaluation: Path) -> dict:
+    return json.loads((evaluation / "summary.json").read_text())
+
+
+def rows_of(evaluation: Path, name: str = "per_image.jsonl") -> list[dict]:
+    return [json.loads(line) for line in (evaluation / name).read_text().splitlines()]
+
+
+def test_every_official_number_stands_with_its_interval_and_denominator(
+    both: tuple[Path, Path], page: Path
+) -> None:
+    tables = Tables(page)
+    for metric in detection_protocol("lvis").metrics:
+        cells = tables.row(metric.name)
+        for k, evaluation in enumerate(both):
+            summary = summary_of(evaluation)
+            value = summary["metrics"][metric.name]
+            shown, spread, over = cells[3 * k : 3 * k + 3]
+            assert shown == ("-" if value is None else f"{value:.4f}")
+            counts = summary["counts"]
+            group = (
+                counts["frequency_groups"][metric.frequency]
+                if metric.frequency
+                else counts["areas"][metric.area]
+            )
+            assert "12 images" in over
+            assert f"{group['truth_instances']} truth" in over
+            interval = summary["intervals"][metric.name]
+            if value is not None and interval["low"] is not None:
+                assert spread == f"{interval['low']:.4f} .. {interval['high']:.4f}"
+
+
+def test_score_free_numbers_and_coverage(both: tuple[Path, Path], page: Path) -> None:
+    tables = Tables(page)
+    for k, evaluation in enumerate(both):
+        summary = summary_of(evaluation)
+        aware = summary["matched"]["class_aware"]
+        assert tables.row("class_aware.recall_50")[3 * k] == f"{aware['recall_50']:.4f}"
+        assert f"{aware['n_gt']} truths" in tables.row("class_aware.recall_50")[3 * k + 2]
+        for name in ("attempted", "scored", "with truth"):
+            assert tables.row(name)[k] == str(summary["coverage"][name.replace(" ", "_")])
+    assert tables.row("status failed") == ["1", "0"]
+    assert tables.row("scored") == ["9", "12"]
+
+
+def test_error_counts_add_up_to_the_evaluator_s_own(both: tuple[Path, Path]) -> None:
+    (section,) = document_of(*both).sections
+    for evaluation, errors in zip(both, section["errors"], strict=True):
+        rows = rows_of(evaluation)
+        false = sum(r["greedy_50"]["fp"] for r in rows)
+        unfound = sum(r["n_truth"] - r["greedy_50"]["tp"] for r in rows)
+        counts = dict(errors["counts"])
+        missed = counts.pop("missed")
+        assert sum(counts.values()) == false
+        assert missed + errors["reached"] == unfound
+        assert false > 0
+        assert unfound > 0
+
+
+def test_category_rows_are_the_evaluation_s(both: tuple[Path, Path], page: Path) -> None:
+    tables = Tables(page)
+    for k, evaluation in enumerate(both):
+        for row in rows_of(evaluation, "per_category.jsonl"):
+            cells = tables.row(row["name"])
+            assert cells[0] == row["frequency"]
+            assert cells[1] == str(row["n_truth"])
+            mine = cells[3 + 6 * k : 9 + 6 * k]
+            assert mine[0] == ("-" if row["AP"] is None else f"{row['AP']:.3f}")
+            assert mine[3] == str(row["n_predictions"])
+            assert mine[4] == f"{row['greedy_50']['tp']} of {row['n_truth']}"
+            assert mine[5] == str(row["greedy_50"]["fp"])
+
+
+def test_the_tie_picture_is_of_the_summary_s_own_draws(both: tuple[Path, Path]) -> None:
+    (section,) = document_of(*both).sections
+    own, scored, equal = section["ties"]
+    assert summary_of(both[0])["equal_confidence"]["already_equal"]
+    ties = summary_of(both[0])["ties"]
+    assert own["ties"] == ties
+    drawn = sum(int(bar["text"].split()[0]) for bar in own["bars"])
+    assert drawn == ties["draws"] == 20
+    assert own["x"]["worst"] <= own["x"]["expected"] <= own["x"]["best"]
+    assert own["x"]["worst"] <= own["x"]["ap"] <= own["x"]["best"]
+    assert scored["bars"] is None, "distinct scores leave no order open"
+    assert equal["ties"] == summary_of(both[1])["equal_confidence"]["ties"]
+
+
+def test_the_worst_photo_comes_first_and_failures_are_among_them(both: tuple[Path, Path]) -> None:
+    (section,) = document_of(*both).sections
+    qualities = [row["cells"][0]["quality"] for row in section["images"]]
+    known = [q for q in qualities if q is not None]
+    assert known == sorted(known)
+    assert qualities[len(known) :] == [None] * (len(qualities) - len(known))
+    by_id = {row["id"]: row for row in section["images"]}
+    for image_id, status in STATUSES.items():
+        assert by_id[image_id]["cells"][0]["status"] == status
+        if by_id[image_id]["n_truth"]:
+            assert by_id[image_id]["cells"][0]["quality"] == 0.0
+
+
+def test_quality_over_all_photos_is_the_panoptic_quality(both: tuple[Path, Path]) -> None:
+    for k, evaluation in enumerate(both):
+        images = document_of(*both).sections[0]["images"]
+        rows = {r["image_id"]: r["class_aware"] for r in rows_of(evaluation)}
+        total = sum(r["n_gt"] + r["n_dt"] for r in rows.values())
+        weighted = sum(
+            (row["cells"][k]["quality"] or 0.0)
+            * (rows[row["id"]]["n_gt"] + rows[row["id"]]["n_dt"])
+            for row in images
+        )
+        pq = summary_of(evaluation)["matched"]["class_aware"]["pq"]
+        assert weighted / total == pytest.approx(pq, abs=1e-12)
+
+
+def test_a_failed_scene_says_why_and_every_finding_is_there(both: tuple[Path, Path]) -> None:
+    views = {view["id"]: view for view in document_of(*both).views}
+    (advice,) = views[10]["sides"][0]["advice"]
+    assert advice["level"] == "bad"
+    assert advice["what"].startswith("no output (failed)")
+    said = [a["what"] for v in views.values() for s in v["sides"] for a in s["advice"]]
+    for words in ("missed:", "overlaps its truth", "stands where", "truth has nothing"):
+        assert any(words in what for what in said), words
+    baseline = [a["do"] for v in views.values() for a in v["sides"][1]["advice"]]
+    assert set(baseline) == {""}, "a specialist is not told how to build a scene"
+
+
+def test_missing_photos_are_said_and_never_fatal(
+    page: Path, both: tuple[Path, Path], tmp_path: Path
+) -> None:
+    text = page.read_text()
+    assert "the photo 003.jpg was not found" in text
+    assert text.count('<script type="text/plain" id="photo-') == 11
+    assert "no folder of photos was given" in page_of(tmp_path / "r.html", *both).read_text()
+
+
+def test_a_photo_of_another_size_or_no_photo_at_all_is_not_drawn_on(
+    both: tuple[Path, Path], tmp_path: Path
+) -> None:
+    cv2.imwrite(str(tmp_path / "000.jpg"), np.zeros((45, 60, 3), np.uint8))
+    (tmp_path / "001.jpg").write_text("no picture")
+    views = document_of(*both, photos=tmp_path).views
+    assert views[0]["photo"] is None
+    assert "is 60x45, its truth 120x90" in views[0]["said"]
+    assert "could not be read" in views[1]["said"]
+
+
+def test_photos_are_found_below_the_folder_and_never_outside(tmp_path: Path) -> None:
+    for name in ("a.jpg", "train2017/b.jpg", "val2017/c.jpg"):
+        path = tmp_path / "photos" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"")
+    (tmp_path / "secret.jpg").write_bytes(b"")
+    photos = tmp_path / "photos"
+    for name in "abc":
+        assert find_photo(photos, f"{name}.jpg") is not None
+    assert find_photo(photos, "../secret.jpg") is None
+    assert find_photo(photos, str(tmp_path / "secret.jpg")) is None
+
+
+def test_the_same_inputs_give_the_same_bytes(
+    both: tuple[Path, Path], page: Path, tmp_path: Path
+) -> None:
+    again = page_of(tmp_path / "other.html", *both, photos=page.parent / "photos")
+    assert again.read_bytes() == page.read_bytes()
+
+
+def test_commands_hashes_versions_and_licences(both: tuple[Path, Path], page: Path) -> None:
+    text = page.read_text()
+    for evaluation in both:
+        evidence = json.loads((evaluation / "evidence.json").read_text())
+        for entry in evidence["inputs"]:
+            assert entry["sha256"] in text
+        for version in evidence["versions"].values():
+            assert version in text
+    assert "legoworld evaluate run-lvis-scene --truth truth-lvis.json" in text
+    assert "--evaluator official --draws 20 --seed 0 -o eval-lvis-scene" in text
+    assert "legoworld baseline run random-masks --task lvis" in text
+    assert "BSD-2-Clause" in text
+    assert "no card knows this truth by its hash" in text
+    assert str(page.parent) not in text, "no path of this machine"
+
+
+def test_one_side_alone_says_that_no_specialist_was_run(tmp_path: Path) -> None:
+    alone = page_of(tmp_path / "r.html", evaluated(tmp_path, "coco"))
+    text = alone.read_text()
+    assert text.count('<td class="absent"') == 3
+    assert "<b>no specialist was run</b>" in text
+
+
+def test_nothing_predicted(tmp_path: Path) -> None:
+    evaluation = evaluated(tmp_path, "coco", predictions=[])
+    path = page_of(tmp_path / "r.html", evaluation)
+    assert Tables(path).row("AP")[0] == f"{summary_of(evaluation)['metrics']['AP']:.4f}"
+    views = document_of(evaluation).views
+    with_truth = next(v for v in views if v["truths"])
+    assert any("nothing was exported" in a["what"] for a in with_truth["sides"][0]["advice"])
+    assert summary_of(evaluation)["metrics"]["AP"] == 0.0
+
+
+def test_names_from_scenes_are_text_wherever_they_stand(tmp_path: Path) -> None:
+    path = page_of(tmp_path / "r.html", evaluated(tmp_path, "coco", hostile=True))
+    text = path.read_text(encoding="utf-8")
+    assert "<img" not in text
+    assert "alert(1)" in text
+    assert text.count("</script>") == text.count("<script"), "no name ends a script element"
+    (data,) = embedded(path, "data")
+    assert HOSTILE in data["sections"][0]["names"].values()
+    views = embedded(path, "view-")
+    tables = [t for v in views for s in v["sides"] for t in s["tables"]]
+    assert {t["title"] for t in tables} == {
+        "Objects without a category, the largest first",
+        "Labels outside the vocabulary",
+        "Labelled objects without a pixel",
+        "Labels matched by synonym",
+    }
+    listed = next(t for t in tables if t["title"].startswith("Objects without"))
+    assert listed["rows"] == [[HOSTILE, "1080", "10.0%"]]
+    said = [a for v in views for s in v["sides"] for a in s["advice"]]
+    assert any(a["do"] == f"nearest names: thing 1, {HOSTILE}" for a in said)
+    assert any("outside the picture" in a["do"] for a in said)
+
+
+def test_json_in_a_script_element_survives_and_never_ends_it() -> None:
+    value = {"a": [HOSTILE, "<!--", "]]>", "\u2029"]}
+    text = script_json(value)
+    assert json.loads(text) == value
+    assert not set("<>&\u2028\u2029") & set(text)
+
+
+def test_many_views_lie_beside_the_page(
+    both: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_file, "EMBEDDED_VIEWS", 5)
+    photos = write_photos(tmp_path / "photos", "lvis")
+    path = page_of(tmp_path / "r.html", *both, photos=photos)
+    beside = tmp_path / "r_files"
+    assert len(list(beside.glob("view-*.js"))) == len(list(beside.glob("photo-*.webp"))) == 12
+    assert embedded(path, "view-") == []
+    assert "<code>r_files/</code> beside it" in path.read_text()
+    page_of(path, both[0], photos=photos)
+    (beside / "mine.txt").write_text("keep me")
+    assert cli.run(["report", *map(str, both), "-o", str(path)]) == 1
+    assert (beside / "mine.txt").is_file()
+
+
+def test_another_file_is_never_written_over(both: tuple[Path, Path], tmp_path: Path) -> None:
+    mine = tmp_path / "thesis.html"
+    mine.write_text("<!doctype html><p>mine")
+    assert cli.run(["report", str(both[0]), "-o", str(mine)]) == 1
+    assert mine.read_text() == "<!doctype html><p>mine"
+
+
+def test_changed_or_foreign_folders_are_refused(tmp_path: Path) -> None:
+    evaluation = evaluated(tmp_path, "coco")
+    other = evaluated(tmp_path / "other", "coco", images=3, seed=1)
+    path = evaluation / "view" / "predictions.json"
+    path.write_text(path.read_text().replace("tp", "fp"))
+    with pytest.raises(ReportInputError, match=r"view/predictions.json is not what was written"):
+        document_of(evaluation)
+    (other / "summary.json").write_text("{}")
+    with pytest.raises(ReportInputError, match=r"summary.json is not what was written"):
+        read_sources([other])
+    assert cli.run(["report", str(tmp_path / "run-coco-scene"), "-o", str(tmp_path / "r")]) == 1
+
+
+def test_evaluations_of_different_truths_are_different_sections(tmp_path: Path) -> None:
+    one = evaluated(tmp_path / "a", "coco")
+    two = evaluated(tmp_path / "b", "coco", seed=2)
+    three = evaluated(tmp_path / "a", "lvis")
+    keys = [s["key"] for s in document_of(three, one, two, one).sections]
+    assert keys == ["coco", "coco-2", "lvis"]
