@@ -1,0 +1,102 @@
+"""MaskFormer and Mask2Former of transformers without torchvision: loading and forward pass."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import transformers
+from legoworld_baseline import Refused
+from numpy.typing import NDArray
+from PIL import Image
+
+DTYPES = ("float32", "bfloat16", "float16")
+#: Both give, per query, a distribution over classes and "nothing", and one mask.
+MODEL_TYPES = ("mask2former", "maskformer")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Queries:
+    """What the network says of a photo, q queries.
+
+    class_shares: (q, classes) float32, softmax without the last class, "nothing". mask_logits:
+    (q, h, w) over the network's input of input_hw pixels, of which the top left valid_hw are the
+    photo and the rest is padding.
+    """
+
+    class_shares: torch.Tensor
+    mask_logits: torch.Tensor
+    input_hw: tuple[int, int]
+    valid_hw: tuple[int, int]
+
+
+def load_config(folder: Path) -> Any:
+    """The model's configuration. Refused when it gives no instances."""
+    config = transformers.AutoConfig.from_pretrained(folder, local_files_only=True)
+    if config.model_type in MODEL_TYPES:
+        return config
+    universal = type(config) in transformers.AutoModelForUniversalSegmentation._model_mapping
+    semantic = type(config) in transformers.AutoModelForSemanticSegmentation._model_mapping
+    what = "this segmenter is not one that is read here"
+    if semantic and not universal:
+        what = "this model gives one class per pixel and no instances"
+    raise Refused(
+        what, found=f"model_type {config.model_type!r}", expected=" or ".join(MODEL_TYPES)
+    )
+
+
+def load_network(folder: Path, device: str, dtype: str) -> Any:
+    """The network with every parameter out of the checkpoint. Refused otherwise."""
+    if dtype not in DTYPES:
+        raise Refused("a dtype that is not offered", found=dtype, expected=", ".join(DTYPES))
+    torch.backends.cudnn.allow_tf32 = False
+    if not sys.stderr.isatty():
+        transformers.logging.disable_progress_bar()
+    loaded: Any = transformers.AutoModelForUniversalSegmentation.from_pretrained(
+        folder,
+        dtype=getattr(torch, dtype),
+        local_files_only=True,
+        output_loading_info=True,
+        ignore_mismatched_sizes=True,  # so that they are reported; then refused, below
+    )
+    network, report = loaded
+    wrong = [*report["missing_keys"], *report["mismatched_keys"], *report["error_msgs"]]
+    if wrong:
+        raise Refused(
+            "the checkpoint does not fill the network: the rest would be random",
+            found=f"{len(wrong)} parameters, such as {', '.join(sorted(map(str, wrong))[:3])}",
+            expected="every parameter of the network",
+        )
+    return network.to(device).eval()
+
+
+def load_processor(folder: Path) -> Any:
+    """The checkpoint's image processor, on Pillow. Refused when it is not described."""
+    path = folder / "preprocessor_config.json"
+    if not path.is_file():
+        raise Refused("the checkpoint does not describe its input", expected=path.name)
+    return transformers.AutoImageProcessor.from_pretrained(folder, local_files_only=True)
+
+
+@torch.inference_mode()
+def queries(network: Any, processor: Any, photo: NDArray[np.uint8]) -> Queries:
+    """Ask the network about a photo (H, W, 3). ValueError when a number is not finite."""
+    inputs = processor(images=Image.fromarray(photo), return_tensors="pt")
+    pixels, mask = inputs["pixel_values"], inputs["pixel_mask"][0].bool()
+    out = network(
+        pixel_values=pixels.to(network.device, network.dtype),
+        pixel_mask=inputs["pixel_mask"].to(network.device),
+    )
+    shares = out.class_queries_logits[0].float().softmax(dim=-1)[:, :-1]
+    if not torch.isfinite(shares).all():
+        raise ValueError("the network's scores are not finite (with float16, try float32)")
+    return Queries(
+        class_shares=shares,
+        mask_logits=out.masks_queries_logits[0].float(),
+        input_hw=(int(pixels.shape[2]), int(pixels.shape[3])),
+        valid_hw=(int(mask.any(dim=1).sum()), int(mask.any(dim=0).sum())),
+    )

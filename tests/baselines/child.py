@@ -1,0 +1,128 @@
+"""A baseline's process, asked as legoworld asks it, and the photos it is asked about."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from PIL import Image
+
+ROOT = Path(__file__).parents[2]
+BASELINES = ROOT / "baselines"
+
+
+def importable(name: str) -> None:
+    """Make the modules of one baseline and of the shared package importable."""
+    for folder in (BASELINES / "shared", BASELINES / name):
+        if str(folder) not in sys.path:
+            sys.path.insert(0, str(folder))
+
+
+def program(name: str) -> ModuleType:
+    """A baseline's run.py as a module, without running it."""
+    importable(name)
+    path = BASELINES / name / "run.py"
+    spec = importlib.util.spec_from_file_location(f"run_of_{name.replace('-', '_')}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def some_photo() -> Path:
+    """A real photo where there are any, a picture that ships with the examples elsewhere."""
+    real = os.environ.get("LEGOWORLD_REAL_DATA", ROOT.parent / "shared" / "data")
+    photo = Path(real) / "coco" / "val2017" / "000000000139.jpg"
+    return photo if photo.is_file() else ROOT / "examples" / "astronaut" / "final.png"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Said:
+    """What a child said: its lines, its exit code, its log."""
+
+    lines: list[dict[str, Any]]
+    exit_code: int
+    log: str
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        return self.lines[0]["provenance"]
+
+    @property
+    def refused(self) -> dict[str, str]:
+        assert self.exit_code == 2, self.log[-2000:]
+        return self.lines[0]["refused"]
+
+    @property
+    def results(self) -> dict[int, dict[str, Any]]:
+        assert self.exit_code == 0, self.log[-2000:]
+        assert self.lines[-1] == {"done": True}
+        return {line["image_id"]: line for line in self.lines if "image_id" in line}
+
+
+def ask(name: str, request: dict[str, Any]) -> Said:
+    """Run baselines/<name>/run.py on a request until it ends."""
+    environment = {**os.environ, "PYTHONPATH": str(BASELINES / "shared"), "HF_HUB_OFFLINE": "1"}
+    with tempfile.TemporaryFile("w+") as log:
+        process = subprocess.Popen(
+            [sys.executable, str(BASELINES / name / "run.py")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            env=environment,
+            text=True,
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with process:
+            process.stdin.write(json.dumps(request) + "\n")
+            process.stdin.flush()
+            lines = [json.loads(line) for line in process.stdout if line.strip()]
+            code = process.wait()
+        log.seek(0)
+        return Said(lines=lines, exit_code=code, log=log.read())
+
+
+def defaults(name: str) -> dict[str, Any]:
+    """The options of a baseline's card that have a default, as legoworld sends them."""
+    card = tomllib.loads((BASELINES / name / "card.toml").read_text(encoding="utf-8"))
+    return {key: option.get("default") for key, option in card.get("options", {}).items()}
+
+
+def request(
+    task: str, weights: Path, output: Path, photos: list[Path], **more: Any
+) -> dict[str, Any]:
+    """A request about photos, image ids from 1; `more` replaces fields."""
+    images = []
+    for number, path in enumerate(photos, 1):
+        with Image.open(path) as picture:
+            width, height = picture.size
+        record = {"image_id": number, "file_name": path.name, "path": str(path), "batch": number}
+        images.append({**record, "width": width, "height": height})
+    return {
+        "schema_version": 1,
+        "task": task,
+        "images": images,
+        "categories": [],
+        "label_map": None,
+        "weights": str(weights),
+        "device": "cpu",
+        "dtype": "float32",
+        "batch_size": 1,
+        "offline": True,
+        "options": {},
+        "prompts": None,
+        "output": str(output),
+        **more,
+    }
