@@ -17,7 +17,7 @@ from legoworld.errors import SceneInvalidError
 from legoworld.files import atomic_path, canonical_json
 
 #: Raised whenever the meaning of a snapshot changes; part of every cache key.
-SNAPSHOT_SCHEMA: Final = 2
+SNAPSHOT_SCHEMA: Final = 3
 
 #: Coordinates and matrix entries beyond this are refused: no scene needs them, and products of two
 #: stay finite.
@@ -137,7 +137,8 @@ class Snapshot:
     that generated it, -1 for the scene itself. occurrence_frame: (K,) int32, equal for the members
     of one placement of what an instancer generates.
 
-    A surface is one mesh placed once, and belongs to an occurrence.
+    A surface is one mesh placed once, and belongs to an occurrence. Hair is meshed for `camera`,
+    once for each of its placements; the points of a point cloud are placements of spheres.
     surface_occurrence, surface_mesh: (S,) int32. surface_holdout: (S,) uint8, 1 where the surface
     hides what is behind it and is itself not seen. world_from_mesh: (S, 3, 4) float64.
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import ALPHA_THRESHOLD, NO_INSTANCE
+from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
-from legoworld.visibility.camera import cam_from_mesh, projection
+from legoworld.visibility.camera import projection
 from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
 from legoworld.visibility.projection import Projection
 

@@ -24,6 +24,8 @@ ROOMS = (
     "materials",
     "wirings",
     "kinds",
+    "strands",
+    "particle_hair",
     "files",
 )
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
@@ -20,8 +22,11 @@ class Judge:
     """A running `cycles_pass.py`; a context manager. log: where Blender's own output goes."""
 
     def __init__(self, log: IO[bytes]) -> None:
+        # A killed Blender leaves its folder for temporary files behind.
+        self._temporary = tempfile.TemporaryDirectory(prefix="judge-")
         self._process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("cycles_pass.py"))],
+            env={**os.environ, "TMPDIR": self._temporary.name},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=log,
@@ -40,6 +45,7 @@ class Judge:
     ) -> None:
         self._process.kill()
         self._process.communicate()
+        self._temporary.cleanup()
 
     def picture_of(self, blend: Path, size_wh: tuple[int, int], output: Path) -> ObjectPicture:
         """Cycles' picture of a .blend; `output` (.npz) keeps it. Raises JudgeError."""

@@ -27,6 +27,9 @@ pytestmark = pytest.mark.blender
 
 TESTS = Path(__file__).resolve().parents[1]
 
+#: Rooms whose objects have edges that no id shows: where one strand crosses another of its object.
+STRANDS = ("strands", "particle_hair")
+
 TRAPS = [
     "mixed_primitives",
     "twisted_scales",
@@ -100,13 +103,29 @@ TRAPS = [
     "alpha_graphs",
     "alpha_maths",
     "alpha_tricks",
-    "not_meshes",
     "curves",
     "text",
     "metaballs",
     "nurbs",
     "instanced_kinds",
     "nothing_to_see",
+    "ribbons",
+    "finest_ribbons",
+    "coarsest_ribbons",
+    "wide_ribbons",
+    "thick",
+    "thick_linear",
+    "poly_curves",
+    "no_radius",
+    "placed_fur",
+    "particle_hair",
+    "particle_children",
+    "hair_switches",
+    "hair_moved",
+    "hair_held_out",
+    "hair_layer_off",
+    "node_curves",
+    "point_clouds",
     "several_scenes",
     "view_layers",
     "view_layers_second_active",
@@ -131,10 +150,11 @@ def court(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Court]:
     scenes = folder / "scenes"
     builder = subprocess.run(
         [sys.executable, str(Path(__file__).with_name("build.py")), str(scenes)],
-        env={**os.environ, "PYTHONPATH": str(TESTS)},
+        # The builder ends without Blender's own exit, which would empty its temporary folder.
+        env={**os.environ, "PYTHONPATH": str(TESTS), "TMPDIR": str(folder)},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert builder.returncode == 0, builder.stderr[-3000:]
@@ -166,7 +186,7 @@ def test_the_same_object_at_the_same_depth(court: Court, name: str) -> None:
     assert found.verdict == "ok", f"{expected['about']} {found}"
     assert found.same >= 0.999, found
     assert found.same_inside >= 0.9999, found
-    assert found.depth >= 0.9999, found
+    assert found.depth >= (0.9995 if expected["room"] in STRANDS else 0.9999), found
 
 
 def _plain(name: str) -> str:

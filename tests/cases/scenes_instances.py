@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 from cases.stage import (
     at,
@@ -164,8 +166,30 @@ def kinds() -> None:
     meta.elements.new().radius = 8
     at(link(bpy.data.objects.new("Meta", meta)), 60, 20)["category"] = "ball"
     hair = bpy.data.hair_curves.new("Hair")
-    hair.add_curves([3])
+    hair.add_curves([2])
+    hair.position_data.foreach_set("vector", [0, 0, 0, 16, 0, 0])
+    hair.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", [2, 2])
     at(link(bpy.data.objects.new("Hair", hair)), 20, 50)["category"] = "hair"
-    furry = at(square("Furry", 10), 50, 50)
+    # Its face is seen edge-on: all that shows of it is hair, a strand at each corner.
+    corners = [(0, -4, 0), (0, 4, 0), (0, 4, -8), (0, -4, -8)]
+    furry = at(polygons("Furry", corners, [(3, 2, 1, 0)], category="cat"), 50, 45)
     furry.modifiers.new("Fur", "PARTICLE_SYSTEM")
-    furry.particle_systems[0].settings.type = "HAIR"
+    fur = furry.particle_systems[0].settings
+    fur.type, fur.count, fur.emit_from, fur.use_emit_random = "HAIR", 4, "VERT", False
+    fur.hair_length, fur.root_radius, fur.tip_radius, fur.radius_scale = 12, 1, 1, 4
+    fur.use_close_tip = False
+    cloud = polygons("Cloud", [(0, 0, 0), (12, 0, 0)], [], category="cloud")
+    at(cloud, 10, 35)
+    _points_of(cloud, 5.0)
+
+
+def _points_of(made: Any, radius: float) -> None:
+    """Turn an object's vertices into points by geometry nodes."""
+    tree = bpy.data.node_groups.new("points", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    points = tree.nodes.new("GeometryNodeMeshToPoints")
+    points.inputs["Radius"].default_value = radius
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], points.inputs[0])
+    tree.links.new(points.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    made.modifiers.new("points", "NODES").node_group = tree

@@ -114,7 +114,7 @@ def test_row_20_vertex_duplicates_belong_to_a_labelled_parent_or_count_each(case
     assert [a["area_px"] for a in case.of_category("apple")] == [36, 36, 36]
 
 
-def test_row_21_curves_text_and_metaballs_are_meshed_and_hair_is_named(cases):
+def test_row_21_curves_text_and_metaballs_are_meshed(cases):
     case = cases.read("kinds")
     (curve,) = case.of_category("curve")
     assert (curve["area_px"], curve["bbox_xywh_px"]) == (64, [10, 12, 8, 8])
@@ -126,9 +126,20 @@ def test_row_21_curves_text_and_metaballs_are_meshed_and_hair_is_named(cases):
     assert (2 * x + w, 2 * y + h) == (120, 40)
     assert w == h
     assert 0.8 < ball["area_px"] / (np.pi * (w / 2) ** 2) < 1.0  # a coarse ball
-    assert case.of_category("hair") == []
-    assert case.warnings == (
-        "curves object 'Hair' is not read: it has no mesh",
-        "hair of object 'Furry' is not read: it has no mesh",
-    )
-    assert case.grouping.unseen_owners == (("Hair", "hair"),)
+    assert case.warnings == ()
+
+
+def test_row_21_hair_and_points_are_as_wide_as_their_radius_and_belong_to_their_object(cases):
+    case = cases.read("kinds")
+    (hair,) = case.of_category("hair")
+    assert (hair["area_px"], hair["bbox_xywh_px"]) == (16 * 4, [20, 48, 16, 4])
+    assert set(case.depth[case.mask("Hair")].tolist()) == {100.0}
+    (cat,) = case.of_category("cat")
+    assert cat["objects"] == ["Furry"]
+    assert (cat["area_px"], cat["bbox_xywh_px"]) == (2 * 12 * 4, [50, 39, 12, 12])
+    (cloud,) = case.of_category("cloud")
+    centres = np.arange(-6, 6) + 0.5
+    disc = int((centres[:, None] ** 2 + centres**2 < 25).sum())
+    assert (cloud["area_px"], cloud["bbox_xywh_px"]) == (2 * disc, [5, 30, 22, 10])
+    nearest = case.depth[case.mask("Cloud")].min()
+    assert abs(nearest - (100 - np.sqrt(25 - 0.5))) < 1e-3

@@ -7,7 +7,13 @@ import random
 import numpy as np
 import pytest
 
-from legoworld.scene.blender.placements import Generator, Placements, Seen, resolve_placements
+from legoworld.scene.blender.placements import (
+    Generator,
+    Placements,
+    Scatter,
+    Seen,
+    resolve_placements,
+)
 
 UNIT = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
@@ -223,3 +229,28 @@ def test_many_placements_take_little_time(n):
     entries += [seen("S", (i, 0), "A", float(i)) for i in range(n)]
     found = resolved(entries, S=makes(scatters=True))
     assert len(set(frames_of(found, entries, "A"))) == n
+
+
+def test_hair_belongs_to_the_occurrence_that_grows_it():
+    entries = [seen("Tuft", (), "Tuft", mesh=0), seen("Tuft", (), "Tuft", mesh=3)]
+    entries += [seen("Box", (4,), "Tuft", mesh=0), seen("Box", (4,), "Tuft", mesh=5)]
+    found = resolved(entries, Box=makes("COLLECTION", "Tuft"))
+    arrays = found.arrays
+    assert makers(found, entries) == ["Box", "Tuft<Box", "Tuft"]
+    assert arrays["surface_occurrence"].tolist() == [1, 1, 2, 2]
+    assert [found.mesh_order[i] for i in arrays["surface_mesh"]] == [0, 5, 0, 3]
+
+
+def test_points_are_placements_of_their_own_occurrence():
+    places = np.zeros((3, 3, 4))
+    places[:, 0, 3] = (7, 8, 9)
+    cloud = Scatter(mesh=np.array([4, 2, 4]), world_from_mesh=places, holdout=True)
+    entries = [seen("A", (), "A", mesh=0), seen("C", (), "C", mesh=1)]
+    entries.append(seen("B", (), "B", mesh=-1, scatter=cloud))
+    found = resolved(entries)
+    arrays = found.arrays
+    assert arrays["surface_occurrence"].tolist() == [0, 1, 1, 1, 2]
+    assert arrays["surface_holdout"].tolist() == [0, 1, 1, 1, 0]
+    assert arrays["world_from_mesh"][:, 0, 3].tolist() == [0, 7, 8, 9, 0]
+    assert found.mesh_order == [0, 4, 2, 1]
+    assert arrays["surface_mesh"].tolist() == [0, 1, 2, 1, 3]

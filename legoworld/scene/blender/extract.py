@@ -11,7 +11,8 @@ import numpy as np
 from legoworld.errors import NoMeshError
 from legoworld.scene.blender.alpha_table import AlphaTable
 from legoworld.scene.blender.cameras import refuse_missing_camera, scene_camera
-from legoworld.scene.blender.occurrences import CopiedMesh, Walk, walk
+from legoworld.scene.blender.meshes import CopiedMesh
+from legoworld.scene.blender.occurrences import Walk, walk
 from legoworld.scene.blender.opening import open_blend
 from legoworld.scene.blender.placements import resolve_placements
 from legoworld.scene.blender.render_state import rendered_view_layer, visit_render_state
@@ -35,7 +36,12 @@ def snapshot_of_blend(path: Path) -> Snapshot:
         warnings.append(f"view layer {render.view_layer!r} renders no surfaces: read with them")
     refuse_missing_camera(scene)
     copied: list[tuple[Walk, SceneCamera]] = []
-    visit_render_state(lambda graph: copied.append((walk(graph), scene_camera(graph.scene_eval))))
+
+    def copy(graph: Any) -> None:
+        seen_by = scene_camera(graph.scene_eval)
+        copied.append((walk(graph, seen_by), seen_by))
+
+    visit_render_state(copy)
     walked, camera = copied[0]
     return _assemble(walked, camera, render, scene, warnings)
 

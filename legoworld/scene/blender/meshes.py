@@ -30,6 +30,20 @@ class Triangles:
         )
 
 
+@dataclass(kw_only=True)
+class CopiedMesh:
+    """One mesh as it shows, in its own frame: faces that alpha removes are left out.
+
+    vertices: (V, 3) float32; triangles: (T, 3) int32. cutout: (T,) int32 index into the walk's
+    alpha images, -1 for none, with (T, 3, 2) float32 texture coordinates; None where no triangle
+    has one.
+    """
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    cutout: tuple[NDArray[np.int32], NDArray[np.float32]] | None
+
+
 def mesh_vertices(mesh: Any) -> NDArray[np.float32]:
     """(V, 3) float32 positions of an evaluated bpy.types.Mesh, in its own frame."""
     vertices = np.empty((len(mesh.vertices), 3), np.float32)

@@ -79,12 +79,6 @@ class ObjectTable:
 
     def _note_unread(self, original: Any) -> None:
         for modifier in original.modifiers:
-            if modifier.type == "PARTICLE_SYSTEM" and modifier.show_render:
-                settings = modifier.particle_system.settings
-                if settings.type == "HAIR" and settings.render_type == "PATH":
-                    self.warnings.add(
-                        f"hair of object {original.name!r} is not read: it has no mesh"
-                    )
             if modifier.type == "SUBSURF" and modifier.use_adaptive_subdivision:
                 self.warnings.add(
                     f"object {original.name!r} is subdivided adaptively: "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from legoworld.errors import NonFiniteGeometryError
 from legoworld.scene.blender.alpha_table import AlphaTable
 from legoworld.scene.blender.meshes import (
+    CopiedMesh,
     Triangles,
     corner_uv,
     mesh_triangles,
@@ -19,24 +20,12 @@ from legoworld.scene.blender.meshes import (
 )
 from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
 from legoworld.scene.blender.placements import Generator, Identity, Seen
-from legoworld.scene.snapshot import LARGEST_COORDINATE
+from legoworld.scene.blender.strands import hair_systems
+from legoworld.scene.blender.thin_meshes import ThinMeshes
+from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
 
 _NOTHING: Final = (-1, -1)
 _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
-
-
-@dataclass(kw_only=True)
-class CopiedMesh:
-    """One mesh as it shows, in its own frame: faces that alpha removes are left out.
-
-    vertices: (V, 3) float32; triangles: (T, 3) int32. cutout: (T,) int32 index into the walk's
-    alpha images, -1 for none, with (T, 3, 2) float32 texture coordinates; None where no triangle
-    has one.
-    """
-
-    vertices: NDArray[np.float32]
-    triangles: NDArray[np.int32]
-    cutout: tuple[NDArray[np.int32], NDArray[np.float32]] | None
 
 
 @dataclass(kw_only=True)
@@ -50,50 +39,81 @@ class Walk:
     warnings: set[str] = field(default_factory=set)
 
 
-def walk(depsgraph: Any) -> Walk:
-    """Copy all occurrences and every mesh they show. Raises NonFiniteGeometryError."""
-    return _Walker(depsgraph).walk()
+def walk(depsgraph: Any, camera: SceneCamera) -> Walk:
+    """Copy all occurrences and every mesh they show. Raises NonFiniteGeometryError.
+
+    camera: the one the snapshot will have; hair and points are meshed for it.
+    """
+    return _Walker(depsgraph, camera).walk()
 
 
 class _Walker:
-    def __init__(self, depsgraph: Any) -> None:
+    def __init__(self, depsgraph: Any, camera: SceneCamera) -> None:
         self.depsgraph = depsgraph
         self.result = Walk()
         self.objects = ObjectTable(view_layer=depsgraph.view_layer, warnings=self.result.warnings)
         self.override = depsgraph.view_layer_eval.material_override
+        self.thin = ThinMeshes(
+            camera=camera,
+            camera_object=depsgraph.scene_eval.camera,
+            curve_settings=depsgraph.scene_eval.cycles_curves,
+            drawn=depsgraph.view_layer_eval.use_strand,
+            meshes=self.result.meshes,
+            alphas=self.result.alphas,
+            warnings=self.result.warnings,
+        )
         self._mesh_of: dict[tuple[int, int, bool], tuple[int, int]] = {}
         self._mesh_by_rule: dict[tuple[int, tuple[int, ...], bool], tuple[int, int]] = {}
 
     def walk(self) -> Walk:
         for instance in self.depsgraph.object_instances:
-            self.result.seen.append(self._seen(instance))
+            self._see(instance)
         self.result.generators = self.objects.generators
         _refuse_broken_matrices(self.result.seen)
         return self.result
 
-    def _seen(self, instance: Any) -> Seen:
+    def _see(self, instance: Any) -> None:
         shown = instance.object
-        facts = self.objects.facts(instance.instance_object or shown)
+        real = instance.instance_object or shown
+        facts = self.objects.facts(real)
         holder, path, by_particles = facts, (), False
         if instance.is_instance:
             holder = self.objects.facts(instance.parent)
             path = tuple(i for i in instance.persistent_id if i != _UNUSED)[::-1]
             by_particles = instance.particle_system is not None
-        mesh, holdout_mesh = _NOTHING
-        if shown.type != "MESH":
-            self.objects.note_type(shown)
-        elif instance.show_self and _camera_sees(facts, holder):
-            mesh, holdout_mesh = self._mesh(shown, held_out=holder.holdout)
         matrix = instance.matrix_world
-        return Seen(
+        entry = Seen(
             top=holder.identity,
             path=path,
             object=facts.identity,
-            mesh=mesh,
-            holdout_mesh=holdout_mesh,
+            mesh=-1,
+            holdout_mesh=-1,
             by_particles=by_particles,
             world_from_mesh=(*matrix[0], *matrix[1], *matrix[2]),
         )
+        visible, held_out = _camera_sees(facts, holder), holder.holdout
+        if visible and instance.show_self:
+            entry = self._shown(entry, shown, matrix, held_out=held_out)
+        self.result.seen.append(entry)
+        if visible and instance.show_particles and shown.type == "MESH" and _owns(real, shown):
+            mesh, holdout = self.thin.hair(real, matrix, self._rules(shown), held_out=held_out)
+            if mesh >= 0 or holdout >= 0:
+                self.result.seen.append(replace(entry, mesh=mesh, holdout_mesh=holdout))
+
+    def _shown(self, entry: Seen, shown: Any, matrix: Any, *, held_out: bool) -> Seen:
+        """The entry with what it shows itself: its hair is not in it."""
+        if shown.type == "MESH":
+            mesh, holdout = self._mesh(shown, held_out=held_out)
+        elif shown.type == "CURVES":
+            rules = self._rules(shown)
+            mesh, holdout = self.thin.curves(shown, matrix, rules, held_out=held_out)
+        elif shown.type == "POINTCLOUD":
+            rules = self._rules(shown)
+            return replace(entry, scatter=self.thin.points(shown, matrix, rules, held_out=held_out))
+        else:
+            self.objects.note_type(shown)
+            return entry
+        return replace(entry, mesh=mesh, holdout_mesh=holdout)
 
     def _mesh(self, shown: Any, *, held_out: bool) -> tuple[int, int]:
         """The meshes an entry shows and holds out, copied on first sight; -1 where there is none.
@@ -190,8 +210,13 @@ def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
     return holder.holdout or not holder.indirect
 
 
+def _owns(real: Any, shown: Any) -> bool:
+    """Whether an entry shows its object's own mesh, and so its hair: not what nodes made of it."""
+    return bool(hair_systems(real)) and real.data.as_pointer() == shown.data.as_pointer()
+
+
 def _refuse_broken_matrices(seen: list[Seen]) -> None:
-    shows = [s for s in seen if s.mesh >= 0 or s.holdout_mesh >= 0]
+    shows = [s for s in seen if s.mesh >= 0 or s.holdout_mesh >= 0 or s.scatter is not None]
     rows = np.array([s.world_from_mesh for s in shows], np.float64).reshape(-1, 12)
     broken = np.flatnonzero(~(np.abs(rows) <= LARGEST_COORDINATE).all(1))
     if not len(broken):

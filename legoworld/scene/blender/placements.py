@@ -24,11 +24,23 @@ _SAME: Final = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Scatter:
+    """Meshes placed many times for one entry: the points of a point cloud.
+
+    mesh: (P,) int64; world_from_mesh: (P, 3, 4) float64.
+    """
+
+    mesh: NDArray[np.int64]
+    world_from_mesh: NDArray[np.float64]
+    holdout: bool
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Seen:
     """One entry of the dependency graph, copied.
 
     top: the outermost instancer; the object itself when no instancer made it. path: outermost
-    index first, empty for an object that no instancer made.
+    index first, empty for an object that no instancer made. Its hair is a second entry.
     """
 
     top: Identity
@@ -38,6 +50,7 @@ class Seen:
     holdout_mesh: int  # hides what is behind it and is not seen itself; -1: none
     by_particles: bool
     world_from_mesh: Matrix
+    scatter: Scatter | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,15 +93,18 @@ def resolve_placements(
     ordered = sorted(seen, key=lambda s: (s.top, s.path, s.object))
     resolver = _Resolver(ordered, generators, object_index)
     surfaces = []
+    scattered = []
     for entry in ordered:
         occurrence = resolver.occurrence_of(entry)
+        if entry.scatter is not None:
+            scattered.append((occurrence, entry.scatter))
         if entry.mesh >= 0:
             surfaces.append(_Surface(occurrence, entry.mesh, False, entry.world_from_mesh))
         if entry.holdout_mesh >= 0:
             surfaces.append(_Surface(occurrence, entry.holdout_mesh, True, entry.world_from_mesh))
     rows, number = _canonical(resolver.rows)
     surfaces = [s._replace(occurrence=number[s.occurrence]) for s in surfaces]
-    return _as_placements(rows, sorted(surfaces, key=lambda s: s.occurrence))
+    return _as_placements(rows, surfaces, [(number[o], scatter) for o, scatter in scattered])
 
 
 _Row = tuple[int, int, Path]  # object, instancer's row, frame
@@ -228,20 +244,38 @@ def square(rows: Matrix) -> NDArray[np.float64]:
     return np.array([*rows, 0.0, 0.0, 0.0, 1.0], np.float64).reshape(4, 4)
 
 
-def _as_placements(rows: list[tuple[int, int, Path]], surfaces: list[_Surface]) -> Placements:
+def _as_placements(
+    rows: list[_Row], surfaces: list[_Surface], scattered: list[tuple[int, Scatter]]
+) -> Placements:
     frame_index = {path: i for i, path in enumerate(sorted({path for _, _, path in rows}))}
-    mesh_order: dict[int, int] = {}
-    for surface in surfaces:
-        mesh_order.setdefault(surface.mesh, len(mesh_order))
+    sizes = [len(scatter.mesh) for _, scatter in scattered]
+    occurrence = np.concatenate(
+        [
+            np.array([s.occurrence for s in surfaces], np.int32),
+            np.repeat(np.array([o for o, _ in scattered], np.int32), sizes),
+        ]
+    )
+    mesh = np.concatenate(
+        [np.array([s.mesh for s in surfaces], np.int64), *[s.mesh for _, s in scattered]]
+    )
+    holdout = np.concatenate(
+        [
+            np.array([s.holdout for s in surfaces], np.uint8),
+            np.repeat(np.array([s.holdout for _, s in scattered], np.uint8), sizes),
+        ]
+    )
+    placed = np.array([s.world_from_mesh for s in surfaces], np.float64).reshape(-1, 3, 4)
+    placed = np.concatenate([placed, *[s.world_from_mesh for _, s in scattered]])
+    order = np.argsort(occurrence, kind="stable")
+    used, first, number = np.unique(mesh[order], return_index=True, return_inverse=True)
+    by_use = np.argsort(first)
     arrays: dict[str, NDArray[Any]] = {
         "occurrence_object": np.array([r[0] for r in rows], np.int32),
         "occurrence_instancer": np.array([r[1] for r in rows], np.int32),
         "occurrence_frame": np.array([frame_index[r[2]] for r in rows], np.int32),
-        "surface_occurrence": np.array([s.occurrence for s in surfaces], np.int32),
-        "surface_mesh": np.array([mesh_order[s.mesh] for s in surfaces], np.int32),
-        "surface_holdout": np.array([s.holdout for s in surfaces], np.uint8),
-        "world_from_mesh": np.array([s.world_from_mesh for s in surfaces], np.float64).reshape(
-            -1, 3, 4
-        ),
+        "surface_occurrence": occurrence[order],
+        "surface_mesh": np.argsort(by_use).astype(np.int32)[number],
+        "surface_holdout": holdout[order],
+        "world_from_mesh": placed[order],
     }
-    return Placements(arrays=arrays, mesh_order=list(mesh_order))
+    return Placements(arrays=arrays, mesh_order=used[by_use].tolist())

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-import numpy as np
 from agreement.traps.stage import (
     Expect,
     camera,
     floor,
     instance_of,
     link,
-    polygons,
     solid,
     unlinked_collection,
     wall,
@@ -133,42 +131,4 @@ def nothing_to_see() -> Expect:
     return Expect(seen=("Floor", "cube"), unseen=("picture", "loose", "AREA"))
 
 
-def not_meshes() -> Expect:
-    """Hair curves, particle hair and a point cloud: Cycles draws them, we say that we do not."""
-    wall()
-    data = bpy.data.hair_curves.new("fur")
-    data.add_curves([4] * 30)
-    data.position_data.foreach_set(
-        "vector",
-        np.array(
-            [(0.07 * i - 3.5, 0, 0.6 * j) for i in range(30) for j in range(4)], np.float32
-        ).ravel(),
-    )
-    data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set(
-        "value", np.full(120, 0.02, np.float32)
-    )
-    link(bpy.data.objects.new("fur", data))
-    scalp = solid("uv_sphere", "scalp", (0.5, 0, 1))
-    scalp.modifiers.new("hair", "PARTICLE_SYSTEM")
-    scalp.particle_systems[0].settings.type = "HAIR"
-    scalp.particle_systems[0].settings.count = 60
-    scalp.particle_systems[0].settings.hair_length = 0.6
-    _point_cloud("cloud", (2.2, 0, 0.5))
-    camera()
-    return Expect(seen=("fur", "scalp", "cloud"), limited=("fur", "scalp", "cloud"))
-
-
-def _point_cloud(name: str, at: tuple[float, float, float]) -> None:
-    """Points made by nodes: Cycles aborts over a point cloud datablock without points."""
-    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    points, chance = tree.nodes.new("GeometryNodePoints"), tree.nodes.new("FunctionNodeRandomValue")
-    points.inputs["Count"].default_value, points.inputs["Radius"].default_value = 30, 0.15
-    chance.data_type = "FLOAT_VECTOR"
-    chance.inputs["Max"].default_value = (1.5, 1.5, 1.5)
-    tree.links.new(chance.outputs["Value"], points.inputs["Position"])
-    tree.links.new(points.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
-    polygons(name, [], [], at).modifiers.new("nodes", "NODES").node_group = tree
-
-
-TRAPS = (curves, text, metaballs, nurbs, instanced_kinds, nothing_to_see, not_meshes)
+TRAPS = (curves, text, metaballs, nurbs, instanced_kinds, nothing_to_see)

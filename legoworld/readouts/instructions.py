@@ -1,0 +1,136 @@
+"""What the author of a scene has to know: the public instructions of a task.
+
+The wording is readouts/instructions/scene.toml; every value in it comes from the task's card.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld import catalog
+from legoworld.cards import Card
+from legoworld.conventions import CATEGORY_KEY
+from legoworld.errors import CatalogError
+from legoworld.files import canonical_json
+from legoworld.readouts.tasks import Protocol
+from legoworld.scene.blender_process import Limits
+from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
+from legoworld.vocabulary import Vocabulary, normal_name
+
+WORDING: Final = "instructions/scene.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """One topic: its statements in the order they are to be read."""
+
+    id: str
+    title: str
+    statements: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instructions:
+    """A task's instructions. labels_file: an example of labels.json, None where labels play no part."""
+
+    protocol: Protocol
+    sections: tuple[Section, ...]
+    labels_file: Mapping[str, Any] | None
+
+
+def instructions(protocol: Protocol) -> Instructions:
+    """The instructions of a task with the vocabulary it is read with.
+
+    Raises CatalogError when the card has a value that the wording has no sentence for.
+    """
+    path = catalog.folder("readouts") / WORDING
+    with path.open("rb") as stream:
+        wording = tomllib.load(stream)
+    labels_file = _labels_file(wording["examples"].get(protocol.task.name))
+    render = _Renderer(protocol, wording, labels_file)
+    return Instructions(
+        protocol=protocol,
+        sections=tuple(
+            Section(
+                id=section["id"],
+                title=section["title"],
+                statements=tuple(filter(None, map(render.text, section["says"]))),
+            )
+            for section in wording["sections"]
+            if protocol.task.name in section.get("tasks", [protocol.task.name])
+        ),
+        labels_file=labels_file,
+    )
+
+
+def accepted_synonyms(vocabulary: Vocabulary) -> dict[str, str]:
+    """The names a label may use besides the vocabulary's own, with the category each one names."""
+    names = {normal_name(c.name) for c in vocabulary.categories}
+    found = {}
+    for category in vocabulary.categories:
+        for synonym in category.synonyms:
+            matched = vocabulary.match(synonym)
+            if normal_name(synonym) not in names and matched is not None:
+                found[synonym] = matched.name
+    return dict(sorted(found.items()))
+
+
+class _Renderer:
+    """Templates filled in with one task's card."""
+
+    def __init__(
+        self, protocol: Protocol, wording: Mapping[str, Any], labels_file: Mapping[str, Any] | None
+    ) -> None:
+        from jinja2 import Environment, StrictUndefined
+
+        self._environment = Environment(undefined=StrictUndefined, autoescape=False)
+        self._card: Card = protocol.card
+        self._rules = wording["rules"]
+        limits = Limits()
+        self._facts = {
+            "task": protocol.task.name,
+            "card": protocol.card.values,
+            "vocabulary": protocol.vocabulary is not None,
+            "files": {"blend": BLEND, "glb": GLB, "picture": PICTURE, "program": PROGRAM},
+            "limits": {
+                "time_s": f"{limits.time_s:g}",
+                "memory_gib": f"{limits.memory_bytes / 2**30:g}",
+            },
+            "example": wording["examples"].get(protocol.task.name),
+            "labels_file_json": canonical_json(labels_file),
+            "rule": self.rule,
+        }
+
+    def text(self, template: str) -> str:
+        """One statement; empty where it does not concern the task."""
+        return self._environment.from_string(template).render(self._facts).strip()
+
+    def rule(self, key: str) -> str:
+        """The sentence for the value the card has under a dotted key."""
+        value = self._card.value(key)
+        said = str(value).lower() if isinstance(value, bool) else str(value)
+        sentences = self._rules.get(key, {})
+        if said not in sentences:
+            raise CatalogError(
+                f"the instructions have no sentence for the card of {self._card.task}",
+                found=f"{key} = {value!r}",
+                expected=" or ".join(map(repr, sentences)) or f"a rule for {key}",
+                next_step=f"add the sentence to {Path('readouts') / WORDING}",
+            )
+        return self.text(sentences[said])
+
+
+def _labels_file(example: Mapping[str, str] | None) -> Mapping[str, Any] | None:
+    if example is None:
+        return None
+    return {
+        "version": 1,
+        "labels": [
+            {kind: example[kind], CATEGORY_KEY: example[f"{kind}_category"]}
+            for kind in ("object", "collection")
+        ],
+    }

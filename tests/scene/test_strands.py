@@ -1,0 +1,184 @@
+"""Hair and points as meshes: exact widths, declared errors, and how they turn to the camera."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from legoworld.scene import strands as strands_module
+from legoworld.scene.affine import cross, dot, length, unit
+from legoworld.scene.ribbons import ribbons
+from legoworld.scene.spheres import sphere, sphere_error, sphere_levels
+from legoworld.scene.strands import TOLERANCE, Eye, Strands, nodes, usable
+from legoworld.scene.tubes import linear_tubes, round_tubes
+
+#: Looks along +z of the strands' own frame from 10 units before its origin.
+TEN_BEFORE = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 10]])
+EYE = Eye(cam_from_mesh=TEN_BEFORE, ortho_scale=None)
+FLAT_EYE = Eye(cam_from_mesh=TEN_BEFORE, ortho_scale=8.0)
+MAKERS = [lambda s, e: ribbons(s, e, 5), round_tubes, linear_tubes]
+
+
+def strand(points, radius=0.02) -> Strands:
+    points = np.array(points, np.float64)
+    return usable(points, np.full(len(points), radius), np.array([0, len(points)], np.int64))
+
+
+def helix(turns=1.0, radius=0.02) -> Strands:
+    angles = np.linspace(0, 2 * np.pi * turns, 9)
+    return strand(np.c_[np.cos(angles), angles / 4, np.sin(angles)], radius)
+
+
+def area(mesh) -> float:
+    vertices, triangles = mesh
+    a, b, c = (vertices[triangles[:, i]].astype(np.float64) for i in range(3))
+    return float(length(cross(b - a, c - a)).sum() / 2)
+
+
+def corners(mesh):
+    """All triangles' corners in an order of their own."""
+    vertices, triangles = mesh
+    rows = vertices[triangles].reshape(-1, 9)
+    return rows[np.lexsort(rows.T)]
+
+
+def test_a_straight_strand_is_one_quad_of_twice_its_radius():
+    mesh = ribbons(strand([(0, 0, 0), (0, 3, 0)]), FLAT_EYE, 5)
+    assert [len(part) for part in mesh] == [4, 2]
+    assert area(mesh) == pytest.approx(3 * 0.04, rel=1e-6)
+
+
+def test_a_bent_strand_keeps_every_step_and_a_straight_one_only_its_keys():
+    straight = strand([(0, y, 0) for y in range(5)])
+    assert len(nodes(straight, EYE, 5, True).points) == 5
+    assert len(nodes(helix(), EYE, 5, True).points) == 8 * 5 + 1
+    assert len(nodes(straight, EYE, 5, False).points) == 4 * 5 + 1
+
+
+def test_leaving_steps_out_moves_no_edge_by_more_than_the_tolerance():
+    bend = [(0.002 * y**2, y / 3, 0) for y in range(8)]
+    for scale in np.geomspace(1e-4, 1, 9):
+        curve = strand(np.array(bend) * (scale, 1, 1), 0.001)
+        whole, some = (nodes(curve, EYE, 5, straighten) for straighten in (False, True))
+        along = np.interp(whole.points[:, 1], some.points[:, 1], some.points[:, 0])
+        off = np.abs(along - whole.points[:, 0]) / EYE.reach(whole.points)
+        assert off.max() <= TOLERANCE
+
+
+def test_the_spline_goes_through_its_keys_with_their_radii():
+    curve = helix()
+    curve = replace(curve, radius=np.linspace(0.1, 0.2, 9))
+    along = nodes(curve, EYE, 4, False)
+    assert np.array_equal(along.points[::4], curve.points)
+    assert np.array_equal(along.radius[::4], curve.radius)
+    assert along.last.nonzero()[0].tolist() == [32]
+
+
+@pytest.mark.parametrize("eye", [EYE, FLAT_EYE])
+def test_a_ribbon_faces_the_camera_and_has_the_strands_depth(eye):
+    curve = helix()
+    along = nodes(curve, eye, 5, True)
+    vertices, _ = ribbons(curve, eye, 5)
+    left, right = (vertices.reshape(-1, 2, 3)[:, i].astype(np.float64) for i in (0, 1))
+    assert np.allclose((left + right) / 2, along.points, atol=1e-6)
+    across = unit(left - right)
+    assert np.abs(dot(across, unit(eye.toward(along.points)))).max() < 1e-4
+    assert np.abs(dot(across, along.tangent)).max() < 1e-4
+    assert np.allclose(length(left - right), 0.04, rtol=1e-4)
+
+
+def test_a_wide_ribbons_points_are_square_to_their_own_ray():
+    curve = strand([(0, -1, 0), (0, 1, 0)], 1.0)
+    vertices, _ = ribbons(curve, EYE, 5)
+    vertices = vertices.astype(np.float64)
+    eye_at = np.array([0, 0, -10.0])
+    beside = vertices - np.c_[np.zeros(len(vertices)), vertices[:, 1], np.zeros(len(vertices))]
+    ray = vertices - eye_at
+    flat = np.c_[ray[:, 0], np.zeros(len(ray)), ray[:, 2]]
+    assert np.abs(dot(beside, flat)).max() < 2e-3
+    assert vertices[:, 2].min() < -0.05  # its edges come nearer
+
+
+def test_round_tubes_stay_as_close_to_a_cylinder_as_declared():
+    vertices, _ = round_tubes(strand([(0, -2, 0), (0, 2, 0)], 0.5), EYE)
+    off = np.abs(np.hypot(vertices[:, 0], vertices[:, 2]) - 0.5)
+    assert off.max() <= 2e-3 * 0.5  # 64 sides at most
+    thin, _ = round_tubes(strand([(0, -2, 0), (0, 2, 0)], 1e-4), EYE)
+    assert len(thin) == 2 * 4
+
+
+def test_linear_tubes_touch_a_sphere_at_each_key():
+    curve = replace(strand([(0, 0, 0), (0, 2, 0)]), radius=np.array([0.5, 0.25]))
+    vertices, _ = linear_tubes(curve, EYE)
+    assert vertices[:, 1].min() == pytest.approx(-0.5, rel=1e-2)
+    assert vertices[:, 1].max() == pytest.approx(2.25, rel=1e-2)
+    inside = replace(curve, radius=np.array([3.0, 0.25]))  # one sphere holds the other
+    assert np.isfinite(linear_tubes(inside, EYE)[0]).all()
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_many_strands_are_what_each_is_alone(make, monkeypatch):
+    one, other = helix(1.0), helix(0.3)
+    both = Strands(
+        points=np.concatenate([one.points, other.points]),
+        radius=np.concatenate([one.radius, other.radius]),
+        start=np.array([0, 9, 18]),
+    )
+    together = make(both, EYE)
+    monkeypatch.setattr(strands_module, "_KEYS_AT_ONCE", 9)
+    apart = make(both, EYE)
+    assert np.array_equal(corners(together), corners(apart))
+    alone = area(make(one, EYE)) + area(make(other, EYE))
+    assert area(together) == pytest.approx(alone, rel=1e-3)  # tubes may be finer together
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize(
+    "points",
+    [
+        [(1, 1, 1)] * 4,  # standing still
+        [(0, 0, z) for z in range(4)],  # straight away from the camera
+        [(0, 0, -10), (0, 1, -10), (0, 2, -9)],  # begins in the camera
+        [(0, 0, 0), (0, 1, 0), (0, 0, 0)],  # there and back
+    ],
+)
+def test_odd_strands_give_finite_vertices(make, points):
+    vertices, triangles = make(strand(points), EYE)
+    assert np.isfinite(vertices).all()
+    assert triangles.size == 0 or triangles.max() < len(vertices)
+
+
+def test_strands_of_one_key_and_negative_radii_are_left_out():
+    curve = usable(
+        np.arange(12.0).reshape(4, 3), np.array([1.0, -1, -1, 1]), np.array([0, 1, 3, 4])
+    )
+    assert curve.start.tolist() == [0, 2]
+    assert curve.radius.tolist() == [0, 0]
+
+
+def test_a_flat_transform_has_no_eye():
+    assert Eye.of(np.zeros((3, 4)), None) is None
+
+
+@pytest.mark.parametrize("level", range(5))
+def test_spheres_lie_on_both_sides_of_radius_one_alike(level):
+    vertices, triangles = sphere(level)
+    assert len(triangles) == 20 * 4**level
+    assert len(vertices) == 2 + 10 * 4**level  # Euler: closed
+    corners = vertices[triangles].astype(np.float64)
+    normal = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    inside = np.abs(dot(normal, corners[:, 0])).min()
+    assert 1 - inside == pytest.approx(sphere_error(level), rel=1e-3, abs=1e-7)
+
+
+def test_a_sphere_is_as_fine_as_its_size_asks_for():
+    share = np.geomspace(1e-6, 1, 50)
+    levels = sphere_levels(share)
+    fine = levels < 6
+    errors = np.array([sphere_error(level) for level in levels.tolist()])
+    assert (share * errors)[fine].max() <= TOLERANCE
+    assert (np.diff(levels) >= 0).all()
+    assert levels[0] == 0
+    assert levels[-1] == 6

@@ -1,0 +1,52 @@
+"""However a Blender process ends, the folder for temporary files is as it was."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from legoworld.errors import LegoWorldError, WorkerTimeoutError
+from legoworld.scene.blender_process import BlenderProcess, Limits
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder that this process and its children take for their temporary files."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.rglob("*"))
+
+
+def test_a_served_process_leaves_nothing(temporary: Path):
+    with BlenderProcess(Limits(time_s=60)) as blender:
+        assert blender.request({"kind": "version"})["blender"].startswith("5.")
+        assert any(name.startswith("blender_") for name in names(temporary))
+    assert names(temporary) == []
+
+
+def test_a_process_that_ran_out_of_time_leaves_nothing(temporary: Path):
+    with (
+        BlenderProcess(Limits(time_s=0.01)) as blender,
+        pytest.raises(WorkerTimeoutError, match=r"0\.01 s"),
+    ):
+        blender.request({"kind": "version"})
+    assert names(temporary) == []
+
+
+def test_an_aborted_process_leaves_nothing(temporary: Path):
+    with BlenderProcess(Limits(time_s=60)) as blender:
+        blender.request({"kind": "version"})
+        blender.abort()
+        with pytest.raises(LegoWorldError):
+            blender.request({"kind": "version"})
+    assert names(temporary) == []
