@@ -7,6 +7,7 @@ is not the same twice.
 
 from __future__ import annotations
 
+import importlib
 import os
 import queue
 import socket
@@ -36,8 +37,9 @@ class EngineMissingError(LegoWorldError):
 class Worker(Protocol[Item_contra, Result_co]):
     """Works on one item at a time. It is made where it works, so it may hold a process."""
 
-    def do(self, item: Item_contra) -> Result_co:
+    def do(self, item: Item_contra, /) -> Result_co:
         """The result of an item. What goes wrong with an item is a result, never an exception."""
+        ...
 
     def abort(self) -> None:
         """End what `do` is busy with; called from another thread."""
@@ -156,7 +158,7 @@ def cluster_cores() -> int:
 
 def _started_ray() -> Any:
     try:
-        import ray
+        ray: Any = importlib.import_module("ray")
     except ImportError as error:
         raise EngineMissingError(
             "--engine ray needs the package ray",

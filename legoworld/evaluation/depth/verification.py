@@ -110,7 +110,7 @@ def _first_difference(found: Any, recorded: Any, place: str) -> str | None:
         pairs = [
             (a, b, f"{place} {i}") for i, (a, b) in enumerate(zip(found, recorded, strict=True))
         ]
-    elif type(found) is float and type(recorded) in (float, int):
+    elif isinstance(found, float) and isinstance(recorded, float | int):
         same = math.isclose(found, recorded, rel_tol=_RELATIVE, abs_tol=1e-12)
         return None if same else f"{place} {found!r}, on record {recorded!r}".strip()
     else:
