@@ -9,7 +9,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 import numpy as np
@@ -50,12 +50,19 @@ class PhotoProblem:
 
 
 def make_track(
-    task: str, truth: Path, output: Path, *, sample: int | None, seed: int
+    task: str,
+    truth: Path,
+    output: Path,
+    *,
+    sample: int | None,
+    seed: int,
+    chosen: Sequence[str] | None = None,
 ) -> dict[str, Any]:
-    """Write a track of all, or of `sample` seeded, images of a truth; returns the document.
+    """Write a track of all, of `sample` seeded, or of the `chosen` images of a truth.
 
     truth: COCO or LVIS JSON, or ETH3D's folder. Images are drawn from all that the truth lists,
-    with annotations or without. CatalogError when the truth cannot be used.
+    with annotations or without; chosen: their ids or file names. Returns the document.
+    CatalogError when the truth cannot be used, UsageError when it has not the images asked for.
     """
     source = eth3d_source(truth) if task == "eth3d" else annotation_source(task, truth)
     images = sorted(source.images, key=lambda i: int(i["id"]))
@@ -68,6 +75,8 @@ def make_track(
             )
         drawn = np.random.default_rng(seed).choice(len(images), sample, replace=False)
         images = [images[i] for i in sorted(drawn.tolist())]
+    if chosen is not None:
+        images = _chosen(images, chosen, source.name)
     document: dict[str, Any] = {
         "info": {
             "description": f"legoworld track: public half of {source.name}",
@@ -78,6 +87,7 @@ def make_track(
             "source_images": len(source.images),
             "sample": sample,
             "seed": None if sample is None else seed,
+            "chosen": chosen is not None,
         },
         "images": images,
         "categories": source.categories,
@@ -85,6 +95,27 @@ def make_track(
     write_text(output, _readable(document))
     load_track(output)  # what was written is what every other step will accept
     return document
+
+
+def _chosen(images: list[dict[str, Any]], chosen: Sequence[str], name: str) -> list[dict[str, Any]]:
+    """The images of these ids or file names, in the truth's order."""
+    by_name = {key: image for image in images for key in _names_of(image)}
+    unknown = [text for text in chosen if text not in by_name]
+    if unknown or not chosen:
+        raise UsageError(
+            "the truth has no such image",
+            found=", ".join(map(repr, unknown[:5])) or "an empty list",
+            expected=f"ids or file names of the {len(images)} images that {name} lists",
+            next_step="correct the list: one id or file name a line",
+        )
+    ids = {by_name[text]["id"] for text in chosen}
+    return [image for image in images if image["id"] in ids]
+
+
+def _names_of(image: dict[str, Any]) -> list[str]:
+    """What a list may call an image; LVIS v1 names photos by their URL alone."""
+    url = [PurePosixPath(image["coco_url"]).name] if image.get("coco_url") else []
+    return [str(image["id"]), *([image["file_name"]] if "file_name" in image else []), *url]
 
 
 def annotation_source(task: str, path: Path) -> Source:

@@ -21,6 +21,9 @@ from legoworld.commands import options
 @click.option("--sample", type=click.IntRange(min=1), help="make: images drawn [default: all].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of it.")
 @click.option(
+    "--images", type=options.EXISTING_FILE, help="make: only these; one id or file name a line."
+)
+@click.option(
     "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="make: the track file."
 )
 @click.option("--photos", type=options.EXISTING_FOLDER, help="check: the folder of the photos.")
@@ -33,6 +36,7 @@ def command(
     truth: Path | None,
     sample: int | None,
     seed: int,
+    images: Path | None,
     output: Path | None,
     photos: Path | None,
     overwrite: bool,
@@ -49,13 +53,19 @@ def command(
     \b
     Examples:
       legoworld track make --task coco --truth instances_val2017.json --sample 100 -o track.json
+      legoworld track make --task lvis --truth lvis_v1_val.json --images ids.txt -o track.json
       legoworld track make --task eth3d --truth eth3d -o eth3d.json
       legoworld track check track.json --photos coco/val2017
     """
     if action == "make":
         if task is None or truth is None or output is None or track is not None:
             raise click.UsageError("track make needs --task, --truth and -o, and no TRACK")
-        return _make(task, truth, output, sample, seed, overwrite=overwrite, as_json=as_json)
+        if images is not None and sample is not None:
+            raise click.UsageError("--images and --sample are two ways to choose: pass one")
+        chosen = _lines(images) if images is not None else None
+        return _make(
+            task, truth, output, sample, seed, chosen, overwrite=overwrite, as_json=as_json
+        )
     if track is None or photos is None:
         raise click.UsageError("track check needs a TRACK and --photos")
     return _check(track, photos, as_json=as_json)
@@ -67,6 +77,7 @@ def _make(
     output: Path,
     sample: int | None,
     seed: int,
+    chosen: list[str] | None,
     *,
     overwrite: bool,
     as_json: bool,
@@ -80,7 +91,7 @@ def _make(
             expected="a new file",
             next_step="choose another -o, or pass --overwrite",
         )
-    document = make_track(task, truth, output, sample=sample, seed=seed)
+    document = make_track(task, truth, output, sample=sample, seed=seed, chosen=chosen)
     if as_json:
         options.print_json({"track": str(output), "info": document["info"]})
     else:
@@ -91,6 +102,15 @@ def _make(
             f"{len(document['categories'])} categories -> {output}"
         )
     return 0
+
+
+def _lines(path: Path) -> list[str]:
+    """The lines of a list that are not empty."""
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except UnicodeDecodeError as error:
+        raise click.UsageError(f"--images {path.name} is not a text file") from error
+    return [line.strip() for line in lines if line.strip()]
 
 
 def _check(track: Path, photos: Path, *, as_json: bool) -> int:

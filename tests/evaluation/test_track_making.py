@@ -224,3 +224,33 @@ def test_check_finds_what_is_missing_broken_or_of_another_size(tmp_path, capsys)
     assert "9 of 12 photos" in shown
     assert cli.run(["track", "make", "--task", "coco"]) == 2
     assert cli.run(["track", "check"]) == 2
+
+
+def test_images_are_chosen_by_id_or_name(tmp_path):
+    document = random_truth("coco", seed=1)
+    path = write_truth(tmp_path / "truth.json", document)
+    first, last = document["images"][0], document["images"][-1]
+    for chosen in ([str(first["id"]), last["file_name"]], [last["file_name"], str(first["id"])]):
+        made = make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=chosen)
+        assert {i["id"] for i in made["images"]} == {first["id"], last["id"]}
+        assert made["info"]["chosen"]
+        assert made["info"]["seed"] is None
+
+
+def test_lvis_images_are_chosen_by_the_name_in_their_url(tmp_path):
+    document = random_truth("lvis", seed=1)
+    for image in document["images"]:
+        image.pop("file_name", None)
+        image["coco_url"] = f"http://images.cocodataset.org/val2017/{image['id']:012d}.jpg"
+    path = write_truth(tmp_path / "truth.json", document)
+    name = f"{document['images'][2]['id']:012d}.jpg"
+    made = make_track("lvis", path, tmp_path / "t.json", sample=None, seed=0, chosen=[name])
+    assert [i["id"] for i in made["images"]] == [document["images"][2]["id"]]
+
+
+@pytest.mark.parametrize("chosen", [[], ["nothing.jpg"]])
+def test_an_image_the_truth_has_not_is_refused(chosen, tmp_path):
+    path = write_truth(tmp_path / "truth.json", random_truth("coco", seed=1))
+    with pytest.raises(UsageError, match="no such image"):
+        make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=chosen)
+    assert not (tmp_path / "t.json").exists()
