@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import json
+import textwrap
 import tomllib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from legoworld import catalog
 from legoworld.commands import options
 
+if TYPE_CHECKING:
+    from legoworld.readouts.instructions import Instructions
+
 
 @click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("kind", type=click.Choice(["tasks", "datasets", "baselines", "schema"]))
 @click.option(
     "--task",
-    type=click.Choice(["coco", "lvis"]),
+    type=click.Choice(["coco", "lvis", "eth3d"]),
     default="coco",
     show_default=True,
     help="Whose schema.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def command(kind: str, task: str, as_json: bool) -> int:
-    """List the tasks, datasets and baselines there are, or how a scene is labelled.
+    """List the tasks, datasets and baselines there are, or what a scene's author is told.
 
     \b
     Examples:
@@ -61,32 +64,52 @@ def _cards(kind: str) -> list[dict[str, Any]]:
 
 def _schema(task: str, *, as_json: bool) -> int:
     """What a scene's author needs to know, and nothing private."""
+    from legoworld.readouts.instructions import instructions
     from legoworld.readouts.tasks import protocol
 
-    reading = protocol(task, None)
-    assert reading.vocabulary is not None
-    names = [c.name for c in reading.vocabulary.categories]
-    rules = {
-        "property": "category",
-        "override_property": reading.override_property,
-        "labels_file": {
-            "version": 1,
-            "labels": [
-                {"object": "Sofa", "category": names[0]},
-                {"collection": "Table set", "category": names[-1]},
-            ],
-        },
-        "vocabulary": names,
-    }
+    told = instructions(protocol(task, None))
     if as_json:
-        options.print_json({"task": task, **rules})
+        options.print_json(_document(told))
         return 0
-    click.echo(
-        f"Set the custom property `category` (or `{reading.override_property}`, which wins) to a "
-        "name below\non an object: it and all its descendants are one instance;\non a "
-        "collection: everything in it is one instance;\non an object that instances a collection: "
-        "each placement is one instance.\nOr put labels.json beside scene.blend:\n"
-        f"{json.dumps(rules['labels_file'])}\n"
-    )
-    click.echo(", ".join(names))
+    card = told.protocol.card
+    click.echo(f"# How to write a scene for {task}: {card.value('readout.title')} ({card.version})")
+    for section in told.sections:
+        click.echo(f"\n## {section.title}")
+        for statement in section.statements:
+            click.echo(_wrapped(statement, "- ", "  "))
+    if told.protocol.vocabulary is not None:
+        names = [c.name for c in told.protocol.vocabulary.categories]
+        click.echo(f"\n## Vocabulary: {len(names)} names")
+        click.echo(_wrapped(", ".join(names), "", ""))
     return 0
+
+
+def _wrapped(text: str, first: str, others: str) -> str:
+    return textwrap.fill(
+        text,
+        width=100,
+        initial_indent=first,
+        subsequent_indent=others,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _document(told: Instructions) -> dict[str, Any]:
+    from legoworld.readouts.instructions import accepted_synonyms
+
+    reading = told.protocol
+    vocabulary = reading.vocabulary
+    return {
+        "task": reading.task.name,
+        "card": {"version": reading.card.version, "sha256": reading.card.sha256},
+        "sections": [
+            {"id": s.id, "title": s.title, "statements": list(s.statements)} for s in told.sections
+        ],
+        "property": reading.card.value("vocabulary.property") if vocabulary else None,
+        "override_property": reading.override_property,
+        "labels_file": told.labels_file,
+        "vocabulary": [c.name for c in vocabulary.categories] if vocabulary else None,
+        "synonyms": accepted_synonyms(vocabulary) if vocabulary else None,
+        "vocabulary_sha256": vocabulary.sha256 if vocabulary else None,
+    }

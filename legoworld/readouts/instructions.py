@@ -5,6 +5,7 @@ The wording is readouts/instructions/scene.toml; every value in it comes from th
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,9 +14,7 @@ from typing import Any, Final
 
 from legoworld import catalog
 from legoworld.cards import Card
-from legoworld.conventions import CATEGORY_KEY
 from legoworld.errors import CatalogError
-from legoworld.files import canonical_json
 from legoworld.readouts.tasks import Protocol
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
@@ -35,7 +34,10 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Instructions:
-    """A task's instructions. labels_file: an example of labels.json, None where labels play no part."""
+    """A task's instructions.
+
+    labels_file: an example of labels.json; None where labels play no part.
+    """
 
     protocol: Protocol
     sections: tuple[Section, ...]
@@ -50,7 +52,7 @@ def instructions(protocol: Protocol) -> Instructions:
     path = catalog.folder("readouts") / WORDING
     with path.open("rb") as stream:
         wording = tomllib.load(stream)
-    labels_file = _labels_file(wording["examples"].get(protocol.task.name))
+    labels_file = _labels_file(protocol, wording["examples"].get(protocol.task.name))
     render = _Renderer(protocol, wording, labels_file)
     return Instructions(
         protocol=protocol,
@@ -101,7 +103,7 @@ class _Renderer:
                 "memory_gib": f"{limits.memory_bytes / 2**30:g}",
             },
             "example": wording["examples"].get(protocol.task.name),
-            "labels_file_json": canonical_json(labels_file),
+            "labels_file_json": json.dumps(labels_file),
             "rule": self.rule,
         }
 
@@ -124,13 +126,14 @@ class _Renderer:
         return self.text(sentences[said])
 
 
-def _labels_file(example: Mapping[str, str] | None) -> Mapping[str, Any] | None:
+def _labels_file(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[str, Any] | None:
     if example is None:
         return None
+    key = protocol.card.value("vocabulary.property")
     return {
         "version": 1,
         "labels": [
-            {kind: example[kind], CATEGORY_KEY: example[f"{kind}_category"]}
+            {kind: example[kind], key: example[f"{kind}_category"]}
             for kind in ("object", "collection")
         ],
     }
