@@ -1,10 +1,6 @@
 // First pass, continued: larger triangles go to the tiles they may cover. Included once per
 // instruction set.
 
-struct Extent {  // pixels, both ends included; nothing when x0 > x1 or y0 > y1
-  int32_t x0, x1, y0, y1;
-};
-
 struct Lone {  // one triangle, in every lane
   Corners t;
   Edges e;
@@ -131,6 +127,14 @@ static void bin_out_of_range(const Placed& p, uint32_t triangle) {
   bin_wide(p, box, candidate);
 }
 
+// Whether earlier rounds hide all of a triangle; its tiles answer for one too large to be asked here.
+static inline bool is_behind(const SoFar& so_far, const Bounds& box, float nearest) {
+  const int32_t columns = box.x1 - box.x0, rows = box.y1 - box.y0;
+  if (columns < 4 && rows < 4) return so_far.hides_pixels(box, nearest);
+  return columns < kTile && rows < kTile &&
+         so_far.hides(Extent{box.x0, box.x1, box.y0, box.y1}, nearest);
+}
+
 static inline void take_triangle(const Placed& p, const Vd m[12], Few& few, uint32_t triangle,
                                  uint64_t packed) {
   const Bounds box(packed);
@@ -141,6 +145,13 @@ static inline void take_triangle(const Placed& p, const Vd m[12], Few& few, uint
     bin_out_of_range(p, triangle);
     return;
   }
+  const auto nearest = [&] {
+    const int32_t* index = p.shape.triangles + 3 * static_cast<int64_t>(triangle);
+    const float d0 = p.depths[index[0]], d1 = p.depths[index[1]], d2 = p.depths[index[2]];
+    const float lower = d0 < d1 ? d0 : d1;
+    return lower < d2 ? lower : d2;
+  };
+  if (p.so_far.depth != nullptr && is_behind(p.so_far, box, nearest())) return;
   const bool cut = p.cutout != nullptr && p.cutout[triangle] >= 0;
   if (box.x1 - box.x0 < 2 && box.y1 - box.y0 < 2 && !cut) {
     few.triangle[few.count] = triangle;
@@ -148,11 +159,8 @@ static inline void take_triangle(const Placed& p, const Vd m[12], Few& few, uint
     if (++few.count == Few::kSize) sample_few(p, m, few);
     return;
   }
-  const int32_t* index = p.shape.triangles + 3 * static_cast<int64_t>(triangle);
-  const float d0 = p.depths[index[0]], d1 = p.depths[index[1]], d2 = p.depths[index[2]];
-  const float lower = d0 < d1 ? d0 : d1;
   Candidate candidate{};
-  candidate.nearest = lower < d2 ? lower : d2;
+  candidate.nearest = nearest();
   candidate.triangle = triangle;
   candidate.placement = p.placement;
   bin_wide(p, Extent{box.x0, box.x1, box.y0, box.y1}, candidate);

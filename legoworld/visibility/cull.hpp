@@ -48,6 +48,7 @@ struct Placed {  // a placement being culled
   const uint64_t* bounds;
   const float* depths;
   const int32_t* cutout;  // of the mesh's first triangle, or null
+  const SoFar& so_far;
   uint32_t placement;
   int32_t id;
 };

@@ -1,6 +1,7 @@
 // The visibility kernel: instance and depth of what each pixel centre's ray hits first.
 // One translation unit; the hot part is compiled once per instruction set and chosen at run time.
 // Must be compiled without contraction of a*b+c (-ffp-contract=off): edge functions rely on it.
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>

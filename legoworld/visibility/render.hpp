@@ -1,4 +1,5 @@
-// The two passes of a render, put together. Included once per instruction set.
+// The two passes of a render, put together: once, or in rounds of placements from near to far.
+// Included once per instruction set.
 
 constexpr int64_t kOwnScratch = 16384;        // meshes up to this many vertices: one worker, one go
 constexpr int64_t kShared = int64_t{1} << 22; // vertices bounded together between two barriers
@@ -17,30 +18,66 @@ struct Render {
   Frame& frame;
   Team& team;
   std::vector<Worker>& workers;
-  std::vector<std::vector<Large>> batches;
-  std::vector<std::vector<Piece>> vertex_pieces, triangle_pieces;
-  Buffer<uint64_t> bounds;
-  Buffer<float> depths;
-  Queue small, vertex_queue, triangle_queue, tile_queue;
+  Schedule schedule{};
+  SoFar so_far{};
+  int64_t first = 0;  // of this round's placements, in the schedule's order
+  std::vector<std::vector<Large>> batches{};
+  std::vector<std::vector<Piece>> vertex_pieces{}, triangle_pieces{};
+  Buffer<uint64_t> bounds{};
+  Buffer<float> depths{};
+  Queue sight_queue{}, small{}, vertex_queue{}, triangle_queue{}, tile_queue{};
 };
 
-static Placed placed(const Frame& frame, Worker& worker, const Shape& shape, int64_t placement,
+static Placed placed(const Render& r, Worker& worker, const Shape& shape, int64_t placement,
                      const uint64_t* bounds, const float* depths) {
-  const LwSurfaces& all = frame.surfaces;
+  const LwSurfaces& all = r.frame.surfaces;
   const int32_t* cutout =
       all.triangle_cutout == nullptr ? nullptr : all.triangle_cutout + shape.first_triangle;
-  return Placed{frame,  worker, shape, all.cam_from_mesh + 12 * placement, bounds, depths, cutout,
+  return Placed{r.frame, worker,  shape,  all.cam_from_mesh + 12 * placement,
+                bounds,  depths,  cutout, r.so_far,
                 static_cast<uint32_t>(placement), all.placement_id[placement]};
 }
 
-// Large placements, in batches whose vertices fit the shared scratch.
-static void plan(Render& r) {
+static void look(Render& r) {
+  for (int64_t begin, end; r.sight_queue.take(begin, end);) {
+    for (int64_t i = begin; i < end; ++i) r.schedule.sights.data()[i] = sight_of(r.frame, i);
+  }
+}
+
+static bool is_hidden(const Render& r, int64_t placement) {
+  if (r.so_far.depth == nullptr) return false;
+  const Sight& sight = r.schedule.sights.data()[placement];
+  return r.so_far.hides(sight.pixels, sight.nearest);
+}
+
+// The same by the placement's own vertices, once they are bounded: far tighter than its box.
+static bool is_hidden(const Render& r, const uint64_t* bounds, const float* depths, int64_t count) {
+  if (r.so_far.depth == nullptr) return false;
+  typedef int16_t Packed __attribute__((vector_size(8)));
+  Packed low = load<Packed>(bounds);
+  float nearest = depths[0];
+  for (int64_t i = 1; i < count; ++i) {
+    const Packed one = load<Packed>(bounds + i);
+    low = one < low ? one : low;
+    nearest = depths[i] < nearest ? depths[i] : nearest;
+  }
+  const Bounds box(load<uint64_t>(&low));
+  if (box.x0 < 0) return false;
+  if (box.x0 > box.x1 || box.y0 > box.y1) return true;
+  return r.so_far.hides(Extent{box.x0, box.x1, box.y0, box.y1}, nearest);
+}
+
+// Large placements of a round, in batches whose vertices fit the shared scratch.
+static void plan(Render& r, int64_t round_end) {
   const LwSurfaces& all = r.frame.surfaces;
   int64_t used = 0, most = 0;
-  for (int64_t placement = 0; placement < all.placements; ++placement) {
-    const int64_t mesh = all.placement_mesh[placement];
-    const Shape shape(all, mesh);
-    if (shape.vertex_count <= kOwnScratch || out_of_sight(r.frame, placement)) continue;
+  r.batches.clear();
+  r.vertex_pieces.clear();
+  r.triangle_pieces.clear();
+  for (int64_t i = r.first; i < round_end; ++i) {
+    const int64_t placement = r.schedule.order[static_cast<size_t>(i)];
+    const Shape shape(all, all.placement_mesh[placement]);
+    if (shape.vertex_count <= kOwnScratch || is_hidden(r, placement)) continue;
     if (r.batches.empty() || used + shape.vertex_count > kShared) {
       r.batches.emplace_back();
       r.vertex_pieces.emplace_back();
@@ -49,13 +86,13 @@ static void plan(Render& r) {
     }
     const auto large = static_cast<int64_t>(r.batches.back().size());
     r.batches.back().push_back(Large{placement, used});
-    for (int64_t i = 0; i < shape.vertex_count; i += kPart) {
-      const int64_t end = i + kPart < shape.vertex_count ? i + kPart : shape.vertex_count;
-      r.vertex_pieces.back().push_back(Piece{large, i, end});
+    for (int64_t at = 0; at < shape.vertex_count; at += kPart) {
+      const int64_t end = at + kPart < shape.vertex_count ? at + kPart : shape.vertex_count;
+      r.vertex_pieces.back().push_back(Piece{large, at, end});
     }
-    for (int64_t i = 0; i < shape.triangle_count; i += kPart) {
-      const int64_t end = i + kPart < shape.triangle_count ? i + kPart : shape.triangle_count;
-      r.triangle_pieces.back().push_back(Piece{large, i, end});
+    for (int64_t at = 0; at < shape.triangle_count; at += kPart) {
+      const int64_t end = at + kPart < shape.triangle_count ? at + kPart : shape.triangle_count;
+      r.triangle_pieces.back().push_back(Piece{large, at, end});
     }
     used += shape.vertex_count + kPadding;
     most = used > most ? used : most;
@@ -71,12 +108,14 @@ static void cull_small(Render& r, Worker& worker) {
   uint64_t* bounds = worker.bounds.at_least(kOwnScratch + kPadding);
   float* depths = worker.depths.at_least(kOwnScratch + kPadding);
   for (int64_t begin, end; r.small.take(begin, end);) {
-    for (int64_t placement = begin; placement < end; ++placement) {
+    for (int64_t i = r.first + begin; i < r.first + end; ++i) {
+      const int64_t placement = r.schedule.order[static_cast<size_t>(i)];
       const Shape shape(all, all.placement_mesh[placement]);
-      if (shape.vertex_count > kOwnScratch || out_of_sight(r.frame, placement)) continue;
+      if (shape.vertex_count > kOwnScratch || is_hidden(r, placement)) continue;
       bound_vertices(r.frame, all.cam_from_mesh + 12 * placement, shape.vertices,
                      shape.vertex_count, bounds, depths);
-      cull_triangles(placed(r.frame, worker, shape, placement, bounds, depths), 0,
+      if (is_hidden(r, bounds, depths, shape.vertex_count)) continue;
+      cull_triangles(placed(r, worker, shape, placement, bounds, depths), 0,
                      shape.triangle_count);
     }
   }
@@ -114,7 +153,7 @@ static void cull_large(Render& r, Worker& worker, size_t batch) {
     const Piece& piece = r.triangle_pieces[batch][static_cast<size_t>(begin)];
     const Large& large = r.batches[batch][static_cast<size_t>(piece.large)];
     const Shape shape(all, all.placement_mesh[large.placement]);
-    cull_triangles(placed(r.frame, worker, shape, large.placement,
+    cull_triangles(placed(r, worker, shape, large.placement,
                           r.bounds.data() + large.first_vertex,
                           r.depths.data() + large.first_vertex),
                    piece.begin, piece.end);
@@ -153,9 +192,6 @@ static int64_t near_first(Render& r, Worker& worker, int64_t tile) {
 }
 
 static void draw_tile(Render& r, Worker& worker, Tile& tile, int64_t index) {
-  tile.left = static_cast<int32_t>(index % r.frame.tiles_x) * kTile;
-  tile.top = static_cast<int32_t>(index / r.frame.tiles_x) * kTile;
-  tile.clear();
   for (const Worker& other : r.workers) {
     other.bins.data()[index].samples.each_block([&](const Sample* from, uint32_t count) {
       for (uint32_t i = 0; i < count; ++i) {
@@ -183,35 +219,80 @@ static void draw_tile(Render& r, Worker& worker, Tile& tile, int64_t index) {
   if (waiting > 0) draw_lanes(drawing, few, waiting);
 }
 
-static void work(Render& r, int index, int32_t* instance, float* depth) {
-  Worker& worker = r.workers[static_cast<size_t>(index)];
-  survey(r.frame, r.team, index);
-  r.team.phase([&] {
-    const auto tiles = static_cast<size_t>(r.frame.tiles());
-    std::memset(worker.bins.at_least(tiles), 0, tiles * sizeof(TileBins));
-    if (index == 0 && r.frame.status == kOk) plan(r);
-  });
-  if (r.frame.status != kOk || r.team.failed()) return;
+static void cull(Render& r, Worker& worker, bool first_worker) {
   r.team.phase([&] { cull_small(r, worker); });
   for (size_t batch = 0; batch < r.batches.size(); ++batch) {
     r.team.phase([&] {
-      if (index != 0) return;
+      if (!first_worker) return;
       r.vertex_queue.reset(static_cast<int64_t>(r.vertex_pieces[batch].size()), 1);
       r.triangle_queue.reset(static_cast<int64_t>(r.triangle_pieces[batch].size()), 1);
     });
     r.team.phase([&] { bound_large(r, batch); });
     r.team.phase([&] { cull_large(r, worker, batch); });
   }
-  r.team.phase([&] {
-    Buffer<Tile> tile;
-    tile.at_least(1);
-    for (int64_t begin, end; r.tile_queue.take(begin, end);) {
-      for (int64_t i = begin; i < end; ++i) {
-        draw_tile(r, worker, *tile.data(), i);
-        write_tile(r.frame, *tile.data(), instance, depth);
+}
+
+static bool has_records(const Render& r, int64_t tile) {
+  for (const Worker& worker : r.workers) {
+    const TileBins& bins = worker.bins.data()[tile];
+    if (bins.samples.newest != nullptr || bins.candidates.newest != nullptr) return true;
+  }
+  return false;
+}
+
+static void draw_tiles(Render& r, Worker& worker, bool last, int32_t* instance, float* depth) {
+  Buffer<Tile> scratch;
+  Tile& tile = *scratch.at_least(1);
+  const bool again = r.so_far.depth != nullptr;
+  for (int64_t begin, end; r.tile_queue.take(begin, end);) {
+    for (int64_t i = begin; i < end; ++i) {
+      if (again && !last && !has_records(r, i)) continue;
+      tile.begin(r.frame, i);
+      if (again) take_up(r.frame, tile, instance, depth);
+      draw_tile(r, worker, tile, i);
+      if (last) {
+        write_tile(r.frame, tile, instance, depth);
+      } else {
+        put_aside(r.frame, tile, r.so_far, i, instance, depth);
       }
     }
+  }
+}
+
+static void begin_round(Render& r, size_t round, const float* depth) {
+  const auto tiles = static_cast<size_t>(r.frame.tiles());
+  if (round == 0 && r.schedule.ends.size() > 1) {
+    r.so_far.blocks.at_least(tiles * kBlocks * kBlocks);
+    r.so_far.tiles.at_least(tiles);
+  }
+  r.so_far.depth = round == 0 ? nullptr : depth;
+  r.first = round == 0 ? 0 : r.schedule.ends[round - 1];
+  const int64_t end = r.schedule.ends[round], count = end - r.first;
+  const int64_t step = count / (8 * r.team.size());
+  r.small.reset(count, step < 16 ? step + 1 : 16);
+  r.tile_queue.reset(r.frame.tiles(), 1);
+  plan(r, end);
+}
+
+static void work(Render& r, int index, int32_t* instance, float* depth) {
+  Worker& worker = r.workers[static_cast<size_t>(index)];
+  survey(r.frame, r.team, index);
+  if (r.frame.status != kOk) return;
+  r.team.phase([&] { look(r); });
+  r.team.phase([&] {
+    if (index == 0) schedule(r.frame, r.schedule);
   });
+  for (size_t round = 0; round < r.schedule.ends.size(); ++round) {
+    r.team.phase([&] {
+      const auto tiles = static_cast<size_t>(r.frame.tiles());
+      std::memset(worker.bins.at_least(tiles), 0, tiles * sizeof(TileBins));
+      worker.arena.rewind();
+      if (index == 0) begin_round(r, round, depth);
+    });
+    cull(r, worker, index == 0);
+    const bool last = round + 1 == r.schedule.ends.size();
+    r.team.phase([&] { draw_tiles(r, worker, last, instance, depth); });
+  }
 }
 
 static int32_t render(const LwSurfaces& surfaces, const LwView& view, int threads, int32_t* instance,
@@ -219,11 +300,11 @@ static int32_t render(const LwSurfaces& surfaces, const LwView& view, int thread
   Frame frame(surfaces, view);
   Team team(threads);
   std::vector<Worker> workers(static_cast<size_t>(team.size()));
-  Render r{frame, team, workers, {}, {}, {}, {}, {}, {}, {}, {}, {}};
-  r.small.reset(surfaces.placements, surfaces.placements / (8 * team.size()) < 16
-                                         ? surfaces.placements / (8 * team.size()) + 1
-                                         : 16);
-  r.tile_queue.reset(frame.tiles(), 1);
+  Render r{frame, team, workers};
+  r.so_far.width = frame.width;
+  r.so_far.tiles_x = frame.tiles_x;
+  r.schedule.sights.at_least(static_cast<size_t>(surfaces.placements));
+  r.sight_queue.reset(surfaces.placements, 64);
   prepare_survey(frame);
   team.run([&](int index) { work(r, index, instance, depth); });
   return team.failed() ? static_cast<int32_t>(kNoMemory) : frame.status.load();

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -18,6 +18,8 @@ INTERPOLATIONS = ("closest", "linear")
 
 #: Above this a product of three coordinates could overflow.
 LARGEST_ENTRY = 1e30
+
+_LARGEST_INT32: Final = 2**31 - 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +100,7 @@ def check_surfaces(surfaces: Surfaces) -> None:
             found=str(int(ident[(ident < 0) & (ident != HOLDOUT)][0])),
             expected=f"an instance id >= 0, or {HOLDOUT} for a holdout",
         )
-    if np.any(ident == np.iinfo(np.int32).max):
+    if np.any(ident == _LARGEST_INT32):
         raise ShapeError(
             "placement_id is out of range", found="2147483647", expected="a smaller id"
         )
@@ -134,35 +136,41 @@ def _check_cutouts(cutouts: Cutouts, triangles: int) -> None:
 
 
 def _array(name: str, array: Any, dtype: DTypeLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
-    wanted = np.dtype(dtype)
-    expected = (
-        f"{wanted.name} of shape ({', '.join('any' if n is None else str(n) for n in shape)})"
-    )
     if not isinstance(array, np.ndarray):
-        raise ShapeError(f"{name} is not an array", found=type(array).__name__, expected=expected)
+        raise ShapeError(
+            f"{name} is not an array",
+            found=type(array).__name__,
+            expected=_described(dtype, shape),
+        )
     fits = array.ndim == len(shape) and all(
         n is None or n == found for n, found in zip(shape, array.shape, strict=True)
     )
-    if array.dtype != wanted or not fits:
+    if array.dtype != dtype or not fits:
         raise ShapeError(
             f"{name} has the wrong type or shape",
             found=f"{array.dtype.name} of shape {array.shape}",
-            expected=expected,
+            expected=_described(dtype, shape),
         )
     if not array.flags.c_contiguous:
         raise ShapeError(f"{name} is not C-contiguous", next_step="pass np.ascontiguousarray of it")
     return array
 
 
+def _described(dtype: DTypeLike, shape: tuple[int | None, ...]) -> str:
+    sides = ", ".join("any" if n is None else str(n) for n in shape)
+    return f"{np.dtype(dtype).name} of shape ({sides})"
+
+
 def _starts(name: str, starts: Any, meshes: int, total: int) -> None:
     array = _array(name, starts, np.int64, (meshes + 1,))
-    if array[0] != 0 or array[-1] != total or np.any(np.diff(array) < 0):
+    sizes = array[1:] - array[:-1]
+    if array[0] != 0 or array[-1] != total or (sizes < 0).any():
         raise ShapeError(
             f"{name} does not divide its array among the meshes",
             found=f"{array[0]} .. {array[-1]}",
             expected=f"0 .. {total}, never falling",
         )
-    if meshes and np.max(np.diff(array)) > np.iinfo(np.int32).max:
+    if meshes and sizes.max() > _LARGEST_INT32:
         raise ShapeError(f"a mesh is too large for int32 indices, by {name}")
 
 

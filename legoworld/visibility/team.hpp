@@ -95,6 +95,8 @@ class Arena {
   ~Arena() {
     for (char* chunk : chunks_) std::free(chunk);
   }
+  // All that was taken may be overwritten from now on; the memory is kept.
+  void rewind() { next_ = left_ = 0; }
   void* take(size_t bytes) {
     bytes = (bytes + 15) & ~size_t{15};
     if (bytes > left_) grow(bytes);
@@ -107,17 +109,18 @@ class Arena {
  private:
   void grow(size_t bytes) {
     constexpr size_t kChunk = size_t{1} << 18;
-    const size_t size = bytes > kChunk ? bytes : kChunk;
-    chunks_.reserve(chunks_.size() + 1);
-    char* chunk = static_cast<char*>(std::malloc(size));
-    if (chunk == nullptr) throw std::bad_alloc();
-    chunks_.push_back(chunk);
-    cursor_ = chunk;
-    left_ = size;
+    if (bytes > kChunk) throw std::bad_alloc();  // no record list is near that large
+    if (next_ == chunks_.size()) {
+      chunks_.push_back(nullptr);
+      chunks_[next_] = static_cast<char*>(std::malloc(kChunk));
+      if (chunks_[next_] == nullptr) throw std::bad_alloc();
+    }
+    cursor_ = chunks_[next_++];
+    left_ = kChunk;
   }
   std::vector<char*> chunks_;
   char* cursor_ = nullptr;
-  size_t left_ = 0;
+  size_t left_ = 0, next_ = 0;  // bytes of the chunk at hand; the chunk after it
 };
 
 // A buffer without initial values. Throws std::bad_alloc.

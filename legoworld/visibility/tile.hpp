@@ -1,19 +1,25 @@
 // Second pass: one tile of the picture at a time, near triangles first. Included once per
 // instruction set.
 
-constexpr int kBlocks = kTile / kBlock;
-
 struct Tile {
   float depth[kTile * kStride];
   int32_t id[kTile * kStride];
   float farthest[kBlocks * kBlocks];  // of a block's stored depths, unless it is stale
   bool stale[kBlocks * kBlocks];
-  int32_t left, top;
+  int32_t left, top, columns, rows;  // pixels; the part inside the picture
 
-  void clear() {
+  // Places the tile in the picture, empty. What lies beyond the picture is nearer than anything.
+  void begin(const Frame& frame, int64_t index) {
+    left = static_cast<int32_t>(index % frame.tiles_x) * kTile;
+    top = static_cast<int32_t>(index / frame.tiles_x) * kTile;
+    columns = frame.width - left < kTile ? frame.width - left : kTile;
+    rows = frame.height - top < kTile ? frame.height - top : kTile;
     for (float& d : depth) d = INFINITY;
     for (int32_t& i : id) i = INT32_MAX;
     for (bool& s : stale) s = true;
+    for (int32_t r = 0; r < kTile; ++r) {
+      for (int32_t c = r < rows ? columns : 0; c < kTile; ++c) depth[r * kStride + c] = -INFINITY;
+    }
   }
 
   float farthest_of(int block) {
@@ -255,47 +261,5 @@ static void draw_lanes(const Drawing& d, const Candidate* boxes, int used) {
       s.c[k] = -s.c[k];
     }
     draw(d, s, box);
-  }
-}
-
-// Rows go to memory past the caches when they are whole cache lines of a picture that would not fit.
-static inline bool streams(const Frame& frame, const int32_t* instance, const float* depth) {
-#if defined(__x86_64__)
-  constexpr int64_t kInCache = int64_t{1} << 20;  // pixels
-  return static_cast<int64_t>(frame.width) * frame.height > kInCache && frame.width % 16 == 0 &&
-         reinterpret_cast<uintptr_t>(instance) % 64 == 0 && reinterpret_cast<uintptr_t>(depth) % 64 == 0;
-#else
-  return static_cast<void>(frame), static_cast<void>(instance), static_cast<void>(depth), false;
-#endif
-}
-
-static void write_tile(const Frame& frame, const Tile& tile, int32_t* instance, float* depth) {
-  const int32_t columns = frame.width - tile.left < kTile ? frame.width - tile.left : kTile;
-  const int32_t rows = frame.height - tile.top < kTile ? frame.height - tile.top : kTile;
-  const bool past_cache = streams(frame, instance, depth);
-  for (int32_t r = 0; r < rows; ++r) {
-    const int64_t at = static_cast<int64_t>(tile.top + r) * frame.width + tile.left;
-    const float* from_depth = tile.depth + r * kStride;
-    const int32_t* from_id = tile.id + r * kStride;
-    alignas(64) int32_t ids[kTile];
-    alignas(64) float depths[kTile];
-    for (int32_t c = 0; c < kTile; ++c) {
-      const bool there = from_id[c] >= 0 && from_id[c] != INT32_MAX;
-      ids[c] = there ? from_id[c] : kNothing;
-      depths[c] = there ? from_depth[c] : INFINITY;
-    }
-    if (past_cache) {
-#if defined(__x86_64__)
-      for (int32_t c = 0; c < columns; c += 4) {
-        _mm_stream_si128(reinterpret_cast<__m128i*>(instance + at + c), load<__m128i>(ids + c));
-      }
-      for (int32_t c = 0; c < columns; c += 4) {
-        _mm_stream_si128(reinterpret_cast<__m128i*>(depth + at + c), load<__m128i>(depths + c));
-      }
-#endif
-    } else {
-      std::memcpy(instance + at, ids, static_cast<size_t>(columns) * sizeof(int32_t));
-      std::memcpy(depth + at, depths, static_cast<size_t>(columns) * sizeof(float));
-    }
   }
 }

@@ -1,9 +1,11 @@
 // Everything that is compiled once per instruction set, in order. Included by kernel.cpp only.
 #include "lanes.hpp"
 #include "edges.hpp"
+#include "sight.hpp"
 #include "cull.hpp"
 #include "bin.hpp"
 #include "tile.hpp"
+#include "picture.hpp"
 #include "survey.hpp"
 #include "coverage.hpp"
 #include "render.hpp"
