@@ -76,7 +76,7 @@ def _readout(scenes: Path, task: str, run: Path) -> Usage:
 
 
 def _stages(blend: Path, case: Case, folder: Path) -> dict[str, Any]:
-    snapshot = folder / f"{case.name}.npz"
+    snapshot = folder / f"{case.name}.snapshot"
     blender = json.loads(_python("stages.py", "blender", str(blend), str(snapshot)))
     after = json.loads(_python("stages.py", "main", str(snapshot), case.task))
     snapshot.unlink()

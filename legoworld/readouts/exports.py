@@ -85,7 +85,7 @@ class ColumnRuns:
 
         low, high = np.searchsorted(self._ids, (instance_id, instance_id + 1))
         first, length = self._first[low:high], self._length[low:high]
-        counts = np.empty(2 * len(first) + 1, np.int64)
+        counts = np.empty(2 * len(first) + 1, np.uint32)  # the type the encoder works with
         end = first + length
         counts[0:-1:2] = first - np.concatenate(([0], end[:-1]))[: len(first)]
         counts[1::2] = length
@@ -93,6 +93,6 @@ class ColumnRuns:
         if counts[-1] == 0:
             counts = counts[:-1]
         size = [self._height, self._width]
-        rle: Any = {"size": size, "counts": counts.tolist()}
+        rle: Any = {"size": size, "counts": counts}
         encoded = coco_mask.frPyObjects(rle, self._height, self._width)
         return {"size": size, "counts": encoded["counts"].decode("ascii")}

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from legoworld.conventions import NO_INSTANCE
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.places import Place, PlaceError, child, fetch_folder
@@ -26,6 +24,7 @@ from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
 from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels, read_labels_file, resolve_labels
 from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.scene.scratch import scratch_folder
 from legoworld.track import TrackImage
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.view import View, unseen_reasons, view
@@ -160,8 +159,8 @@ def _at_hand(image: TrackImage, options: ImageOptions) -> Iterator[ImageOptions]
     if isinstance(options.scenes, Path):
         yield options
         return
-    with tempfile.TemporaryDirectory(prefix="legoworld-scene-") as folder:
-        scenes = Path(folder) / "scenes"
+    with scratch_folder("legoworld-scene-") as folder:
+        scenes = folder / "scenes"
         fetch_folder(child(options.scenes, image.scene), scenes / image.scene)
         yield replace(options, scenes=scenes)
 
@@ -218,7 +217,7 @@ def _record(
             f"the scene's own picture is {w}x{h}, the image {full_size[0]}x{full_size[1]}: "
             "another aspect, so the view is fitted by Blender's sensor rule"
         )
-    hit = int((seen.buffers.instance != NO_INSTANCE).sum())
+    hit = int(seen.area_px.sum())
     if not hit:
         warnings.append("the camera sees nothing: every pixel is without geometry")
     row |= {
@@ -335,9 +334,9 @@ def _scene_entry(folder: SceneFolder, scene: ReadScene, seen: View) -> dict[str,
         "files": _hashes(scene.files.artefacts),
         "dependencies": _hashes(scene.files.dependencies),
         "snapshot_sha256": scene.snapshot_sha256,
-        "camera": asdict(snapshot.camera),
-        "projection": asdict(seen.projection),
-        "render": asdict(snapshot.render),
+        "camera": dict(vars(snapshot.camera)),
+        "projection": dict(vars(seen.projection)),
+        "render": dict(vars(snapshot.render)),
         "provenance": _provenance(folder),
     }
 

@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import selectors
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,11 +23,14 @@ from legoworld.errors import (
     from_reason,
     one_line,
 )
+from legoworld.scene.scratch import ScratchFolder
 
 _POLL_S: Final = 0.02
 #: A worker that has read this many files is replaced: Blender's memory grows slowly with each.
 _RECYCLE_AFTER: Final = 200
 _RECYCLE_SHARE: Final = 0.5  # of the memory limit
+#: A worker's answer when the disk it writes to is full or read-only.
+DISK: Final = "disk"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +48,7 @@ class BlenderProcess:
         self._limits = limits
         self._process: subprocess.Popen[str] | None = None
         self._stderr: IO[bytes] | None = None
-        self._home: str | None = None
+        self._home: ScratchFolder | None = None
         self._served = 0
         self._aborted = False
 
@@ -65,7 +67,8 @@ class BlenderProcess:
         """Start the process now; the first request then finds bpy imported."""
         if self._process is not None:
             return
-        self._home = tempfile.mkdtemp(prefix="legoworld-blender-")
+        self._home = ScratchFolder("legoworld-blender-")
+        home = self._home.path
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
         self._process = subprocess.Popen(
             [sys.executable, "-m", "legoworld.scene.blender.worker"],
@@ -74,9 +77,10 @@ class BlenderProcess:
             stderr=self._stderr,
             text=True,
             encoding="utf-8",
-            cwd=_made(self._home, "empty"),
+            cwd=_made(home, "empty"),
             start_new_session=True,  # Ctrl-C is for the command: it decides what becomes of workers
-            env=_environment(_made(self._home, "blender"), _made(self._home, "temporary")),
+            env=_environment(_made(home, "blender"), _made(home, "temporary")),
+            pass_fds=(self._home.owner_fd,),
         )
         self._served = 0
 
@@ -127,7 +131,7 @@ class BlenderProcess:
             self._stderr.close()
             self._stderr = None
         if self._home is not None:
-            shutil.rmtree(self._home, ignore_errors=True)
+            self._home.close()
             self._home = None
 
     def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
@@ -152,6 +156,11 @@ class BlenderProcess:
             return answer
         if answer["reason"]["code"] == WorkerMemoryError.code:
             raise self._out_of_memory()
+        if answer["reason"]["code"] == DISK:
+            # No verdict on the scene: every other one would meet it, too.
+            number = answer["reason"]["errno"]
+            place = next(p for p in Path(message["output"]).parents if not p.name.startswith("."))
+            raise OSError(number, os.strerror(number), str(place))
         raise from_reason(answer["reason"])
 
     def _answer_line(self, process: subprocess.Popen[str], deadline: float) -> str:
@@ -240,8 +249,8 @@ def resident_bytes(pid: int) -> int:
         return 0
 
 
-def _made(folder: str, name: str) -> str:
-    path = Path(folder) / name
+def _made(folder: Path, name: str) -> str:
+    path = folder / name
     path.mkdir()
     return str(path)
 

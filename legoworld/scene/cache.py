@@ -43,7 +43,7 @@ class SnapshotCache:
             name: None if found is None else found.sha256 for name, found in dependencies.items()
         }
         key = sha256_of_text(canonical_json([scene_file_key(scene_file_sha256), content]))
-        return self._entry(key, ".npz")
+        return self._entry(key, ".snapshot")
 
     def _entry(self, key: str, suffix: str) -> Path:
         return self.folder / key[:2] / (key[2:] + suffix)
@@ -71,7 +71,7 @@ def reader_sha256() -> str:
     """Hash of the code that makes snapshots: a changed reader never finds an old answer."""
     here = Path(__file__).parent
     readers = [*sorted((here / "blender").glob("*.py")), *sorted((here / "gltf").glob("*.py"))]
-    sources = [*readers, here / "snapshot.py"]
+    sources = [*readers, here / "snapshot.py", here / "array_file.py"]
     return sha256_of_text(canonical_json([sha256_of_file(path) for path in sources]))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +15,7 @@ from legoworld.scene.artefacts import check_picture, without_metadata
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.folder import BLEND, FROZEN, GLB, PICTURE, PROGRAM
+from legoworld.scene.scratch import scratch_folder
 
 EXECUTION: Final = "execution.json"
 
@@ -38,10 +38,9 @@ def execute(program: Path, output: Path, *, limits: Limits, picture: bool) -> Ex
     """
     output.mkdir(parents=True, exist_ok=True)
     with (
-        tempfile.TemporaryDirectory(prefix=".executing-", dir=output) as folder,
+        scratch_folder(".executing-", output) as made,
         BlenderProcess(limits) as blender,
     ):
-        made = Path(folder)
         answer = blender.request(
             {
                 "kind": "execute",

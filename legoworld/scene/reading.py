@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source
 from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
+from legoworld.scene.scratch import scratch_folder
 from legoworld.scene.snapshot import Snapshot, load, save
 
 
@@ -47,8 +47,8 @@ def read_scene(
             next_step="run the scene program with `legoworld execute`",
         )
     if cache is None:
-        with tempfile.TemporaryDirectory(prefix="legoworld-") as folder:
-            return _read(scene, blend.sha256, SnapshotCache(Path(folder)), blender, files)
+        with scratch_folder("legoworld-snapshot-") as folder:
+            return _read(scene, blend.sha256, SnapshotCache(folder), blender, files)
     return _read(scene, blend.sha256, cache, blender, files)
 
 
@@ -90,8 +90,8 @@ def _read_with_blender(
     files: FrozenFiles,
 ) -> ReadScene:
     cache.folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".reading-", dir=cache.folder) as folder:
-        output = Path(folder) / "snapshot.npz"
+    with scratch_folder(".reading-", cache.folder) as folder:
+        output = folder / "made.snapshot"
         answer = blender.request(
             {
                 "kind": "snapshot",

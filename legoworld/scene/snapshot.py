@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import SceneInvalidError
-from legoworld.files import atomic_path, canonical_json
+from legoworld.files import canonical_json
+from legoworld.scene.array_file import read_arrays, write_arrays
 
 #: Raised whenever the meaning of a snapshot changes; part of every cache key.
 SNAPSHOT_SCHEMA: Final = 3
@@ -206,27 +205,28 @@ class Snapshot:
 
 
 def save(snapshot: Snapshot, path: Path) -> str:
-    """Write a snapshot as an uncompressed .npz, whole or not at all; returns its content hash."""
+    """Write a snapshot, whole or not at all; returns its content hash."""
     description = canonical_json(snapshot.description())
     content = snapshot._sha256(description)
-    stored = {
+    stored: dict[str, NDArray[Any]] = {
         "description": np.frombuffer(description.encode("utf-8"), np.uint8),
         "content_sha256": np.frombuffer(content.encode("ascii"), np.uint8),
     }
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **stored, **snapshot.arrays())
+    write_arrays(path, stored | snapshot.arrays())
     return content
 
 
 def load(path: Path) -> tuple[Snapshot, str]:
-    """Read a snapshot and its content hash. SceneInvalidError where the file is not one."""
+    """Read a snapshot, its arrays read only, and its content hash.
+
+    SceneInvalidError where the file is not one.
+    """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        arrays = read_arrays(path)
         description = json.loads(arrays.pop("description").tobytes().decode("utf-8"))
         content = arrays.pop("content_sha256").tobytes().decode("ascii")
         return _from_parts(description, arrays), content
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise SceneInvalidError(
             "a cached snapshot cannot be read",
             found=f"{path.name}: {error}",

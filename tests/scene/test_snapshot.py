@@ -32,8 +32,8 @@ def snapshot() -> Snapshot:
 
 
 def test_a_snapshot_comes_back_as_it_went(snapshot, tmp_path):
-    content = save(snapshot, tmp_path / "a.npz")
-    again, read_content = load(tmp_path / "a.npz")
+    content = save(snapshot, tmp_path / "a.snapshot")
+    again, read_content = load(tmp_path / "a.snapshot")
     assert content == read_content == snapshot.content_sha256() == again.content_sha256()
     for field in fields(Snapshot):
         before, after = getattr(snapshot, field.name), getattr(again, field.name)
@@ -47,9 +47,9 @@ def test_a_snapshot_comes_back_as_it_went(snapshot, tmp_path):
 
 
 def test_saving_again_gives_the_same_bytes(snapshot, tmp_path):
-    save(snapshot, tmp_path / "a.npz")
-    save(load(tmp_path / "a.npz")[0], tmp_path / "b.npz")
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    save(snapshot, tmp_path / "a.snapshot")
+    save(load(tmp_path / "a.snapshot")[0], tmp_path / "b.snapshot")
+    assert (tmp_path / "a.snapshot").read_bytes() == (tmp_path / "b.snapshot").read_bytes()
 
 
 def test_a_snapshot_without_cutouts_comes_back(snapshot, tmp_path):
@@ -60,8 +60,8 @@ def test_a_snapshot_without_cutouts_comes_back(snapshot, tmp_path):
         triangle_cutout=np.empty(0, np.int32),
         corner_uv=np.empty((0, 3, 2), np.float32),
     )
-    content = save(plain, tmp_path / "a.npz")
-    assert load(tmp_path / "a.npz")[0].content_sha256() == content
+    content = save(plain, tmp_path / "a.snapshot")
+    assert load(tmp_path / "a.snapshot")[0].content_sha256() == content
 
 
 @pytest.mark.parametrize("name", [*ARRAYS, "triangle_cutout", "corner_uv"])
@@ -106,15 +106,15 @@ def test_the_hash_tells_a_shape_from_another(snapshot):
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not a zip", b"\x00" * 500])
 def test_a_file_that_is_no_snapshot_is_refused(tmp_path, content):
-    (tmp_path / "a.npz").write_bytes(content)
+    (tmp_path / "a.snapshot").write_bytes(content)
     with pytest.raises(SceneInvalidError, match="cached snapshot cannot be read"):
-        load(tmp_path / "a.npz")
+        load(tmp_path / "a.snapshot")
 
 
 def test_a_snapshot_that_is_cut_short_is_refused(snapshot, tmp_path):
-    save(snapshot, tmp_path / "a.npz")
-    whole = (tmp_path / "a.npz").read_bytes()
+    save(snapshot, tmp_path / "a.snapshot")
+    whole = (tmp_path / "a.snapshot").read_bytes()
     for length in (10, len(whole) // 2, len(whole) - 1):
-        (tmp_path / "b.npz").write_bytes(whole[:length])
+        (tmp_path / "b.snapshot").write_bytes(whole[:length])
         with pytest.raises(SceneInvalidError):
-            load(tmp_path / "b.npz")
+            load(tmp_path / "b.snapshot")

@@ -51,12 +51,14 @@ class AlphaTable:
     @staticmethod
     def is_there(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which rules' numbers leave something to be seen."""
-        return np.isin(rules, (_GONE, _HOLDOUT), invert=True)
+        there: NDArray[np.bool_] = (rules != _GONE) & (rules != _HOLDOUT)
+        return there
 
     @staticmethod
     def is_holdout(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which rules' numbers stand for a holdout."""
-        return np.isin(rules, (_HOLDOUT,))
+        holdout: NDArray[np.bool_] = rules == _HOLDOUT
+        return holdout
 
     def sort_key(self, image: int) -> str:
         """Orders the entries of `images` without regard to the order they were met in."""

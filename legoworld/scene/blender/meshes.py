@@ -8,26 +8,23 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.scene.blender.corner_triangles import triangle_corners
+
 
 @dataclass(frozen=True, kw_only=True)
 class Triangles:
     """The triangles of one mesh.
 
     vertices: (T, 3) int32. corners: (T, 3) int32, the face corners they use, for reading what is
-    stored per corner. material: (T,) int32, the slot of each triangle's material.
+    stored per corner.
     """
 
     vertices: NDArray[np.int32]
     corners: NDArray[np.int32]
-    material: NDArray[np.int32]
 
     def chosen(self, keep: NDArray[np.bool_]) -> Self:
         """Those triangles only."""
-        if keep.all():
-            return self
-        return type(self)(
-            vertices=self.vertices[keep], corners=self.corners[keep], material=self.material[keep]
-        )
+        return type(self)(vertices=self.vertices[keep], corners=self.corners[keep])
 
 
 @dataclass(kw_only=True)
@@ -54,26 +51,30 @@ def mesh_vertices(mesh: Any) -> NDArray[np.float32]:
 
 def mesh_triangles(mesh: Any) -> Triangles:
     """The triangles of an evaluated bpy.types.Mesh; n-gons are divided as Blender draws them."""
-    n_faces, n_corners = len(mesh.polygons), len(mesh.loops)
+    n_corners = len(mesh.loops)
     corner_vertex = np.empty(n_corners, np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
-    face_material = _face_material(mesh, n_faces)
-    if n_corners == 3 * n_faces:
-        return Triangles(
-            vertices=corner_vertex.reshape(-1, 3),
-            corners=np.arange(n_corners, dtype=np.int32).reshape(-1, 3),
-            material=face_material,
-        )
+    if _all_triangles(mesh):
+        corners = np.arange(n_corners, dtype=np.int32).reshape(-1, 3)
+        return Triangles(vertices=corner_vertex.reshape(-1, 3), corners=corners)
     mesh.calc_loop_triangles()
-    n_triangles = len(mesh.loop_triangles)
-    corners = np.empty((n_triangles, 3), np.int32)
-    mesh.loop_triangles.foreach_get("loops", corners.ravel())
-    material = np.zeros(n_triangles, np.int32)
-    if face_material.any():
-        polygon = np.empty(n_triangles, np.int32)
-        mesh.loop_triangles.foreach_get("polygon_index", polygon)
-        material = face_material[polygon]
-    return Triangles(vertices=corner_vertex[corners], corners=corners, material=material)
+    corners = triangle_corners(mesh)
+    return Triangles(vertices=corner_vertex[corners], corners=corners)
+
+
+def triangle_materials(mesh: Any) -> NDArray[np.int32]:
+    """(T,) int32, the material slot of each triangle, in the order of `mesh_triangles`."""
+    material = np.zeros(len(mesh.polygons), np.int32)
+    attribute = mesh.attributes.get("material_index")
+    if attribute is not None and attribute.domain == "FACE":
+        attribute.data.foreach_get("value", material)
+    if _all_triangles(mesh):
+        return material
+    mesh.calc_loop_triangles()
+    face = np.empty(len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", face)
+    of_triangle: NDArray[np.int32] = material[face]
+    return of_triangle
 
 
 def corner_uv(
@@ -105,9 +106,5 @@ def transformed(
     return np.stack([a * u + b * v + c, d * u + e * v + f], axis=-1, dtype=np.float32)
 
 
-def _face_material(mesh: Any, n_faces: int) -> NDArray[np.int32]:
-    material = np.zeros(n_faces, np.int32)
-    attribute = mesh.attributes.get("material_index")
-    if attribute is not None and attribute.domain == "FACE" and n_faces:
-        attribute.data.foreach_get("value", material)
-    return material
+def _all_triangles(mesh: Any) -> bool:
+    return len(mesh.loops) == 3 * len(mesh.polygons)

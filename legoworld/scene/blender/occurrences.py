@@ -17,6 +17,7 @@ from legoworld.scene.blender.meshes import (
     mesh_triangles,
     mesh_vertices,
     transformed,
+    triangle_materials,
 )
 from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
 from legoworld.scene.blender.placements import Generator, Identity, Seen
@@ -157,7 +158,9 @@ class _Walker:
                 next_step="remove those vertices, or the modifier that makes them",
             )
         triangles = mesh_triangles(mesh)
-        rule = np.array(rules, np.int32)[np.clip(triangles.material, 0, len(rules) - 1)]
+        if not any(rules) and not held_out:  # the usual case: opaque, whatever the slot
+            return self._keep(vertices, triangles, None), -1
+        rule = np.array(rules, np.int32)[np.clip(triangle_materials(mesh), 0, len(rules) - 1)]
         there, hidden = self.result.alphas.is_there(rule), self.result.alphas.is_holdout(rule)
         if held_out:
             there, hidden = np.zeros_like(there), there | hidden
@@ -174,10 +177,18 @@ class _Walker:
         rule: NDArray[np.int32],
     ) -> int:
         """Keep these triangles of a mesh as a mesh of their own; -1 when there are none."""
-        if not len(triangles.vertices):
-            return -1
         image = self.result.alphas.image_of(rule)
         cutout = (image, self._uv(mesh, triangles, image)) if (image >= 0).any() else None
+        return self._keep(vertices, triangles, cutout)
+
+    def _keep(
+        self,
+        vertices: NDArray[np.float32],
+        triangles: Triangles,
+        cutout: tuple[NDArray[np.int32], NDArray[np.float32]] | None,
+    ) -> int:
+        if not len(triangles.vertices):
+            return -1
         self.result.meshes.append(
             CopiedMesh(vertices=vertices, triangles=triangles.vertices, cutout=cutout)
         )

@@ -6,6 +6,7 @@ The process ends when its input does, so that it never outlives the command that
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -16,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.errors import LegoWorldError
+
+#: The disk that results go to is full or read-only: no scene's fault.
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
 
 def main() -> int:
@@ -58,17 +62,24 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
         return {"ok": False, "reason": error.reason()}
     except MemoryError:
         return {"ok": False, "reason": {"code": "worker_memory"}}
+    except OSError as error:
+        if error.errno in _DISK:
+            return {"ok": False, "reason": {"code": "disk", "errno": error.errno}}
+        return _surprise(error)
     except Exception as error:  # noqa: BLE001  reported with its place; the other scenes go on
-        traceback.print_exc()
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        surprise = LegoWorldError(
-            "reading the scene failed in a way that was not foreseen",
-            found=f"{type(error).__name__}: {error} "
-            f"({Path(frame.filename).name}, line {frame.lineno})",
-            expected="a snapshot or a named verdict",
-            next_step="please report it with the scene",
-        )
-        return {"ok": False, "reason": surprise.reason()}
+        return _surprise(error)
+
+
+def _surprise(error: Exception) -> dict[str, Any]:
+    traceback.print_exception(error)
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    surprise = LegoWorldError(
+        "reading the scene failed in a way that was not foreseen",
+        found=f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})",
+        expected="a snapshot or a named verdict",
+        next_step="please report it with the scene",
+    )
+    return {"ok": False, "reason": surprise.reason()}
 
 
 def _snapshot(request: dict[str, Any]) -> dict[str, Any]:

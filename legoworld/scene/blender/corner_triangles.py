@@ -1,0 +1,58 @@
+"""The face corners of a mesh's triangles, from the array that Blender keeps them in.
+
+`loop_triangles.foreach_get("loops")` asks for each number by itself: 0.8 us a triangle, most of
+what reading a scene cost. The entries of `loop_triangles` are the array's own elements, so their
+addresses say where it is. That is no documented promise, so it is verified: for the first mesh of a
+process every number, for the others the first, middle and last triangle and where they lie. Where
+the check fails, the slow way is taken; the numbers are the same.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_TRIANGLE_BYTES: Final = 3 * 4
+
+
+class _Trust:
+    """Whether this process's Blender keeps triangles as expected; None before the first mesh."""
+
+    verdict: bool | None = None
+
+
+def triangle_corners(mesh: Any) -> NDArray[np.int32]:
+    """(T, 3) int32 face corners of a mesh whose loop triangles have been calculated."""
+    if not len(mesh.loop_triangles):
+        return np.empty((0, 3), np.int32)
+    read = None if _Trust.verdict is False else _from_memory(mesh)
+    if read is not None and _Trust.verdict:
+        return read
+    asked = _asked_one_by_one(mesh)
+    if _Trust.verdict is None:
+        _Trust.verdict = read is not None and np.array_equal(read, asked)
+    return asked
+
+
+def _from_memory(mesh: Any) -> NDArray[np.int32] | None:
+    """A copy of the array behind the loop triangles; None where it does not lie as expected."""
+    entries = mesh.loop_triangles
+    n_triangles = len(entries)
+    begin = entries[0].as_pointer()
+    probed = (0, n_triangles // 2, n_triangles - 1)
+    if any(entries[i].as_pointer() != begin + i * _TRIANGLE_BYTES for i in probed):
+        return None
+    memory = (ctypes.c_int32 * (3 * n_triangles)).from_address(begin)
+    corners: NDArray[np.int32] = np.ctypeslib.as_array(memory).reshape(-1, 3).copy()
+    if any(tuple(corners[i]) != tuple(entries[i].loops) for i in probed):
+        return None
+    return corners
+
+
+def _asked_one_by_one(mesh: Any) -> NDArray[np.int32]:
+    corners = np.empty((len(mesh.loop_triangles), 3), np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners.ravel())
+    return corners

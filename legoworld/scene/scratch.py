@@ -1,0 +1,82 @@
+"""Folders for work in progress. One whose owner was killed goes when the next one is made.
+
+An owner holds a lock on a file in its folder for as long as it lives, so a folder whose lock is
+free has none. The file's name carries the machine's: locks need not reach across a shared disk.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+
+class ScratchFolder:
+    """An empty folder `<prefix>...` in `parent` (None: the system's temporary folder).
+
+    owner_fd: a process that inherits it keeps the folder from being swept, too.
+    """
+
+    def __init__(self, prefix: str, parent: Path | None = None) -> None:
+        parent = parent or Path(tempfile.gettempdir())
+        _sweep(prefix, parent)
+        self.path = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
+        try:
+            self.owner_fd = _owned(self.path)
+        except BaseException:
+            shutil.rmtree(self.path, ignore_errors=True)
+            raise
+
+    def close(self) -> None:
+        """Remove the folder with everything in it."""
+        try:
+            shutil.rmtree(self.path, ignore_errors=True)
+        finally:
+            os.close(self.owner_fd)
+
+
+@contextmanager
+def scratch_folder(prefix: str, parent: Path | None = None) -> Iterator[Path]:
+    """A scratch folder for as long as the block lasts."""
+    folder = ScratchFolder(prefix, parent)
+    try:
+        yield folder.path
+    finally:
+        folder.close()
+
+
+def _owner_file() -> str:
+    return f".owner-{platform.node()}"
+
+
+def _owned(folder: Path) -> int:
+    """The held lock's descriptor. The file gets its name once it is held, so no sweep is early."""
+    unheld = folder / ".owner"
+    descriptor = os.open(unheld, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+    # On a file system without locks the file keeps its first name, and the folder is never swept.
+    with suppress(OSError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        unheld.rename(folder / _owner_file())
+    return descriptor
+
+
+def _sweep(prefix: str, parent: Path) -> None:
+    """Remove this machine's folders of that name that nobody owns any more."""
+    for folder in parent.glob(f"{prefix}*"):
+        try:
+            descriptor = os.open(folder / _owner_file(), os.O_RDWR | os.O_CLOEXEC)
+        except OSError:
+            continue  # another machine's, another user's, or only just made
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            continue  # it has its owner
+        else:
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            os.close(descriptor)
