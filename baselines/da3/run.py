@@ -14,9 +14,9 @@ from legoworld_baseline import (
     serve,
     write_depth,
 )
+from legoworld_baseline.devices import check_device, check_dtype, device_type
 
 LIBRARIES = ("depth-anything-3", "einops", "numpy", "omegaconf", "opencv-python-headless", "torch")
-DTYPES = ("float32", "bfloat16", "float16")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,12 +35,10 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
     sky, seed = request["options"]["sky"], request["options"]["seed"]
     if seed < 0:
         raise Refused("the seed is negative", found=f"seed={seed}", expected="0, 1, 2, ...")
-    if request["dtype"] not in DTYPES:
-        raise Refused(
-            "a dtype that is not offered", found=request["dtype"], expected=", ".join(DTYPES)
-        )
+    check_dtype(request["dtype"])
     files = hugging_face.resolve(request["weights"], offline=request["offline"])
     _check_model_name(files)
+    check_device(request["device"])
     import torch
     from da3_network import build, load_weights
     from safetensors.torch import load_file
@@ -107,7 +105,7 @@ def _provenance(
     return {
         **files.provenance(),
         "libraries": library_versions(LIBRARIES),
-        "device": request["device"],
+        "device": device_type(request["device"]),
         "dtype": request["dtype"],
         "precision": "backbone under autocast, head in float32"
         if request["dtype"] != "float32"

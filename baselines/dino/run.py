@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from coco_categories import NAME_OF_ID
 from legoworld_baseline import Refused, hash_files, library_versions, read_photo, serve
-from legoworld_baseline.devices import check_device
+from legoworld_baseline.devices import check_device, device_type
 
 if TYPE_CHECKING:
     from dino_network import Dino
@@ -58,7 +58,7 @@ def load(request: dict[str, Any]) -> tuple[Loaded, dict[str, Any]]:
             "exif_orientation": "ignored",
         },
         "dtype": "float32",
-        "device": device.split(":")[0],
+        "device": device_type(device),
         "batch_size": 1,
         "threshold": 0.0,
         "cap": TOP,

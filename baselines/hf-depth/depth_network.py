@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,17 +12,17 @@ import numpy as np
 import torch
 import transformers
 from legoworld_baseline import Refused
+from legoworld_baseline.hugging_face import load_pretrained, read_config
 from numpy.typing import NDArray
 from PIL import Image
 from torch.nn import functional
 
-DTYPES = ("float32", "bfloat16", "float16")
 Prepare = Callable[[NDArray[np.uint8]], torch.Tensor]
 
 
 def load_config(folder: Path) -> Any:
     """The model's configuration. Refused when it is no depth estimator."""
-    config = transformers.AutoConfig.from_pretrained(folder, local_files_only=True)
+    config = read_config(folder)
     if type(config) not in transformers.AutoModelForDepthEstimation._model_mapping:
         raise Refused(
             "this model does not estimate depth",
@@ -35,27 +34,9 @@ def load_config(folder: Path) -> Any:
 
 def load_network(folder: Path, device: str, dtype: str) -> Any:
     """The network with every parameter out of the checkpoint. Refused otherwise."""
-    if dtype not in DTYPES:
-        raise Refused("a dtype that is not offered", found=dtype, expected=", ".join(DTYPES))
-    torch.backends.cudnn.allow_tf32 = False
-    if not sys.stderr.isatty():
-        transformers.logging.disable_progress_bar()
-    loaded: Any = transformers.AutoModelForDepthEstimation.from_pretrained(
-        folder,
-        dtype=getattr(torch, dtype),
-        local_files_only=True,
-        output_loading_info=True,
-        ignore_mismatched_sizes=True,  # so that they are reported; then refused, below
+    return load_pretrained(
+        transformers.AutoModelForDepthEstimation, folder, device=device, dtype=dtype
     )
-    network, report = loaded
-    wrong = [*report["missing_keys"], *report["mismatched_keys"], *report["error_msgs"]]
-    if wrong:
-        raise Refused(
-            "the checkpoint does not fill the network: the rest would be random",
-            found=f"{len(wrong)} parameters, such as {', '.join(sorted(map(str, wrong))[:3])}",
-            expected="every parameter of the network",
-        )
-    return network.to(device).eval()
 
 
 def load_preparation(folder: Path, model_type: str) -> Prepare:

@@ -8,6 +8,7 @@ from typing import Any
 
 from depth_declared import Numbers, declared_numbers
 from legoworld_baseline import hugging_face, library_versions, read_photo, serve, write_depth
+from legoworld_baseline.devices import device_type
 
 LIBRARIES = ("huggingface-hub", "numpy", "pillow", "scipy", "torch", "transformers")
 
@@ -44,7 +45,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
         **files.provenance(),
         "architecture": type(model.network).__name__,
         "libraries": library_versions(LIBRARIES),
-        "device": request["device"],
+        "device": device_type(request["device"]),
         "dtype": request["dtype"],
         "preprocessing": {
             "processor": "as config_files describe it, without torchvision",

@@ -12,7 +12,7 @@ import torch
 import transformers
 from detector_boxes import categories_of_labels
 from legoworld_baseline import Refused, match_labels
-from legoworld_baseline.hugging_face import load_pretrained
+from legoworld_baseline.hugging_face import load_pretrained, read_config
 from numpy.typing import NDArray
 from transformers.image_utils import ChannelDimension
 
@@ -106,15 +106,7 @@ def detect(detector: Detector, rgb: NDArray[np.uint8]) -> dict[str, torch.Tensor
 
 
 def _config(folder: Path) -> Any:
-    try:
-        config = transformers.AutoConfig.from_pretrained(folder, local_files_only=True)
-    except (ValueError, OSError, KeyError) as error:
-        raise Refused(
-            "the model's config.json cannot be used",
-            found=" ".join(f"{type(error).__name__}: {error}".split())[:280],
-            expected="the config.json of a detector that transformers knows",
-            next_step="pass the folder that save_pretrained wrote, or a hub id",
-        ) from error
+    config = read_config(folder)
     if type(config) not in transformers.AutoModelForObjectDetection._model_mapping:
         raise Refused(
             "this model is no detector",

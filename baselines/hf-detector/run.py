@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from legoworld_baseline import Refused, library_versions, read_photo, serve
+from legoworld_baseline.devices import device_type
 
 if TYPE_CHECKING:
     from detector import Detector
@@ -49,7 +50,7 @@ def load(request: dict[str, Any]) -> tuple[Detector, dict[str, Any]]:
         },
         "libraries": library_versions(_LIBRARIES),
         "dtype": request["dtype"],
-        "device": request["device"].partition(":")[0],
+        "device": device_type(request["device"]),
         "batch_size": 1,
         "threshold": THRESHOLD,
         "clipped_to_photo": False,

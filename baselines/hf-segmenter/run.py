@@ -13,6 +13,7 @@ from legoworld_baseline import (
     read_photo,
     serve,
 )
+from legoworld_baseline.devices import device_type
 
 LIBRARIES = ("huggingface-hub", "numpy", "pillow", "pycocotools", "scipy", "torch", "transformers")
 
@@ -56,7 +57,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
         **files.provenance(),
         "architecture": type(model.network).__name__,
         "libraries": library_versions(LIBRARIES),
-        "device": request["device"],
+        "device": device_type(request["device"]),
         "dtype": request["dtype"],
         "labels": category_of,
         "preprocessing": {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,10 @@ import numpy as np
 import torch
 import transformers
 from legoworld_baseline import Refused
+from legoworld_baseline.hugging_face import load_pretrained, read_config
 from numpy.typing import NDArray
 from PIL import Image
 
-DTYPES = ("float32", "bfloat16", "float16")
 #: Both give, per query, a distribution over classes and "nothing", and one mask.
 MODEL_TYPES = ("mask2former", "maskformer")
 
@@ -36,7 +35,7 @@ class Queries:
 
 def load_config(folder: Path) -> Any:
     """The model's configuration. Refused when it gives no instances."""
-    config = transformers.AutoConfig.from_pretrained(folder, local_files_only=True)
+    config = read_config(folder)
     if config.model_type in MODEL_TYPES:
         return config
     universal = type(config) in transformers.AutoModelForUniversalSegmentation._model_mapping
@@ -51,27 +50,9 @@ def load_config(folder: Path) -> Any:
 
 def load_network(folder: Path, device: str, dtype: str) -> Any:
     """The network with every parameter out of the checkpoint. Refused otherwise."""
-    if dtype not in DTYPES:
-        raise Refused("a dtype that is not offered", found=dtype, expected=", ".join(DTYPES))
-    torch.backends.cudnn.allow_tf32 = False
-    if not sys.stderr.isatty():
-        transformers.logging.disable_progress_bar()
-    loaded: Any = transformers.AutoModelForUniversalSegmentation.from_pretrained(
-        folder,
-        dtype=getattr(torch, dtype),
-        local_files_only=True,
-        output_loading_info=True,
-        ignore_mismatched_sizes=True,  # so that they are reported; then refused, below
+    return load_pretrained(
+        transformers.AutoModelForUniversalSegmentation, folder, device=device, dtype=dtype
     )
-    network, report = loaded
-    wrong = [*report["missing_keys"], *report["mismatched_keys"], *report["error_msgs"]]
-    if wrong:
-        raise Refused(
-            "the checkpoint does not fill the network: the rest would be random",
-            found=f"{len(wrong)} parameters, such as {', '.join(sorted(map(str, wrong))[:3])}",
-            expected="every parameter of the network",
-        )
-    return network.to(device).eval()
 
 
 def load_processor(folder: Path) -> Any:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from legoworld_baseline import Refused, hugging_face, library_versions, read_photo, serve
+from legoworld_baseline.devices import device_type
 from sam3_options import Options, read_options
 from sam3_prompts import prompt_strings
 
@@ -51,7 +52,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
     provenance = {
         **files.provenance(),
         "libraries": library_versions(LIBRARIES),
-        "device": request["device"],
+        "device": device_type(request["device"]),
         "dtype": request["dtype"],
         "preprocessing": preprocessing(network),
         "masks": "logits resized to the photo (bilinear, float32), then > 0",

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import torch
-import transformers
 from legoworld_baseline import Refused
+from legoworld_baseline.hugging_face import load_pretrained
 from sam3_network import IMAGE_MEAN, IMAGE_STD, PHRASE_TOKENS, too_long
 from transformers import CLIPTokenizer, Sam3Model
 
 #: The published checkpoint is the video model's; its detector is the image model.
 _MODEL_TYPES = ("sam3", "sam3_video")
-DTYPES = ("float32", "bfloat16", "float16")
 
 
 def load_network(folder: Path, device: str, dtype: str) -> Any:
     """Sam3Model with every parameter out of the checkpoint. Refused otherwise."""
-    if dtype not in DTYPES:
-        raise Refused("a dtype that is not offered", found=dtype, expected=", ".join(DTYPES))
     config = _json(folder / "config.json")
     if config.get("model_type") not in _MODEL_TYPES:
         raise Refused(
@@ -31,26 +26,9 @@ def load_network(folder: Path, device: str, dtype: str) -> Any:
             expected=" or ".join(_MODEL_TYPES),
             next_step="give facebook/sam3 or a folder with its files",
         )
-    torch.backends.cudnn.allow_tf32 = False
-    if not sys.stderr.isatty():
-        transformers.logging.disable_progress_bar()
-    loaded: Any = Sam3Model.from_pretrained(
-        folder,
-        dtype=getattr(torch, dtype),
-        local_files_only=True,
-        output_loading_info=True,
-        ignore_mismatched_sizes=True,  # so that they are reported; then refused, below
-    )
-    network, report = loaded
-    wrong = [*report["missing_keys"], *report["mismatched_keys"], *report["error_msgs"]]
-    if wrong:
-        raise Refused(
-            "the checkpoint does not fill the network: the rest would be random",
-            found=f"{len(wrong)} parameters, such as {', '.join(sorted(map(str, wrong))[:3])}",
-            expected="every parameter of Sam3Model",
-        )
+    network = load_pretrained(Sam3Model, folder, device=device, dtype=dtype)
     _check_preprocessing(folder, network)
-    return network.to(device).eval()
+    return network
 
 
 def load_tokenizer(folder: Path, phrases: Sequence[str]) -> Any:

@@ -21,6 +21,7 @@ from legoworld.baselines.request import BaselineRequest, configuration_of, selec
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
+from legoworld.readouts.depth import depth_file
 from legoworld.running import run_folder
 from legoworld.track import TrackImage
 from legoworld.track_making import find_photo
@@ -149,8 +150,15 @@ def write_run(
     configuration: dict[str, Any],
     baseline: dict[str, Any],
 ) -> BaselineResult:
-    """The canonical files of a baseline's run, from journalled records in the images' order."""
+    """The canonical files of a baseline's run, from journalled records in the images' order.
+
+    Depth files of images without a result, of an earlier photo or refused, are deleted.
+    """
     rows = tuple(record["row"] for record in records)
+    if configuration["task"] == "eth3d":
+        for row in rows:
+            if row["status"] != "ok":
+                (folder / depth_file(row["scene"])).unlink(missing_ok=True)
     summary = summarise(configuration, rows)
     run_folder.finish(
         folder,

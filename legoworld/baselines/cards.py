@@ -88,7 +88,7 @@ def load_baseline(name: str) -> BaselineCard:
     raise UsageError(
         "there is no such baseline",
         found=repr(name),
-        expected=" or ".join(near or names) or f"the path of a folder with a {CARD}",
+        expected=" or ".join([*(near or names), f"a folder's path, with a /, that has a {CARD}"]),
         next_step="`legoworld list baselines` shows them all",
     )
 

@@ -66,10 +66,13 @@ class Conversation:
         """A record of every image of `todo`, as they are made. images: the whole run's, in order.
 
         Images that share a batch with a pending one are predicted again with it, so that a batch
-        is always of the same images; only pending ones are recorded.
+        is always of the same images; only pending ones are recorded. With nothing to do a process
+        is started, too: only it can say that the weights are still those of the run.
         """
         self._pending = {image.id: image for image in todo}
-        while self._pending:
+        begun = False
+        while self._pending or not begun:
+            begun = True
             wanted = {self._batches[image_id] for image_id in self._pending}
             sent = [
                 (image, self._photos[image.id], self._batches[image.id])
@@ -147,6 +150,8 @@ class Conversation:
     def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[Record]:
         """Name the images it died of; those that were tried before are given up."""
         ended = process.how_it_ended()
+        if not self._pending:  # it had answered for all of them
+            return
         if not working:  # between images: the next one is as good a suspect as any
             working = [next(iter(self._pending))]
         names = ", ".join(self._pending[i].file_name for i in working)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.baselines.records import predicted_px
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.arrays import (
     DepthArray,
@@ -18,13 +20,17 @@ from legoworld.evaluation.depth.arrays import (
     checked_array,
     ray_lengths,
 )
-from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.files import atomic_path
 from legoworld.track import TrackImage
 
 SUFFIXES: Final = (".npy", ".npz", ".pfm", ".exr", ".png")
+_DECLARE: Final = (
+    "say it with --space, and integers with --unit (disparity: as float32); in an .npz, name the "
+    "array values"
+)
 
 
 class IntrinsicsError(LegoWorldError):
@@ -63,20 +69,20 @@ def depth_source_file(source: DepthSource, image: TrackImage) -> Path | None:
     return found[0] if found else None
 
 
+def depth_files(folder: Path) -> Iterator[Path]:
+    """Every file below a folder that could be a photo's array, in the order of their paths."""
+    return (p for p in sorted(folder.rglob("*")) if p.suffix in SUFFIXES and p.is_file())
+
+
 def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArray:
     """A photo's array after every check; ray distances come back as planar depth.
 
-    DepthFileError when the array does not say what it is, or cannot be turned into depth.
+    DepthFileError when the array does not say what it is, or cannot be turned into depth;
+    DepthPredictionError when no scorer could use it: of another size than the photo, or without
+    a single prediction.
     """
     camera = source.cameras.get(image.file_name, source.cameras.get(""))
-    array = read_labelled(
-        path,
-        Declaration(
-            space=source.space,
-            unit=source.unit,
-            intrinsics_px=camera.intrinsics_px if camera else None,
-        ),
-    )
+    array = _labelled(path, source, camera)
     if camera and camera.size_wh not in (None, array.size_wh):
         raise DepthFileError(
             f"{path.name} is of another size than its intrinsics",
@@ -84,6 +90,7 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
             expected="{}x{}".format(*(camera.size_wh or (0, 0))),
             next_step="scale fx, fy, cx, cy to the array's size",
         )
+    predicted_px(array, image)
     if array.space != "ray_distance":
         return array
     assert array.intrinsics_px is not None
@@ -94,6 +101,25 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
         intrinsics_px=None,
         source=path.name,
     )
+
+
+def _labelled(path: Path, source: DepthSource, camera: Camera | None) -> DepthArray:
+    """The array as the file or the command declares it; what it lacks is an option here."""
+    declared = Declaration(
+        space=source.space,
+        unit=source.unit,
+        intrinsics_px=camera.intrinsics_px if camera else None,
+    )
+    try:
+        return read_labelled(path, declared)
+    except DepthFileError as error:
+        undeclared = DECLARATION in error.next_step or error.next_step.startswith("declare")
+        raise DepthFileError(
+            error.what,
+            found=error.found,
+            expected=error.expected,
+            next_step=_DECLARE if undeclared else error.next_step,
+        ) from error
 
 
 def planar_from_ray_distance(distance: NDArray[Any], intrinsics_px: Intrinsics) -> NDArray[Any]:
@@ -132,7 +158,7 @@ def read_cameras_file(path: Path) -> dict[str, Camera]:
         if "fx" in document:
             return {"": _camera(document)}
         cameras = {str(name): _camera(entry) for name, entry in document.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise IntrinsicsError(
             f"the intrinsics {path.name} cannot be used",
             found=f"{type(error).__name__}: {error}",
@@ -142,7 +168,12 @@ def read_cameras_file(path: Path) -> dict[str, Camera]:
 
 
 def _camera(entry: Mapping[str, Any]) -> Camera:
-    fx, fy, cx, cy = (float(entry[key]) for key in ("fx", "fy", "cx", "cy"))
+    numbers = [entry[key] for key in ("fx", "fy", "cx", "cy")]
+    if any(type(x) not in (int, float) or not math.isfinite(x) for x in numbers):
+        raise ValueError(f"fx, fy, cx, cy = {numbers}, which are not four finite numbers")
+    fx, fy, cx, cy = map(float, numbers)
+    if min(fx, fy) <= 0:
+        raise ValueError(f"fx, fy = {fx:g}, {fy:g}, which are no focal lengths")
     known = "width" in entry or "height" in entry
     size = (int(entry["width"]), int(entry["height"])) if known else None
     return Camera(intrinsics_px=(fx, fy, cx, cy), size_wh=size)

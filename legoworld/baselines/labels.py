@@ -106,7 +106,7 @@ def _unmatched(what: str, labels: list[str], vocabulary: Vocabulary) -> LabelsUn
 def _read(path: Path) -> LabelMap:
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise LabelsUnmatchedError(
             f"the label map {path.name} cannot be read", found=str(error), expected="JSON"
         ) from error

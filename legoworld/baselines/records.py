@@ -11,7 +11,9 @@ import numpy as np
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import check_box_values
+from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.errors import DepthPredictionError
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.resampling import check_size
 from legoworld.evaluation.predictions import Predictions, check_results
@@ -118,18 +120,13 @@ def detection_record(image: TrackImage, predictions: Predictions, source: dict[s
 def depth_record(image: TrackImage, run: Path, source: dict[str, Any]) -> Record:
     """The record of one image's depth file in the run, read back and checked.
 
-    LegoWorldError when it is absent, unlabelled, or of a size that cannot be scored.
+    LegoWorldError when it is absent, unlabelled, or cannot be scored.
     """
     name = depth_file(image.scene)
     path = run / name
     if not path.is_file():
         raise AnswerInvalidError("the depth file was not written", expected=name)
     array = read_labelled(path, Declaration())
-    assert image.size_wh is not None
-    check_size(array.size_wh, image.size_wh)
-    predicted = np.isfinite(array.values)
-    if array.space != "disparity":
-        predicted &= array.values > 0
     row = _ok_row(image) | {
         "rendered_wh": list(array.size_wh),
         "depth": {
@@ -138,11 +135,31 @@ def depth_record(image: TrackImage, run: Path, source: dict[str, Any]) -> Record
             "unit": array.unit,
             "bytes": path.stat().st_size,
             "sha256": sha256_of_file(path),
-            "finite_px": int(predicted.sum()),
+            "finite_px": predicted_px(array, image),
         },
-        "warnings": [] if predicted.any() else ["no pixel has a prediction"],
+        "warnings": [],
     }
     return {"row": row, "predictions": [], "scene": source}
+
+
+def predicted_px(array: DepthArray, image: TrackImage) -> int:
+    """How many pixels have a prediction, as the scorer has it (`DepthArray.disparity_at`).
+
+    DepthPredictionError for an array no truth could score: of another size than the photo, or
+    without a prediction at any pixel.
+    """
+    assert image.size_wh is not None
+    check_size(array.size_wh, image.size_wh)
+    predicted = np.isfinite(array.values)
+    if array.space != "disparity":
+        predicted &= array.values > 0
+    if not predicted.any():
+        raise DepthPredictionError(
+            "the depth has no prediction at any pixel",
+            found="no finite number" + ("" if array.space == "disparity" else " above 0"),
+            expected="finite numbers" + ("" if array.space == "disparity" else " above 0"),
+        )
+    return int(predicted.sum())
 
 
 def is_intact(record: Record, run: Path, source: Mapping[str, Any]) -> bool:

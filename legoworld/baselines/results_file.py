@@ -6,13 +6,12 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final
 
+from legoworld.baselines.box_formats import BoxFormat, with_xywh
 from legoworld.baselines.labels import Matcher
 from legoworld.evaluation.predictions import PredictionsInvalidError
 
-BoxFormat = Literal["xywh", "xyxy", "cxcywh"]
-BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
 _LISTS: Final = ("annotations", "predictions", "results")
 _NAME_KEYS: Final = ("category_name", "category", "label")
 
@@ -34,7 +33,7 @@ def read_results(path: Path) -> ResultsFile:
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise PredictionsInvalidError(
             f"{path.name} cannot be read", found=str(error), expected="results as JSON"
         ) from error
@@ -65,7 +64,7 @@ def ours(
     for entry in found.entries:
         converted = _with_our_category(entry, found.names, matcher)
         if converted is not None:
-            entries.append(_with_xywh(converted, box_format))
+            entries.append(with_xywh(converted, box_format))
     matcher.refuse_unmatched()
     return entries, dict(sorted(matcher.left_out.items()))
 
@@ -93,16 +92,6 @@ def _label(entry: Entry, names: Mapping[int, str], matcher: Matcher) -> str | No
     if isinstance(category_id, int) and names:
         return names.get(category_id, f"category id {category_id}")
     return None
-
-
-def _with_xywh(entry: Any, box_format: BoxFormat) -> Any:
-    box = entry.get("bbox") if isinstance(entry, dict) else None
-    right = isinstance(box, list) and len(box) == 4 and all(type(x) in (int, float) for x in box)
-    if box_format == "xywh" or box is None or not right:
-        return entry
-    a, b, c, d = box
-    converted = [a, b, c - a, d - b] if box_format == "xyxy" else [a - c / 2, b - d / 2, c, d]
-    return {**entry, "bbox": converted}
 
 
 def _names(document: Entry, path: Path) -> dict[int, str]:

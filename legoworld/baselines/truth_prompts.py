@@ -45,7 +45,7 @@ def read_truth_prompts(
         for annotation in document["annotations"]:
             if annotation["image_id"] in verified:
                 verified[annotation["image_id"]].add(annotation["category_id"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise CatalogError(
             f"{path.name} cannot give prompts",
             found=f"{type(error).__name__}: {error}",

@@ -12,7 +12,7 @@ from legoworld.commands import baseline_output, options
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_import import ImportRequest
     from legoworld.baselines.baseline_run import BaselineResult
-    from legoworld.baselines.results_file import BoxFormat
+    from legoworld.baselines.box_formats import BoxFormat
 
 
 @click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
@@ -40,7 +40,11 @@ if TYPE_CHECKING:
     type=click.Choice(["depth", "disparity", "ray_distance"]),
     help="Depth: what the numbers are, where the files do not say.",
 )
-@click.option("--unit", help="Depth: m, mm, m/256, m/5000, sun_rgbd or nyu_raw.")
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "mm", "m/256", "m/5000", "sun_rgbd", "nyu_raw"]),
+    help="Depth: the numbers' unit; the last five are of 16-bit integers, mm of floats, too.",
+)
 @click.option(
     "--intrinsics",
     type=options.EXISTING_FILE,
@@ -91,6 +95,10 @@ def import_command(
     for option, value in wrong.items():
         if value is not None:
             raise click.UsageError(f"{option} is not for --task {task}")
+    if space == "disparity" and unit:
+        raise click.UsageError("--unit is of depth: a disparity has an unknown scale and shift")
+    if space in ("depth", "disparity") and intrinsics:
+        raise click.UsageError(f"--intrinsics is for ray distance, not for --space {space}")
     if source.is_dir() != (task == "eth3d"):
         raise click.UsageError(
             f"--task {task} imports {'a folder of depth arrays' if task == 'eth3d' else 'a file'}"
@@ -119,7 +127,7 @@ def _import_detections(
     *,
     quiet: bool,
 ) -> BaselineResult:
-    from legoworld.baselines.baseline_import import DetectionSource, import_detections
+    from legoworld.baselines.detection_import import DetectionSource, import_detections
 
     labels = baseline_output.labels(label_map, request.protocol)
     return import_detections(
@@ -138,8 +146,8 @@ def _import_depth(
     *,
     quiet: bool,
 ) -> BaselineResult:
-    from legoworld.baselines.baseline_import import import_depth
     from legoworld.baselines.depth_folder import DepthSource, read_cameras_file
+    from legoworld.baselines.depth_import import import_depth
 
     cameras = read_cameras_file(intrinsics) if intrinsics else {}
     declared = DepthSource(folder=source, space=space, unit=unit, cameras=cameras)

@@ -84,14 +84,19 @@ def test_a_run_is_a_run_folder_like_any_other(run, track, tmp_path):
     assert summary["kind"] == "baseline"
 
 
-def test_the_same_command_again_changes_nothing_and_starts_no_model(run, monkeypatch):
+def test_the_same_command_again_predicts_nothing(run):
     _, folder, _ = run()
     before = results(folder)
-    monkeypatch.setattr(subprocess, "Popen", None)
+    document = run_document(folder)
     code, _, said = run()
     assert code == 0
     assert "6 of 6 images have a valid result already" in said
     assert results(folder) == before
+    again = run_document(folder)
+    assert (again["configuration"], again["scenes"]) == (
+        document["configuration"],
+        document["scenes"],
+    )
 
 
 @pytest.mark.parametrize("how", ["print", "child"])
@@ -252,15 +257,21 @@ def test_a_process_that_ends_before_it_begins(run):
     assert [p.name for p in folder.iterdir()] == [".lock"]
 
 
+def test_a_process_that_dies_after_its_last_answer_costs_nothing(run):
+    _, clean, _ = run(name="clean")
+    code, folder, _ = run(*options("die_at_the_end"), name="died")
+    assert code == 0
+    assert results(folder) == results(clean)
+
+
 def test_other_weights_are_another_run(run, weights):
     _, folder, _ = run()
     before = results(folder)
     weights.write_bytes(b"others")
-    (folder / "predictions.json").write_text("[]\n")  # so that a model has to be started
     code, _, said = run()
     assert code == 1
     assert "provenance.weights" in said
-    assert results(folder)["per_image.jsonl"] == before["per_image.jsonl"]
+    assert results(folder) == before
     code, _, _ = run("--overwrite")
     assert code == 0
     assert run_document(folder)["configuration"]["provenance"]["weights"][0]["bytes"] == 6

@@ -94,6 +94,7 @@ def test_png_in_millimetres_is_metres(bring, source):
     code, _, said = bring("--space", "depth", name="unitless")
     assert code == 1
     assert "integers of no declared unit" in said
+    assert "next: say it with --space, and integers with --unit" in said
 
 
 def test_undeclared_numbers_are_refused_before_anything_is_written(bring, source):
@@ -152,6 +153,107 @@ def test_intrinsics_of_another_size_are_refused(bring, source, tmp_path):
     code, _, said = bring(*given, camera(tmp_path / "c.json", width=128, height=96))
     assert code == 1
     assert "of another size than its intrinsics; found: 64x48; expected: 128x96" in said
+
+
+NOT_INTRINSICS = {
+    "NaN": '{"fx": NaN, "fy": 50, "cx": 32, "cy": 24}',
+    "a centre that is infinite": '{"fx": 50, "fy": 50, "cx": Infinity, "cy": 24}',
+    "a boolean": '{"fx": true, "fy": 50, "cx": 32, "cy": 24}',
+    "a text": '{"fx": "50", "fy": 50, "cx": 32, "cy": 24}',
+    "no focal length": '{"fx": 0, "fy": 50, "cx": 32, "cy": 24}',
+    "half of a size": '{"fx": 50, "fy": 50, "cx": 32, "cy": 24, "width": 64}',
+    "no cy": '{"fx": 50, "fy": 50, "cx": 32}',
+    "a list": "[50, 50, 32, 24]",
+    "brackets without end": "[" * 50_000,
+}
+
+
+@pytest.mark.parametrize("case", NOT_INTRINSICS)
+def test_intrinsics_that_are_none_are_refused(bring, source, tmp_path, case):
+    np.save(source / f"{STEMS[0]}.npy", DEPTH)
+    path = tmp_path / "c.json"
+    path.write_text(NOT_INTRINSICS[case])
+    code, run, said = bring("--space", "ray_distance", "--unit", "m", "--intrinsics", path)
+    assert code == 1
+    assert "the intrinsics c.json cannot be used; found:" in said
+    assert said.count("\n") == 1
+    assert not run.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--space", "depth", "--unit", "furlong"], "'furlong' is not one of"),
+        (["--space", "disparity", "--unit", "m"], "a disparity has an unknown scale"),
+        (["--space", "depth", "--intrinsics"], "--intrinsics is for ray distance"),
+    ],
+)
+def test_declarations_that_mean_nothing_are_wrong_usage(bring, source, tmp_path, options, words):
+    np.save(source / f"{STEMS[0]}.npy", DEPTH)
+    more = [camera(tmp_path / "c.json")] if options[-1] == "--intrinsics" else []
+    code, run, said = bring(*options, *more)
+    assert code == 2
+    assert words in said
+    assert not run.exists()
+
+
+USELESS = {
+    "another size": (DEPTH[:, :40], "of another size; found: 40x48"),
+    "no number": (DEPTH * np.nan, "no prediction at any pixel; found: no finite number above 0"),
+    "all behind the camera": (-DEPTH, "no prediction at any pixel"),
+    "16-bit floats": (DEPTH.astype(np.float16), "numbers of the wrong type"),
+    "three channels": (np.dstack([DEPTH] * 3), "not one depth image"),
+}
+
+
+@pytest.mark.parametrize("case", USELESS)
+def test_a_folder_without_one_array_that_can_be_scored_is_refused(bring, source, case):
+    array, words = USELESS[case]
+    for stem in STEMS:
+        np.save(source / f"{stem}.npy", array)
+    code, run, said = bring("--space", "depth", "--unit", "m")
+    assert code == 1
+    assert words in said
+    assert said.count("\n") == 1
+    assert not run.exists()
+
+
+def test_a_disparity_may_be_of_any_sign(bring, source):
+    for stem in STEMS:
+        np.save(source / f"{stem}.npy", -DEPTH)
+    code, run, _ = bring("--space", "disparity")
+    assert code == 0
+    assert rows(run)[1]["depth"]["finite_px"] == 48 * 64
+
+
+def test_an_array_without_a_prediction_is_a_row(bring, source):
+    np.save(source / f"{STEMS[0]}.npy", DEPTH * 0)
+    np.save(source / f"{STEMS[1]}.npy", DEPTH)
+    code, run, _ = bring("--space", "depth", "--unit", "m")
+    assert code == 1
+    assert (rows(run)[1]["status"], rows(run)[2]["status"]) == ("invalid", "ok")
+    assert not (run / "depth" / f"{STEMS[0]}.npz").exists()
+
+
+def test_files_of_other_photos_are_counted(bring, source):
+    for stem in (*STEMS, f"{STEMS[0]}_other"):
+        np.save(source / f"{stem}.npy", DEPTH)
+    code, run, said = bring("--space", "depth", "--unit", "m")
+    assert code == 0
+    assert f"1 files are of no photo of the track, such as {STEMS[0]}_other.npy" in said
+    assert len(list(run.rglob("*.npz"))) == 2
+
+
+def test_an_array_that_is_gone_leaves_the_run(bring, source):
+    for stem in STEMS:
+        np.save(source / f"{stem}.npy", DEPTH)
+    _, run, _ = bring("--space", "depth", "--unit", "m")
+    (source / f"{STEMS[0]}.npy").unlink()
+    _, fresh, _ = bring("--space", "depth", "--unit", "m", name="fresh")
+    code, _, _ = bring("--space", "depth", "--unit", "m")
+    assert code == 1
+    assert rows(run)[1]["status"] == "missing"
+    assert results(run) == results(fresh)
 
 
 def test_intrinsics_by_photo(bring, source, tmp_path):

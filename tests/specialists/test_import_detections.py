@@ -27,7 +27,7 @@ def bring(track, tmp_path, capfd):
 
     def go(document, *options, task="coco", name="run"):
         path = tmp_path / "results.json"
-        path.write_text(json.dumps(document))
+        path.write_text(document if isinstance(document, str) else json.dumps(document))
         folder = tmp_path / name
         arguments = ["baseline", "import", path, "--task", task, "--track", track, "-o", folder]
         code = call([*arguments, *options])
@@ -82,11 +82,44 @@ def test_a_box_format_that_is_not_the_one_declared_is_refused(bring):
     corners = [box(n % 3 + 1, bbox=[30 + n, 20 + n, 40 + n, 35 + n]) for n in range(12)]
     code, folder, said = bring(corners)
     assert code == 1
-    assert "these look like x1, y1, x2, y2" in said
-    assert not (folder / "run.json").exists()
+    assert "the boxes are not xywh in pixels" in said
+    assert "9 of 12 boxes leave their image" in said
+    assert "next: pass --box-format xyxy or cxcywh" in said
+    assert not folder.exists()
     code, _, said = bring([box(bbox=[30, 20, 5, 5])], "--box-format", "xyxy")
     assert code == 1
+    assert "the boxes are not xyxy in pixels; found: as x, y, width, height: image 1" in said
     assert "a width and height of at least 0" in said
+    assert "next: pass --box-format xywh or cxcywh" in said
+
+
+@pytest.mark.parametrize(
+    ("bbox", "fitting"), [([1, 1, 60, 44], "xywh or xyxy"), ([32, 24, 20, 44], "cxcywh")]
+)
+def test_the_formats_that_would_do_are_named(bring, bbox, fitting):
+    declared = "cxcywh" if "cxcywh" not in fitting else "xywh"
+    code, _, said = bring([box(bbox=bbox)] * 9, "--box-format", declared)
+    assert code == 1
+    assert f"next: pass --box-format {fitting}, in which" in said
+
+
+def test_a_declared_format_has_to_be_the_one_that_explains_the_boxes(bring):
+    """x, y, width, height read as centres: a third of the boxes leave their image, no more."""
+    right = [box(bbox=[20 + n, 15 + n, 12, 9]) for n in range(8)]
+    given = [*right, *(box(bbox=[n, 1, 30, 30]) for n in range(4))]
+    code, folder, said = bring(given, "--box-format", "cxcywh")
+    assert code == 1
+    assert "the boxes are not cxcywh in pixels; found: 33.3% of 12 boxes" in said
+    assert "next: pass --box-format xywh, in which" in said
+    assert not folder.exists()
+    assert bring(given)[0] == 0
+
+
+def test_boxes_of_a_detector_that_does_not_clip_are_taken(bring):
+    """Some leave their image in every format: then the declared one is believed."""
+    given = [box(bbox=[20, 15, 12, 9]), box(bbox=[-30, 5, 60, 40]), box(bbox=[40, 5, 60, 40])]
+    assert bring([given[0]] * 18 + given[1:])[0] == 0
+    assert bring([given[0]] * 18 + given[1:], "--box-format", "cxcywh", name="centres")[0] == 0
 
 
 def test_fractions_of_the_size_are_refused(bring):
@@ -97,14 +130,21 @@ def test_fractions_of_the_size_are_refused(bring):
 
 REFUSED = {
     "no list": ({"images": []}, "holds no results"),
-    "an unknown image": ([box(9)], "are of images the run does not have"),
+    "an unknown image": ([box(9)], "1 of 1 predictions are of images outside the track"),
     "an unknown category": ([box(1, 19)], "of categories the vocabulary does not have"),
     "contiguous ids": ([box(1, 0), box(1, 1)], "look like positions 0..3"),
+    "ids without names": ([box(1, 0)], "map categories by name, with --label-map FILE"),
     "no score": ([{k: v for k, v in box().items() if k != "score"}], "have no score"),
     "a score that is a text": ([box(score="high")], "no usable score"),
     "three numbers": ([box(bbox=[1, 2, 3])], "four finite numbers"),
     "no boxes": ([{"image_id": 1, "category_id": 18, "score": 1.0}], "have no bbox"),
     "a boolean image": ([box(True)], "no integer"),
+    "brackets without end": ("[" * 50_000 + "]" * 50_000, "cannot be read"),
+    "half a file": (json.dumps([box()] * 9)[:200], "cannot be read"),
+    "a file of truth": (
+        {"annotations": [{k: v for k, v in box().items() if k != "score"}], "images": []},
+        "have no score",
+    ),
 }
 
 
@@ -201,7 +241,20 @@ def test_an_image_list_with_a_stranger_is_refused(bring, tmp_path):
     assert "does not list images of the track; found: 99" in said
 
 
+def test_an_image_list_that_is_no_text_is_refused(bring, tmp_path):
+    listed = tmp_path / "list.bin"
+    listed.write_bytes(b"\xff\xfe\x00")
+    code, folder, said = bring([box(1)], "--images-run", listed)
+    assert code == 2
+    assert "list.bin is no list of images" in said
+    assert not folder.exists()
+
+
 def test_results_of_more_images_are_cut_only_when_asked(bring):
+    code, folder, said = bring([box(1), box(77)], name="whole")
+    assert code == 1
+    assert "next: pass --subset" in said
+    assert not folder.exists()
     code, folder, said = bring([box(1), box(77)], "--subset")
     assert code == 0
     assert "1 of 2 predictions are of the track's images" in said

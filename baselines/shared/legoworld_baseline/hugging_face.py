@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from legoworld_baseline.devices import check_device
+from legoworld_baseline.devices import check_device, check_dtype
 from legoworld_baseline.protocol import Refused
 from legoworld_baseline.provenance import hash_files
-
-DTYPES = ("float32", "bfloat16", "float16")
 
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?(@[\w./-]+)?")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
@@ -81,8 +79,23 @@ def resolve(weights: str, *, offline: bool) -> ModelFiles:
     return _from_hub(weights, offline)
 
 
+def read_config(folder: Path) -> Any:
+    """The configuration of a model that transformers knows. Refused otherwise."""
+    import transformers
+
+    try:
+        return transformers.AutoConfig.from_pretrained(folder, local_files_only=True)
+    except (ValueError, OSError, KeyError) as error:
+        raise Refused(
+            "the model's config.json cannot be used",
+            found=" ".join(f"{type(error).__name__}: {error}".split())[:280],
+            expected="the config.json of a model that transformers knows",
+            next_step="pass the folder that save_pretrained wrote, or a hub id",
+        ) from error
+
+
 def load_pretrained(auto: Any, folder: Path, *, device: str, dtype: str) -> Any:
-    """A network of one of transformers' Auto classes, whole, on `device`, ready to predict.
+    """A network of a class of transformers, Auto or not, whole, on `device`, ready to predict.
 
     The network's code is transformers' own: none that comes with a model is run. TF32 is off and
     cuDNN picks its algorithms by the same rule each time. Refused when the model is of another
@@ -93,13 +106,7 @@ def load_pretrained(auto: Any, folder: Path, *, device: str, dtype: str) -> Any:
     import transformers
     from safetensors import SafetensorError
 
-    if dtype not in DTYPES:
-        raise Refused(
-            "a dtype that is not offered",
-            found=dtype,
-            expected=", ".join(DTYPES),
-            next_step="choose another --dtype",
-        )
+    check_dtype(dtype)
     check_device(device)
     torch.backends.cudnn.allow_tf32 = False
     torch.backends.cudnn.deterministic = True
@@ -107,7 +114,11 @@ def load_pretrained(auto: Any, folder: Path, *, device: str, dtype: str) -> Any:
         transformers.logging.disable_progress_bar()
     try:
         network, report = auto.from_pretrained(
-            folder, dtype=getattr(torch, dtype), local_files_only=True, output_loading_info=True
+            folder,
+            dtype=getattr(torch, dtype),
+            local_files_only=True,
+            output_loading_info=True,
+            ignore_mismatched_sizes=True,  # so that they are reported; then refused, below
         )
     except (ValueError, ImportError, OSError, KeyError, RuntimeError, SafetensorError) as error:
         raise Refused(
@@ -119,7 +130,7 @@ def load_pretrained(auto: Any, folder: Path, *, device: str, dtype: str) -> Any:
     unset = [*report["missing_keys"], *report["mismatched_keys"], *report["error_msgs"]]
     if unset:
         raise Refused(
-            "the weights do not fill the network: the rest would be random",
+            "the checkpoint does not fill the network: the rest would be random",
             found=f"{len(unset)} parameters, such as {', '.join(sorted(map(str, unset))[:3])}",
             expected="every parameter of the network",
             next_step="download the model again, or check that its config.json belongs to it",

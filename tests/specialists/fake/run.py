@@ -10,7 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from legoworld_baseline import Refused, hash_files, match_labels, read_photo, serve, write_depth
+from legoworld_baseline import (
+    Refused,
+    hash_files,
+    match_labels,
+    protocol,
+    read_photo,
+    serve,
+    write_depth,
+)
 
 print("an import that prints", end="")
 Request = dict[str, Any]
@@ -23,6 +31,8 @@ def load(request: Request) -> tuple[Request, dict[str, Any]]:
         raise Refused("the checkpoint is another model's", found="resnet", expected="fake")
     if how == "die_loading":
         sys.exit("no module named nothing")
+    if how == "die_at_the_end":
+        die_instead_of_ending()
     labels = match_labels(request, ["Dog", "cat", "N/A"], every_category=False)
     provenance = {"model": "fake", "weights": hash_files([weights]), "labels": labels}
     return request, provenance
@@ -92,6 +102,18 @@ def entry(
 def wrong(request: Request, image: dict[str, Any], how: str) -> bool:
     options = request["options"]
     return bool(options["how"] == how and image["image_id"] == options["at"])
+
+
+def die_instead_of_ending() -> None:
+    """The process is killed between its last answer and its last line."""
+    say = protocol._say
+
+    def say_or_die(channel: Any, line: dict[str, Any]) -> None:
+        if "done" in line:
+            os.kill(os.getpid(), 9)
+        say(channel, line)
+
+    protocol._say = say_or_die
 
 
 if __name__ == "__main__":

@@ -1,0 +1,105 @@
+"""Boxes as other people write them: turned into x, y, width, height, or held against a claim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+
+from legoworld.evaluation.box_formats import BoxFormatError
+
+BoxFormat = Literal["xywh", "xyxy", "cxcywh"]
+BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
+
+#: A box of a detector that does not clip may leave its image by this much.
+_TOLERANCE_PX: Final = 2.0
+_TOLERANCE_SHARE: Final = 0.25
+#: A format explains boxes of which no larger share leaves its image.
+_MAX_SHARE_OUTSIDE: Final = 0.04
+
+
+def with_xywh(entry: Any, box_format: BoxFormat) -> Any:
+    """A results entry with its bbox as x, y, width, height; left alone where it is no box."""
+    if box_format == "xywh" or not _is_box(entry):
+        return entry
+    a, b, c, d = entry["bbox"]
+    converted = [a, b, c - a, d - b] if box_format == "xyxy" else [a - c / 2, b - d / 2, c, d]
+    return {**entry, "bbox": converted}
+
+
+def check_declared(
+    as_given: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
+) -> None:
+    """BoxFormatError when the boxes lie in their images in another format, and not as declared.
+
+    as_given: entries with the file's own numbers. The check of a results list takes any boxes
+    that no format explains; a declared format has to be the one that explains them.
+    """
+    others = other_formats(as_given, sizes_wh, declared)
+    share = _shares_outside(as_given, sizes_wh).get(declared, 0.0)
+    if share > _MAX_SHARE_OUTSIDE and others:
+        raise BoxFormatError(
+            f"the boxes are not {declared} in pixels",
+            found=f"{share:.1%} of {len(as_given)} boxes leave their image",
+            expected="boxes inside their images",
+            next_step=_pass(others),
+        )
+
+
+def in_terms_of(
+    error: BoxFormatError, declared: BoxFormat, others: Sequence[BoxFormat]
+) -> BoxFormatError:
+    """The error of a results list's check in terms of what was declared and what would do."""
+    return BoxFormatError(
+        f"the boxes are not {declared} in pixels",
+        found=error.found if declared == "xywh" else f"as x, y, width, height: {error.found}",
+        expected=error.expected,
+        next_step=_pass(others) if others else error.next_step,
+    )
+
+
+def other_formats(
+    as_given: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
+) -> list[BoxFormat]:
+    """The formats besides the declared one in which the boxes lie in their images."""
+    shares = _shares_outside(as_given, sizes_wh)
+    return [f for f in shares if f != declared and shares[f] <= _MAX_SHARE_OUTSIDE]
+
+
+def _shares_outside(
+    as_given: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]]
+) -> dict[BoxFormat, float]:
+    """Per format, the share of boxes that leave their image or have a negative extent.
+
+    Empty when there is no saying: an entry is no box, or all are fractions of the image's size.
+    """
+    if not as_given or not all(map(_is_box, as_given)):
+        return {}
+    given = np.array([e["bbox"] for e in as_given], np.float64)
+    sizes = np.array([sizes_wh[e["image_id"]] for e in as_given], np.float64)
+    if not np.isfinite(given).all() or (given <= 1.0).all():
+        return {}
+    a, b = given[:, :2], given[:, 2:]
+    low_and_size = {"xywh": (a, b), "xyxy": (a, b - a), "cxcywh": (a - b / 2, b)}
+    found: dict[BoxFormat, float] = {}
+    for box_format in BOX_FORMATS:
+        low, size = low_and_size[box_format]
+        tolerance = _TOLERANCE_PX + _TOLERANCE_SHARE * np.maximum(size, 0)
+        outside = (low < -tolerance) | (low + size > sizes + tolerance) | (size < 0)
+        found[box_format] = float(outside.any(axis=1).mean())
+    return found
+
+
+def _is_box(entry: Any) -> bool:
+    box = entry.get("bbox") if isinstance(entry, dict) else None
+    return isinstance(box, list) and len(box) == 4 and all(map(_is_number, box))
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) is int or (type(value) is float and math.isfinite(value))
+
+
+def _pass(formats: Sequence[BoxFormat]) -> str:
+    return f"pass --box-format {' or '.join(formats)}, in which they lie in their images"
