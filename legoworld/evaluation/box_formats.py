@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -34,7 +34,7 @@ def check_box_values(
     """BoxFormatError for a box no format explains: not four numbers, or of negative extent."""
     for entry in entries:
         box = entry["bbox"]
-        if not isinstance(box, list) or len(box) != 4 or not all(map(_is_finite, box)):
+        if not isinstance(box, list) or len(box) != 4 or not all(map(is_finite, box)):
             raise _error(f"image {entry['image_id']}: bbox {box!r}", "four finite numbers")
     for index, entry in enumerate(entries):
         if min(entry["bbox"][2:]) < 0:
@@ -117,5 +117,8 @@ def _shown(entries: Sequence[dict[str, Any]], index: int) -> str:
     return f"image {entries[index]['image_id']}: bbox {entries[index]['bbox']}"
 
 
-def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def is_finite(value: Any) -> bool:
+    """Whether a JSON value is a number that a float can hold."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max  # math.isfinite raises for an integer of 400 digits

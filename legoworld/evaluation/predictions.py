@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ import numpy as np
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.box_formats import check_box_format
+from legoworld.evaluation.box_formats import check_box_format, is_finite
 from legoworld.evaluation.masks import (
     areas_px,
     compressed,
@@ -149,8 +148,8 @@ def _check_keys(entries: Sequence[Any], payload: str) -> None:
         _refuse(bad, f"have no {key}", repr(bad[:1])[:120], f"{key} in every prediction")
     for key in ("image_id", "category_id"):
         bad = [e for e in entries if type(e[key]) is not int]
-        _refuse(bad, f"have a {key} that is no integer", repr(bad[0][key]) if bad else "", "an int")
-    bad = [e for e in entries if not _is_finite(e["score"])]
+        _refuse(bad, f"have no integer as their {key}", repr(bad[0][key]) if bad else "", "an int")
+    bad = [e for e in entries if not is_finite(e["score"])]
     _refuse(bad, "have no usable score", repr(bad[0]["score"]) if bad else "", "a finite number")
 
 
@@ -240,7 +239,3 @@ def _unusable_mask(entry: dict[str, Any], problem: str) -> PredictionsInvalidErr
         found=problem,
         expected='{"size": [height, width] of the image, "counts": compressed RLE}',
     )
-
-
-def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -40,6 +40,7 @@ PREDICTION_FAULTS = {
     "an image id in words": ("coco", {"image_id": "10"}, "no integer"),
     "an unknown category": ("coco", {"category_id": 999}, "999"),
     "three numbers": ("coco", {"bbox": [1, 2, 3]}, "four finite numbers"),
+    "a score no float holds": ("coco", {"score": 10**400}, "score"),
     "a NaN box": ("coco", {"bbox": [1, 2, 3, float("nan")]}, "four finite numbers"),
     "a negative width": ("coco", {"bbox": [9, 9, -3, 4]}, "x, y, width, height"),
     "a polygon": ("lvis", {"segmentation": [[1, 1, 5, 1, 5, 5]]}, "polygon"),

@@ -78,6 +78,16 @@ def test_a_shard_says_that_it_is_partial(scenes: Path, tmp_path: Path):
     assert summary["coverage"]["attempted"] == 3
 
 
+def test_a_run_done_again_for_nothing_keeps_every_byte(scenes: Path, tmp_path: Path):
+    readout(scenes, tmp_path / "run")
+    document = json.loads((tmp_path / "run" / "run.json").read_text())
+    document["finished_at"] = "2020-01-01T00:00:00Z"
+    text = json.dumps(document, sort_keys=True, ensure_ascii=False, indent=1) + "\n"
+    (tmp_path / "run" / "run.json").write_text(text)
+    readout(scenes, tmp_path / "run")
+    assert (tmp_path / "run" / "run.json").read_text() == text
+
+
 def test_merging_again_after_a_shard_was_read_again(scenes: Path, tmp_path: Path):
     shards = [tmp_path / "a", tmp_path / "b"]
     for i, shard in enumerate(shards, 1):
