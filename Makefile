@@ -84,7 +84,10 @@ $(BASELINES)/installed: $(VENV)/made Makefile
 	@touch $@
 
 # The full counts of what the tests do with a few; minutes each. See docs/robustness.md.
-.PHONY: fuzz soak
+.PHONY: fuzz soak bench
+bench: $(VENV)/tests-installed
+	$(PYTHON) benchmarks/run.py --quick
+
 fuzz: $(VENV)/tests-installed
 	@for program in benchmarks/fuzz/fuzz_*.py; do $(PYTHON) $$program || exit 1; done
 

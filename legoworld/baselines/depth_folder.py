@@ -23,7 +23,7 @@ from legoworld.evaluation.depth.arrays import (
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.files import atomic_path
+from legoworld.files import write_npz
 from legoworld.track import TrackImage
 
 SUFFIXES: Final = (".npy", ".npz", ".pfm", ".exr", ".png")
@@ -138,13 +138,8 @@ def planar_from_ray_distance(distance: NDArray[Any], intrinsics_px: Intrinsics) 
 
 def write_array(path: Path, array: DepthArray) -> None:
     """Write an array with its labels as the run's .npz, whole or not at all."""
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(
-            stream,
-            values=array.values,
-            space=np.array(array.space),
-            unit=np.array(array.unit or ""),
-        )
+    labels = {"space": np.array(array.space), "unit": np.array(array.unit or "")}
+    write_npz(path, {"values": array.values, **labels})
 
 
 def read_cameras_file(path: Path) -> dict[str, Camera]:

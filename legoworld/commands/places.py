@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +14,7 @@ import click
 
 from legoworld.commands import options
 from legoworld.places import Place, fetch_folder, is_url, publish_folder
+from legoworld.scene.scratch import scratch_folder
 
 
 class PlaceType(click.ParamType[Place]):
@@ -68,8 +68,8 @@ def read_from(place: Place) -> Iterator[Path]:
     if isinstance(place, Path):
         yield place
         return
-    with tempfile.TemporaryDirectory(prefix="legoworld-fetched-") as folder:
-        local = Path(folder) / (place.rstrip("/").rpartition("/")[2] or "fetched")
+    with scratch_folder("legoworld-fetched-") as folder:
+        local = folder / (place.rstrip("/").rpartition("/")[2] or "fetched")
         if not fetch_folder(place, local):
             raise click.UsageError(f"there is nothing at {place}")
         yield local

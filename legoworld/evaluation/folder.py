@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -19,10 +21,10 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
-    atomic_path,
     canonical_json,
     readable_json,
     sha256_of_file,
+    write_npz,
     write_text,
 )
 
@@ -123,20 +125,40 @@ def prepare_folder(
 
 
 def write_evaluation(folder: Path, evaluation: Evaluation, *, overwrite: bool) -> None:
-    """Write every file of an evaluation, each whole or not at all, evidence.json last."""
-    prepare_folder(
-        folder,
-        configuration=evaluation.configuration,
-        inputs=evaluation.inputs,
-        overwrite=overwrite,
-    )
+    """Write every file of an evaluation, each whole or not at all, evidence.json last.
+
+    Two that end at the same time are written one after the other, and the second one's check
+    finds the first.
+    """
+    with _locked(folder):
+        prepare_folder(
+            folder,
+            configuration=evaluation.configuration,
+            inputs=evaluation.inputs,
+            overwrite=overwrite,
+        )
+        _write(folder, evaluation)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Wait for the folder; the lock is on the folder itself, so that no file of it is left."""
+    folder.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _write(folder: Path, evaluation: Evaluation) -> None:
     _delete_earlier(folder)
     write_text(folder / PER_IMAGE, _lines(evaluation.per_image))
     if evaluation.per_category:
         write_text(folder / PER_CATEGORY, _lines(evaluation.per_category))
     if evaluation.matches is not None:
-        with atomic_path(folder / MATCHES) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, **dict(evaluation.matches))
+        write_npz(folder / MATCHES, evaluation.matches, compressed=True)
     for name, value in sorted(evaluation.view.items()):
         write_text(folder / VIEW / name, canonical_json(value) + "\n")
     write_text(folder / SUMMARY, readable_json(evaluation.summary))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.files import atomic_path
+from legoworld.files import write_npz
 
 #: Bytes of one .npz besides the depth values: zip headers and the space's name, rounded up.
 _CONTAINER_BYTES = 4096
@@ -20,8 +20,7 @@ def depth_file(scene: str) -> str:
 
 def write_depth(path: Path, depth_z_m: NDArray[np.float32]) -> None:
     """Write (H, W) float32 planar depth in metres, +inf where there is no geometry."""
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, depth_z_m=depth_z_m, space=np.array("depth"))
+    write_npz(path, {"depth_z_m": depth_z_m, "space": np.array("depth")})
 
 
 def depth_file_bytes(size_wh: tuple[int, int]) -> int:

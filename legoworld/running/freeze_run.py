@@ -15,12 +15,14 @@ from legoworld.errors import (
     WorkerMemoryError,
     WorkerTimeoutError,
 )
+from legoworld.files import TEMPORARY_SUFFIX
 from legoworld.running.engines import ENGINES, EngineName, Job, machine_lost
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import (
     BLEND,
+    FROZEN,
     GLB,
     LABELS,
     PICTURE,
@@ -85,6 +87,8 @@ def freeze_scene(
     folder: SceneFolder, *, blender: BlenderProcess, cache: SnapshotCache | None
 ) -> dict[str, Any]:
     """Check one scene's artefacts and write its frozen.json; returns the row of the table."""
+    for leftover in folder.path.glob(f".{FROZEN}.*{TEMPORARY_SUFFIX}"):  # of a killed freeze
+        leftover.unlink(missing_ok=True)
     artefacts = hash_files(folder.path, folder.artefacts())
     files = FrozenFiles(artefacts=artefacts, dependencies={}, frozen="at_readout")
     checks, dependencies = _check_blend(folder, files, blender, cache)

@@ -16,6 +16,7 @@ from legoworld.files import (
     atomic_path,
     canonical_json,
     readable_json,
+    sha256_of_file,
     write_text,
 )
 
@@ -26,7 +27,8 @@ SUMMARY: Final = "summary.json"
 JOURNAL: Final = "journal.jsonl"
 _CONFIGURATION: Final = "configuration.json"
 _LOCK: Final = ".lock"
-_RESULTS: Final = (RUN, ROWS, PREDICTIONS, SUMMARY, JOURNAL, _CONFIGURATION)
+_TIME: Final = "finished_at"  # run.json's own, and the only time in a run
+_RESULTS: Final = (RUN, ROWS, PREDICTIONS, SUMMARY, JOURNAL)
 
 Record = dict[str, Any]
 
@@ -54,7 +56,7 @@ def refuse_strangers(folder: Path) -> None:
     """Refuse a folder that holds something else than a run, before anything in it is touched."""
     if not folder.exists() or recorded_configuration(folder) is not None:
         return
-    strangers = sorted(p.name for p in folder.iterdir() if p.name != _LOCK)
+    strangers = sorted(p.name for p in folder.iterdir() if not _is_of_a_beginning(p.name))
     if strangers:
         raise ConfigurationMismatchError(
             "the output folder holds something that is not a run",
@@ -62,6 +64,12 @@ def refuse_strangers(folder: Path) -> None:
             expected="an empty folder or an earlier run",
             next_step="choose another -o",
         )
+
+
+def _is_of_a_beginning(name: str) -> bool:
+    """Whether a run that was killed before its configuration was on record left the file."""
+    unfinished = name.startswith(f".{_CONFIGURATION}.") and name.endswith(TEMPORARY_SUFFIX)
+    return name == _LOCK or unfinished
 
 
 def prepare(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> list[Record]:
@@ -93,6 +101,11 @@ def earlier_records(
 def begin(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> None:
     """Put the configuration on record, after the same check; with `overwrite` results go first."""
     if overwrite:
+        # Whenever this is interrupted, the folder is still known as a run's, and no result of the
+        # earlier one can be taken for this one's.
+        for name in (JOURNAL, ROWS):
+            (folder / name).unlink(missing_ok=True)
+        write_text(folder / _CONFIGURATION, readable_json(configuration))
         _delete_results(folder)
     for leftover in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
         if leftover.is_file():
@@ -138,7 +151,7 @@ def journal(folder: Path) -> Iterator[IO[bytes]]:
     """The open journal; see `append`."""
     path = folder / JOURNAL
     _drop_torn_line(path)
-    with path.open("ab") as stream:
+    with path.open("ab", buffering=0) as stream:
         yield stream
 
 
@@ -148,9 +161,14 @@ def append(stream: IO[bytes], record: Record) -> Record:
     Returns it with the place in the journal instead of its predictions, for `finish`.
     """
     kept = {"row": record["row"], "scene": record["scene"], "journal_at": stream.tell()}
-    stream.write((canonical_json(record) + "\n").encode("utf-8"))
-    stream.flush()
-    os.fsync(stream.fileno())
+    try:
+        line = (canonical_json(record) + "\n").encode("utf-8")
+        while line:
+            line = line[stream.write(line) :]
+        os.fsync(stream.fileno())
+    except OSError as error:
+        error.filename = error.filename or stream.name  # a full disk does not say which file
+        raise
     return kept
 
 
@@ -164,14 +182,34 @@ def finish(
 ) -> None:
     """Write the canonical files, each whole or not at all, and drop the journal."""
     ordered = sorted(records, key=lambda r: int(r["row"]["image_id"]))
+    before = _earlier_results(folder)
     if with_predictions:
         _write_predictions(folder, [r["journal_at"] for r in ordered])
     write_text(folder / ROWS, "".join(canonical_json(r["row"]) + "\n" for r in ordered))
     write_text(folder / SUMMARY, readable_json(summary))
     scenes = {str(r["row"]["image_id"]): r["scene"] for r in ordered if r["scene"]}
-    write_text(folder / RUN, readable_json({**run, "scenes": scenes}))
+    document = {**run, "scenes": scenes}
+    if before is not None and before[1] == _hashes(folder):
+        # Nothing came of doing it again: what was evaluated is still this run, its time too.
+        again = {**document, _TIME: before[0].get(_TIME)}
+        document = again if json.loads(canonical_json(again)) == before[0] else document
+    write_text(folder / RUN, readable_json(document))
     (folder / JOURNAL).unlink(missing_ok=True)
     (folder / _CONFIGURATION).unlink(missing_ok=True)
+
+
+def _earlier_results(folder: Path) -> tuple[dict[str, Any], dict[str, str]] | None:
+    """run.json and the hashes of the results of a run that had ended; None where there is none."""
+    try:
+        document = json.loads((folder / RUN).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return (document, _hashes(folder)) if isinstance(document, dict) else None
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    names = (ROWS, PREDICTIONS, SUMMARY)
+    return {name: sha256_of_file(folder / name) for name in names if (folder / name).is_file()}
 
 
 def _write_predictions(folder: Path, places: list[int]) -> None:

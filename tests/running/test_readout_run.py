@@ -307,7 +307,7 @@ def test_a_damaged_cache_entry_is_made_again(scenes, tmp_path: Path):
     cache = tmp_path / "cache"
     common = [scenes, "--task", "coco", "--track", track, "--cache", cache]
     assert readout(*common, "-o", tmp_path / "a") == 0
-    (entry,) = cache.rglob("*.npz")
+    (entry,) = cache.rglob("*.snapshot")
     whole = entry.read_bytes()
     entry.write_bytes(whole[:1000])
     assert readout(*common, "-o", tmp_path / "b") == 0

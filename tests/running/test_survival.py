@@ -1,0 +1,401 @@
+"""A run outlives kills, full and read-only disks, a second run and Ctrl-C: nothing is lost or torn.
+
+Disks of a few kilobytes are mounted in a mount namespace of the test's own (`unshare`); where that
+is not allowed those tests are skipped.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
+from foreign.processes import descendants
+from running.test_every_step import tree
+from specialists.tracks import make_track
+
+pytestmark = pytest.mark.blender
+
+N_SCENES = 8
+SCENES = f"""
+for i in range({N_SCENES}):
+    fresh(); camera()
+    quad("Dog", x=i - 3, category="dog"); quad("Wall", z=-2, half=9)
+    save(f"scene{{i}}")
+"""
+PROGRAM = [sys.executable, "-m", "legoworld"]
+KILLED = -signal.SIGKILL
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+    folder = tmp_path_factory.mktemp("survival")
+    build_scenes(SCENES, folder / "scenes")
+    return folder / "scenes"
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scenes: Path) -> dict[str, dict[str, bytes]]:
+    """What each task's run holds when nothing goes wrong."""
+    found = {}
+    for task in ("coco", "lvis", "eth3d"):
+        output = scenes.parent / f"undisturbed {task}"
+        done = finished(readout(scenes, output, task, "--cache", str(scenes.parent / "cache")))
+        assert done.returncode == 0, done.stderr
+        found[task] = tree(output)
+    return found
+
+
+@pytest.fixture(autouse=True)
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder for temporary files of the commands of this test."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    return folder
+
+
+def readout(scenes: Path, output: Path, task: str, *more: str) -> list[str]:
+    return [
+        *PROGRAM, "readout", str(scenes), "--task", task, "-o", str(output), "-q",
+        "--workers", "1", *more,
+    ]  # fmt: skip
+
+
+def finished(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+def started(command: Sequence[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+
+
+def wait_for(process: subprocess.Popen[str], happened: Callable[[], bool]) -> None:
+    """Until it has happened; fails when the process ends before that."""
+    deadline = time.monotonic() + 60
+    while not happened():
+        assert process.poll() is None, f"over before it could be stopped: {process.communicate()}"
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+def lines(path: Path) -> int:
+    return path.read_bytes().count(b"\n") if path.is_file() else 0
+
+
+def statuses(run: Path) -> dict[str, tuple[str, str]]:
+    rows = map(json.loads, (run / "per_image.jsonl").read_text().splitlines())
+    return {row["scene"]: (row["status"], row["code"]) for row in rows}
+
+
+def is_reading(temporary: Path) -> bool:
+    """Whether the Blender process has a scene: its snapshot's folder is there."""
+    return any(temporary.glob("legoworld-snapshot-*/.reading-*"))
+
+
+# Kills.
+
+
+def test_a_worker_killed_mid_scene_is_replaced_and_its_scene_read_again(
+    scenes, undisturbed, tmp_path, temporary
+):
+    output = tmp_path / "run"
+    process = started(readout(scenes, output, "coco", "--no-cache"))
+    wait_for(process, lambda: lines(output / "journal.jsonl") >= 2 and is_reading(temporary))
+    (worker,) = descendants(process.pid)
+    os.kill(worker, signal.SIGKILL)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 0, error
+    assert tree(output) == undisturbed["coco"]
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_worker_killed_with_its_first_scene_costs_that_scene_until_the_next_run(
+    scenes, undisturbed, tmp_path, temporary
+):
+    output = tmp_path / "run"
+    command = readout(scenes, output, "coco", "--no-cache")
+    process = started(command)
+    wait_for(process, lambda: bool(descendants(process.pid)) and is_reading(temporary))
+    os.kill(descendants(process.pid)[0], signal.SIGKILL)
+    process.communicate(timeout=60)
+    assert process.returncode == 1
+    found = statuses(output)
+    assert found.pop("scene0") == ("failed", "worker_crashed")
+    assert set(found.values()) == {("ok", "ok")}
+    assert len(found) == N_SCENES - 1
+    assert finished(command).returncode == 0
+    assert tree(output) == undisturbed["coco"]
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
+def test_a_killed_run_goes_on_and_the_next_one_sweeps_what_it_left(
+    task, scenes, undisturbed, tmp_path, temporary
+):
+    output, cache = tmp_path / "run", tmp_path / "cache"
+    command = readout(scenes, output, task, "--cache", str(cache))
+    process = started(command)
+    wait_for(
+        process,
+        lambda: lines(output / "journal.jsonl") >= 2 and any(cache.glob(".reading-*")),
+    )
+    workers = descendants(process.pid)
+    process.kill()
+    process.communicate()
+    assert 2 <= lines(output / "journal.jsonl") < N_SCENES
+    assert any(temporary.glob("legoworld-blender-*"))
+    deadline = time.monotonic() + 20
+    while any(Path(f"/proc/{worker}").exists() for worker in workers):
+        assert time.monotonic() < deadline, "a worker outlived the command"
+        time.sleep(0.01)
+    assert finished(command).returncode == 0
+    assert tree(output) == undisturbed[task]
+    assert list(temporary.iterdir()) == []
+    assert not any(cache.glob(".reading-*"))
+
+
+def test_a_folder_that_a_living_command_owns_is_not_swept(scenes, tmp_path, temporary):
+    process = started(readout(scenes, tmp_path / "long", "coco", "--no-cache"))
+    wait_for(process, lambda: any(temporary.glob("legoworld-blender-*/.owner-*")))
+    os.kill(process.pid, signal.SIGSTOP)
+    owned = set(temporary.glob("legoworld-blender-*"))
+    other = finished(readout(scenes, tmp_path / "other", "coco", "--no-cache", "--limit", "1"))
+    assert owned <= set(temporary.glob("legoworld-blender-*"))
+    os.kill(process.pid, signal.SIGCONT)
+    process.communicate(timeout=60)
+    assert (other.returncode, process.returncode) == (0, 0)
+    assert list(temporary.iterdir()) == []
+
+
+# Disks.
+
+
+@pytest.fixture
+def mounted(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run a shell script (arguments $1, $2, ...) that may mount; its mounts end with it."""
+    allowed = shutil.which("unshare") and finished(
+        ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", str(tmp_path)]
+    )
+    if not allowed or allowed.returncode:
+        pytest.skip("no mount namespaces here: `unshare -rm mount -t tmpfs` is refused")
+
+    def run(script: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+        return finished(["unshare", "-rm", "sh", "-c", script, "sh", *map(str, arguments)])
+
+    return run
+
+
+#: $1: the small disk, $2: where it is copied to, $3: its size; the rest: the command.
+FULL = """
+disk=$1 copy=$2 size=$3; shift 3
+mount -t tmpfs -o size=$size tmpfs "$disk" || exit 99
+"$@"; first=$?
+echo "exit codes $first" >&2
+cp -r "$disk" "$copy.full" || exit 99
+mount -o remount,size=50m "$disk" || exit 99
+"$@"; second=$?
+cp -r "$disk" "$copy" || exit 99
+[ $first = 1 ] && [ $second = 0 ]
+"""
+
+
+def said(done: subprocess.CompletedProcess[str]) -> list[str]:
+    return [line for line in done.stderr.splitlines() if line.startswith("legoworld: ")]
+
+
+@pytest.mark.parametrize(("task", "size"), [("coco", "12k"), ("lvis", "12k"), ("eth3d", "60k")])
+def test_a_full_output_disk_stops_the_run_and_room_lets_it_go_on(
+    task, size, scenes, undisturbed, tmp_path, mounted
+):
+    disk, copy = tmp_path / "disk", tmp_path / "copy"
+    disk.mkdir()
+    cache = str(scenes.parent / "cache")
+    done = mounted(FULL, disk, copy, size, *readout(scenes, disk, task, "--cache", cache))
+    assert done.returncode == 0, done.stderr
+    (line,) = said(done)
+    assert "No space left on device" in line
+    assert str(disk) in line
+    assert not list((tmp_path / "copy.full").rglob(".*.tmp"))
+    assert 0 < lines(tmp_path / "copy.full" / "journal.jsonl") < N_SCENES
+    assert tree(copy) == undisturbed[task]
+
+
+def test_a_full_cache_disk_is_no_verdict_on_the_scenes(scenes, undisturbed, tmp_path, mounted):
+    disk, output = tmp_path / "disk", tmp_path / "run"
+    disk.mkdir()
+    command = readout(scenes, output, "coco", "--cache", str(disk))
+    done = mounted(FULL, disk, tmp_path / "copy", "40k", *command)
+    assert done.returncode == 0, done.stderr
+    (line,) = said(done)
+    assert "No space left on device" in line
+    assert str(disk) in line
+    assert not list((tmp_path / "copy.full").glob(".reading-*"))
+    assert tree(output) == undisturbed["coco"]
+
+
+def test_a_full_disk_under_an_evaluation(tmp_path, mounted, evaluation):
+    disk, copy, whole = tmp_path / "disk", tmp_path / "copy", tmp_path / "whole"
+    disk.mkdir()
+    assert finished(evaluation(whole)).returncode == 0
+    done = mounted(FULL, disk, copy, "40k", *evaluation(disk))
+    assert done.returncode == 0, done.stderr
+    assert "No space left on device" in said(done)[0]
+    assert not (tmp_path / "copy.full" / "evidence.json").exists()
+    assert tree(copy) == tree(whole)
+
+
+@pytest.mark.parametrize("what", ["readout", "cache", "freeze", "merge", "evaluate"])
+def test_a_read_only_folder_is_one_clear_line(what, scenes, tmp_path, mounted, evaluation):
+    disk = tmp_path / "disk"
+    shutil.copytree(scenes, disk)
+    before = tree(disk)
+    shards = []
+    if what == "merge":
+        shards = [tmp_path / "shard"]
+        assert finished(readout(scenes, shards[0], "coco", "--shard", "1/1")).returncode == 0
+    command = {
+        "readout": readout(scenes, disk / "new", "coco", "--no-cache"),
+        "cache": readout(scenes, tmp_path / "run", "coco", "--cache", str(disk / "new")),
+        "freeze": [*PROGRAM, "freeze", str(disk), "--no-cache", "--workers", "1"],
+        "merge": [*PROGRAM, "merge", *map(str, shards), "-o", str(disk / "new")],
+        "evaluate": evaluation(disk / "new"),
+    }[what]
+    script = 'disk=$1; shift; mount --bind "$disk" "$disk" && mount -o remount,bind,ro "$disk" '
+    done = mounted(script + '|| exit 99; "$@"', disk, *command)
+    assert done.returncode == 1, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("legoworld: the system refused ")
+    assert str(disk) in line
+    assert "Read-only file system" in line
+    assert tree(disk) == before
+
+
+# Two at once.
+
+
+def test_a_second_run_into_the_folder_is_refused_and_the_first_ends_whole(
+    scenes, undisturbed, tmp_path
+):
+    output = tmp_path / "run"
+    command = readout(scenes, output, "coco", "--no-cache")
+    first = started(command)
+    wait_for(first, lambda: lines(output / "journal.jsonl") >= 1)
+    os.kill(first.pid, signal.SIGSTOP)
+    for more in ([], ["--overwrite"]):
+        second = finished([*command, *more])
+        assert second.returncode == 2
+        (line,) = second.stderr.splitlines()
+        assert "another process is writing into the run folder" in line
+    os.kill(first.pid, signal.SIGCONT)
+    first.communicate(timeout=60)
+    assert first.returncode == 0
+    assert tree(output) == undisturbed["coco"]
+
+
+def test_two_evaluations_into_one_folder_leave_a_whole_one(tmp_path, evaluation):
+    output = tmp_path / "eval"
+    processes = [started(evaluation(output, "--seed", str(seed))) for seed in (1, 2)]
+    codes = sorted(p.wait(timeout=60) for p in processes)
+    for process in processes:
+        process.communicate()
+    # Who writes second finds another evaluation there, and is refused.
+    assert codes == [0, 1]
+    assert finished([*PROGRAM, "evidence", "verify", str(output)]).returncode == 0
+
+
+# Ctrl-C.
+
+
+@pytest.fixture(scope="module")
+def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[str]]:
+    """The command that evaluates a run of 60 images into a folder."""
+    folder = tmp_path_factory.mktemp("evaluation")
+    truth = random_truth("coco", seed=1, images=60)
+    run = write_run(folder / "run", "coco", truth, random_predictions("coco", truth, seed=2))
+    path = write_truth(folder / "truth.json", truth)
+    return lambda output, *more: [
+        *PROGRAM, "evaluate", str(run), "--truth", str(path), "-o", str(output), "--draws", "300",
+        *more,
+    ]  # fmt: skip
+
+
+def interrupted(command: Sequence[str], happened: Callable[[], bool]) -> None:
+    """Ctrl-C once something has happened: exit code 130, one line, and no process left."""
+    process = started(command)
+    wait_for(process, happened)
+    os.kill(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == 130, error
+    assert error.strip() == ("legoworld: stopped; the same command again goes on from what is done")
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def ends_like(command: Sequence[str], output: Path, whole: Path) -> None:
+    """What is there is not torn, and the same command ends as if never stopped."""
+    for path in output.rglob("*.json"):
+        json.loads(path.read_text())
+    done = finished(command)
+    assert done.returncode in (0, 1), done.stderr
+    assert tree(output) == tree(whole)
+
+
+def test_ctrl_c_during_freeze(scenes, tmp_path):
+    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
+    for folder in (stopped, whole):
+        shutil.copytree(scenes, folder)
+    freeze = [*PROGRAM, "freeze", "-q", "--no-cache", "--workers", "1"]
+    assert finished([*freeze, str(whole)]).returncode == 0
+    interrupted([*freeze, str(stopped)], lambda: any(stopped.glob("*/frozen.json")))
+    assert 0 < len(list(stopped.glob("*/frozen.json"))) < N_SCENES
+    ends_like([*freeze, str(stopped)], stopped, whole)
+
+
+def test_ctrl_c_during_evaluate(tmp_path, evaluation):
+    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
+    assert finished(evaluation(whole)).returncode == 0
+    # The folder is made when the run and the truth have been read.
+    interrupted(evaluation(stopped, "-q", "--draws", "300"), stopped.is_dir)
+    assert not (stopped / "evidence.json").exists()
+    ends_like(evaluation(stopped), stopped, whole)
+
+
+def test_ctrl_c_during_merge(scenes, tmp_path):
+    """Shards of many images that have no scene: rows without Blender."""
+    track = make_track(tmp_path / "track.json", [f"absent{i}.jpg" for i in range(600)])
+    shards = [tmp_path / "shard1", tmp_path / "shard2"]
+    for i, shard in enumerate(shards, 1):
+        more = ["--track", str(track), "--shard", f"{i}/2"]
+        assert finished(readout(scenes, shard, "coco", *more)).returncode == 1
+    merge = [*PROGRAM, "merge", *map(str, shards), "-o"]
+    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
+    assert finished([*merge, str(whole)]).returncode == 1
+    interrupted([*merge, str(stopped)], lambda: lines(stopped / "journal.jsonl") >= 1)
+    ends_like([*merge, str(stopped)], stopped, whole)
+
+
+def test_ctrl_c_during_an_import(tmp_path):
+    (tmp_path / "depths").mkdir()
+    for i in range(300):
+        np.save(tmp_path / "depths" / f"photo{i}.npy", np.full((48, 64), 1 + i, np.float32))
+    track = make_track(tmp_path / "track.json", [f"photo{i}.jpg" for i in range(300)])
+    bring = [
+        *PROGRAM, "baseline", "import", "-q", str(tmp_path / "depths"), "--task", "eth3d",
+        "--track", str(track), "--space", "depth", "--unit", "m", "-o",
+    ]  # fmt: skip
+    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
+    assert finished([*bring, str(whole)]).returncode == 0
+    interrupted([*bring, str(stopped)], lambda: lines(stopped / "journal.jsonl") >= 2)
+    ends_like([*bring, str(stopped)], stopped, whole)
