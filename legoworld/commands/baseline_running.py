@@ -54,6 +54,7 @@ from legoworld.commands import baseline_output, options
 @click.option(
     "--time-limit", type=click.FloatRange(min=0.1), help="Seconds for one image [default: none]."
 )
+@click.option("--resume", is_flag=True, help="Go on where a run stopped, as without it.")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @options.output_options
 def run_command(
@@ -74,6 +75,7 @@ def run_command(
     limit: int | None,
     image_ids: tuple[int, ...],
     time_limit: float | None,
+    resume: bool,
     overwrite: bool,
     as_json: bool,
     quiet: bool,
@@ -100,6 +102,8 @@ def run_command(
     from legoworld.baselines.request import BaselineRequest, selected_images
     from legoworld.baselines.truth_prompts import read_truth_prompts
 
+    if resume and overwrite:
+        raise click.UsageError("--resume keeps what is done and --overwrite deletes it: pass one")
     card = load_baseline(name)
     if task not in card.tasks:
         raise click.UsageError(

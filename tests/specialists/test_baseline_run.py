@@ -250,6 +250,17 @@ def test_a_refusal_keeps_an_earlier_run_even_with_overwrite(run):
     assert results(folder) == before
 
 
+def test_resume_is_what_happens_anyway_and_contradicts_overwrite(run):
+    _, folder, _ = run()
+    before = results(folder)
+    code, _, _ = run("--resume")
+    assert code == 0
+    assert results(folder) == before
+    code, _, said = run("--resume", "--overwrite")
+    assert code == 2
+    assert "pass one" in said
+
+
 def test_a_process_that_ends_before_it_begins(run):
     code, folder, said = run(*options("die_loading"))
     assert code == 1
