@@ -44,7 +44,7 @@ def some_photo() -> Path:
     """A real photo where there are any, a picture that ships with the examples elsewhere."""
     real = os.environ.get("LEGOWORLD_REAL_DATA", ROOT.parent / "shared" / "data")
     photo = Path(real) / "coco" / "val2017" / "000000000139.jpg"
-    return photo if photo.is_file() else ROOT / "examples" / "astronaut" / "final.png"
+    return photo if photo.is_file() else ROOT / "examples" / "coffee" / "final.png"
 
 
 @dataclass(frozen=True, kw_only=True)

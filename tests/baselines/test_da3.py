@@ -240,7 +240,7 @@ def network(photos):
         head = network.head.scratch.sky_output_conv2[2]
         head.weight.mul_(20)
         head.bias.add_(5.0)  # above 0, so that nothing is cut off while its level is measured
-        photo = network_photo(np.asarray(Image.open(photos[0])))
+        photo = network_photo(np.asarray(Image.open(photos[0]).convert("RGB")))
         output = network(torch.from_numpy(photo)[None, None])
         assert output["sky"].min() > 0
         head.bias.add_(0.3 - output["sky"].quantile(0.8))
@@ -275,7 +275,7 @@ def test_the_full_network_end_to_end(network, checkpoint, photos, tmp_path):
     assert max(width, height) == 504
     assert strip["depth"]["size_wh"] == [504, 84]
     assert strip["depth"]["unit"] is None
-    prepared = network_photo(np.asarray(Image.open(photos[1])))
+    prepared = network_photo(np.asarray(Image.open(photos[1]).convert("RGB")))
     expected, n_sky = da3_network.predict_depth(network, prepared, torch.float32, "seeded", 0)
     assert np.allclose(values_of(tmp_path / "one", photos[1]), expected, rtol=1e-4)
     assert abs(strip["counts"]["sky_px"] - n_sky) < 50
@@ -292,7 +292,7 @@ def test_the_full_network_end_to_end(network, checkpoint, photos, tmp_path):
 
 def test_without_sky_the_depth_is_what_the_package_gives(network, photos):
     """Its own forward pass, sky treatment included, agrees on every pixel that is not sky."""
-    prepared = network_photo(np.asarray(Image.open(photos[1])))
+    prepared = network_photo(np.asarray(Image.open(photos[1]).convert("RGB")))
     own, n_sky = da3_network.predict_depth(network, prepared, torch.float32, "mask", 0)
     assert n_sky > 100
     with torch.inference_mode():
