@@ -2,7 +2,8 @@
 
     python blender_alone.py SCENE.blend ...
 
-The same two calls as in a readout's worker process, without reading anything out. Blender puts
+What a readout asks of Blender, without reading anything out, and opened as anybody opens a file:
+the evaluation for the viewport, which a readout leaves out, is Blender's own cost. Blender puts
 the subdivision of a mesh off until somebody asks for its faces, so every mesh is asked for their
 number.
 """
@@ -10,18 +11,18 @@ number.
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
-from legoworld.scene.blender.opening import open_blend
+import bpy
+
 from legoworld.scene.blender.render_state import visit_render_state
 
 
 def main() -> int:
     """Open and evaluate; see the module's docstring."""
     for path in sys.argv[1:]:
-        open_blend(Path(path))
-        visit_render_state(evaluate_meshes)
+        bpy.ops.wm.open_mainfile(filepath=path, load_ui=False, use_scripts=False)
+        visit_render_state(bpy.context.scene, evaluate_meshes)
     return 0
 
 

@@ -45,8 +45,8 @@ def _from_memory(mesh: Any) -> NDArray[np.int32] | None:
     probed = (0, n_triangles // 2, n_triangles - 1)
     if any(entries[i].as_pointer() != begin + i * _TRIANGLE_BYTES for i in probed):
         return None
-    memory = (ctypes.c_int32 * (3 * n_triangles)).from_address(begin)
-    corners: NDArray[np.int32] = np.ctypeslib.as_array(memory).reshape(-1, 3).copy()
+    corners = np.empty((n_triangles, 3), np.int32)
+    ctypes.memmove(corners.ctypes.data, begin, corners.nbytes)
     if any(tuple(corners[i]) != tuple(entries[i].loops) for i in probed):
         return None
     return corners

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from legoworld.errors import NoMeshError
@@ -22,17 +21,15 @@ from legoworld.scene.snapshot import Cutout, RenderSettings, SceneCamera, Snapsh
 
 def snapshot_of_blend(path: Path) -> Snapshot:
     """Open a .blend and copy its render state. Raises the SceneInvalidErrors of `errors`."""
-    warnings = open_blend(path)
-    scene = bpy.context.scene
-    if len(bpy.data.scenes) > 1:
-        local = [s.name for s in bpy.data.scenes if s.library is None]
-        if len(local) > 1:
-            warnings.append(f"the file holds {len(local)} scenes; read: {scene.name!r}")
+    opened = open_blend(path)
+    scene, warnings = opened.scene, opened.warnings
+    if opened.n_scenes > 1:
+        warnings.append(f"the file holds {opened.n_scenes} scenes; read: {scene.name!r}")
     render = _render_settings(scene)
     layers = [layer.name for layer in scene.view_layers if layer.use]
     if len(layers) > 1:
         warnings.append(f"the scene renders {len(layers)} view layers; read: {render.view_layer!r}")
-    if not rendered_view_layer().use_solid:
+    if not rendered_view_layer(scene).use_solid:
         warnings.append(f"view layer {render.view_layer!r} renders no surfaces: read with them")
     refuse_missing_camera(scene)
     copied: list[tuple[Walk, SceneCamera]] = []
@@ -41,7 +38,7 @@ def snapshot_of_blend(path: Path) -> Snapshot:
         seen_by = scene_camera(graph.scene_eval)
         copied.append((walk(graph, seen_by), seen_by))
 
-    visit_render_state(copy)
+    visit_render_state(scene, copy)
     walked, camera = copied[0]
     return _assemble(walked, camera, render, scene, warnings)
 
@@ -119,5 +116,5 @@ def _render_settings(scene: Any) -> RenderSettings:
         unit_system=units.system,
         unit_scale=units.scale_length,
         scene_name=scene.name,
-        view_layer=rendered_view_layer().name,
+        view_layer=rendered_view_layer(scene).name,
     )

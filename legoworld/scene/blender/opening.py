@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import bpy
 
 from legoworld.errors import MissingLibraryError, UnreadableBlendError
-from legoworld.scene.blender.dependencies import dependencies, library_path
-
-__all__ = ["dependencies", "open_blend"]
+from legoworld.scene.blender.dependencies import library_path
+from legoworld.scene.blender.viewport import unwatched
 
 _MARKER: Final = "legoworld_not_replaced"
 
@@ -21,8 +21,20 @@ _SHAPING: Final = ("actions", "armatures", "collections", "curves", "hair_curves
                    "scenes", "shape_keys", "volumes")  # fmt: skip
 
 
-def open_blend(path: Path) -> list[str]:
-    """Make `path` the open file; returns warnings.
+@dataclass(frozen=True, kw_only=True)
+class OpenFile:
+    """The open file's active scene, how many it has, and what to warn about.
+
+    The context may have another scene, one that is not the file's: see `viewport`.
+    """
+
+    scene: Any
+    n_scenes: int
+    warnings: list[str]
+
+
+def open_blend(path: Path) -> OpenFile:
+    """Make `path` the open file.
 
     Raises UnreadableBlendError when Blender cannot read it, MissingLibraryError when it links
     data that is not there.
@@ -30,14 +42,16 @@ def open_blend(path: Path) -> list[str]:
     bpy.context.preferences.filepaths.use_scripts_auto_execute = False
     bpy.context.scene[_MARKER] = 1
     complaint = ""
-    try:
-        bpy.ops.wm.open_mainfile(
-            filepath=str(path), load_ui=False, use_scripts=False, display_file_selector=False
-        )
-    except RuntimeError as error:
-        complaint = _without_folders(str(error))
+    with unwatched() as file_scene:
+        try:
+            bpy.ops.wm.open_mainfile(
+                filepath=str(path), load_ui=False, use_scripts=False, display_file_selector=False
+            )
+        except RuntimeError as error:
+            complaint = _without_folders(str(error))
+    scene = file_scene()
     # Blender raises for some files although it has loaded them: the marker tells.
-    if bpy.context.scene is None or _MARKER in bpy.context.scene:
+    if scene is None or _MARKER in scene:
         raise UnreadableBlendError(
             "Blender cannot read scene.blend",
             found=complaint or "the file was left unopened without a message",
@@ -52,7 +66,9 @@ def open_blend(path: Path) -> list[str]:
             f"the file was saved by a newer Blender ({saved_by}) than the one that reads it "
             f"({bpy.app.version_string}): what that one does not know is lost"
         )
-    return warnings
+    n_local = sum(other.library is None for other in bpy.data.scenes)
+    n_scenes = n_local - (scene != bpy.context.scene)
+    return OpenFile(scene=scene, n_scenes=n_scenes, warnings=warnings)
 
 
 def _refuse_missing_libraries() -> None:

@@ -40,17 +40,16 @@ class SnapshotEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         cls.visit = None
 
 
-def visit_render_state(visit: Callable[[Any], None]) -> None:
-    """Call `visit` once with the active scene's render depsgraph, of `rendered_view_layer`.
+def visit_render_state(scene: Any, visit: Callable[[Any], None]) -> None:
+    """Call `visit` once with a scene's render depsgraph, of `rendered_view_layer`.
 
     Evaluated data is gone when `visit` returns: it must copy what it keeps. Changes the open
     file's render settings, so read them before.
     """
     if not SnapshotEngine.is_registered:
         bpy.utils.register_class(SnapshotEngine)
-    scene = bpy.context.scene
     SnapshotEngine.visit, SnapshotEngine.error = visit, None
-    SnapshotEngine.view_layer = rendered_view_layer().name
+    SnapshotEngine.view_layer = rendered_view_layer(scene).name
     render = scene.render
     render.engine = _ENGINE
     render.resolution_x = render.resolution_y = 16
@@ -59,8 +58,9 @@ def visit_render_state(visit: Callable[[Any], None]) -> None:
                    "use_freestyle", "use_persistent_data", "use_stamp"):  # fmt: skip
         setattr(render, switch, False)
     render.use_single_layer = False
+    other = {} if scene == bpy.context.scene else {"scene": scene.name}
     try:
-        bpy.ops.render.render(write_still=False)
+        bpy.ops.render.render(write_still=False, **other)
     except RuntimeError as error:
         raise SceneInvalidError(
             "Blender refuses to render the scene",
@@ -74,9 +74,9 @@ def visit_render_state(visit: Callable[[Any], None]) -> None:
         raise RuntimeError("Blender did not render the view layer")
 
 
-def rendered_view_layer() -> Any:
-    """The view layer a render's picture shows: the first that renders at all."""
-    layers = bpy.context.scene.view_layers
+def rendered_view_layer(scene: Any) -> Any:
+    """The view layer a render's picture of a scene shows: the first that renders at all."""
+    layers = scene.view_layers
     for layer in layers:
         if layer.use:
             return layer

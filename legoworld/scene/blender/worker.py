@@ -83,8 +83,8 @@ def _surprise(error: Exception) -> dict[str, Any]:
 
 
 def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
+    from legoworld.scene.blender.dependencies import dependencies
     from legoworld.scene.blender.extract import snapshot_of_blend
-    from legoworld.scene.blender.opening import dependencies
     from legoworld.scene.snapshot import save
 
     blend = Path(request["blend"])
