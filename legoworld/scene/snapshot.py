@@ -16,7 +16,7 @@ from legoworld.files import canonical_json
 from legoworld.scene.array_file import read_arrays, write_arrays
 
 #: Raised whenever the meaning of a snapshot changes; part of every cache key.
-SNAPSHOT_SCHEMA: Final = 3
+SNAPSHOT_SCHEMA: Final = 4
 
 #: Coordinates and matrix entries beyond this are refused: no scene needs them, and products of two
 #: stay finite.
@@ -48,7 +48,6 @@ class SceneObject:
     collections: tuple[int, ...]  # the collections that hold it directly
     instance_type: str  # how it generates instances: NONE, COLLECTION, VERTS or FACES
     properties: dict[str, str]  # custom properties that are labels, as text
-    in_scene: bool  # linked into the scene itself, not only reached through instancing
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -96,7 +96,6 @@ class HandScene:
                 collections=tuple(self._collection(c) for c in collections),
                 instance_type=makes,
                 properties=labels,
-                in_scene=True,
             )
         )
 

@@ -19,9 +19,8 @@ def scene_tree(
 
     Objects are the scene's own, those in `met`, and all their parents.
     """
-    in_scene = {identity(o) for o in scene.objects}
     blocks = {identity(o): o for o in bpy.data.objects}
-    wanted = in_scene | met
+    wanted = met | {identity(o) for o in scene.objects}
     for key in list(wanted):
         wanted.update(identity(parent) for parent in ancestors(blocks[key]))
     keys = sorted(wanted)
@@ -36,7 +35,6 @@ def scene_tree(
             collections=tuple(holders.get(key, ())),
             instance_type=blocks[key].instance_type,
             properties=_labels(blocks[key], warnings),
-            in_scene=key in in_scene,
         )
         for key in keys
     )

@@ -143,7 +143,6 @@ def _objects(order: list[Node]) -> tuple[SceneObject, ...]:
             collections=(),
             instance_type="NONE",
             properties=node.properties,
-            in_scene=True,
         )
         for node in order
     )
