@@ -71,7 +71,7 @@ def load(request: dict[str, Any]) -> tuple[Loaded, dict[str, Any]]:
 
 
 def check_request(request: dict[str, Any]) -> None:
-    """Refuse what this network cannot do: other categories, tasks, number formats, batches."""
+    """Refuse what this network cannot do: other categories, tasks, number formats."""
     asked = {category["id"]: category["name"] for category in request["categories"]}
     if request["task"] != "coco" or asked != NAME_OF_ID:
         other = sorted({*asked.items()} ^ {*NAME_OF_ID.items()})[:_NAMES_SHOWN]
@@ -87,13 +87,6 @@ def check_request(request: dict[str, Any]) -> None:
             found=str(request["dtype"]),
             expected="float32: half precision moves the sampling points of its attention",
             next_step="leave --dtype away",
-        )
-    if request["batch_size"] != 1:
-        raise Refused(
-            "DINO runs one photo at a time",
-            found=f"batch size {request['batch_size']}",
-            expected="1: photos of a larger batch are padded, which changes the numbers",
-            next_step="leave --batch-size away",
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from legoworld_baseline import Refused, library_versions, read_photo, serve
+from legoworld_baseline import library_versions, read_photo, serve
 from legoworld_baseline.devices import device_type
 
 if TYPE_CHECKING:
@@ -15,13 +15,6 @@ _LIBRARIES = ("torch", "transformers", "numpy", "pillow", "safetensors", "huggin
 
 def load(request: dict[str, Any]) -> tuple[Detector, dict[str, Any]]:
     """The detector that the request names, and what its numbers depend on."""
-    if request["batch_size"] != 1:
-        raise Refused(
-            "this baseline runs one photo at a time",
-            found=f"batch size {request['batch_size']}",
-            expected="1: photos of a larger batch are padded, which changes the numbers",
-            next_step="leave --batch-size away",
-        )
     from legoworld_baseline.hugging_face import resolve
 
     files = resolve(request["weights"], offline=request["offline"])

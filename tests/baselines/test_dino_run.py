@@ -144,7 +144,6 @@ def test_a_photo_goes_in_and_results_come_out_the_same_twice(weights, photo, pro
         ({"task": "lvis"}, "task lvis"),
         ({"categories": [{"id": 1, "name": "person", "synonyms": []}]}, "1 categories"),
         ({"dtype": "float16"}, "float16"),
-        ({"batch_size": 4}, "batch size 4"),
         ({"device": "nonsense"}, "nonsense"),
         ({"weights": "nowhere.pth"}, "nowhere.pth"),
     ],

@@ -510,7 +510,6 @@ def test_a_backbone_of_timm_is_refused_in_words(folder_of, photo, tmp_path, refu
     [
         ({"dtype": "int8"}, "int8"),
         ({"device": "nonsense"}, "nonsense"),
-        ({"batch_size": 2}, "batch size 2"),
         ({"weights": "nowhere/at/all"}, "nowhere/at/all"),
         ({"weights": "nobody/has-this"}, "cannot be had offline"),
     ],

@@ -242,6 +242,13 @@ def test_a_refusal_leaves_nothing_behind(run):
     assert code == 0
 
 
+def test_batches_are_refused_where_photos_go_one_by_one(run):
+    code, folder, said = run("--batch-size", "2")
+    assert code == 2
+    assert "found: batch size 2" in said
+    assert [p.name for p in folder.iterdir()] == [".lock"]
+
+
 def test_a_refusal_keeps_an_earlier_run_even_with_overwrite(run):
     _, folder, _ = run()
     before = results(folder)

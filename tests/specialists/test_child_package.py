@@ -199,7 +199,8 @@ def speak(tmp_path: Path, program: str, document: dict) -> tuple[list[str], str,
 
 def test_only_messages_reach_the_channel(tmp_path):
     images = [{"image_id": n, "batch": n} for n in (1, 2, 3)]
-    lines, log, code = speak(tmp_path, CHATTY, {"schema_version": 1, "images": images})
+    request = {"schema_version": 1, "images": images, "batch_size": 1}
+    lines, log, code = speak(tmp_path, CHATTY, request)
     assert code == 0
     assert lines[:2] == ["imported", ""]
     messages = [json.loads(line) for line in lines[2:]]

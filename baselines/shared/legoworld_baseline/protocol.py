@@ -67,7 +67,8 @@ def serve(
         library prints goes to the wrong place. Provenance is everything the numbers depend on and
         nothing else (no times, no paths): a run is only resumed under an equal one. Raise
         `Refused` for anything that would make every image wrong.
-    predict: one image to its result. An exception is this image's failure, never the run's.
+    predict: one image to its result. An exception is this image's failure, never the run's. A
+        request for batches is refused: a run that says it was batched and was not is no record.
     predict_batch: instead of predict, for "batch_size" images at once; one result each, in order,
         {"failed": why} for one that cannot be used. Which images share a batch never changes when
         a run is resumed. When a batch raises, its images fail together.
@@ -78,6 +79,8 @@ def serve(
     request = _read_request()
     _end_with_the_parent()
     try:
+        if predict is not None:
+            _refuse_batches(request)
         model, provenance = load(request)
     except Refused as refusal:
         _say(channel, {"refused": refusal.reason})
@@ -90,6 +93,16 @@ def serve(
             _answer(channel, image["image_id"], result)
     _say(channel, {"done": True})
     _end(0)
+
+
+def _refuse_batches(request: Request) -> None:
+    if request["batch_size"] != 1:
+        raise Refused(
+            "this baseline runs one photo at a time",
+            found=f"batch size {request['batch_size']}",
+            expected="1: photos of a larger batch are padded, which changes the numbers",
+            next_step="leave --batch-size away",
+        )
 
 
 def _results(
