@@ -1,5 +1,6 @@
 # The two commands: `make demo` and `make test`. Both make their own .venv first.
 .DELETE_ON_ERROR:
+.NOTPARALLEL: # two pips in one environment would meet
 .PHONY: demo test test-baselines test-cluster check format clean
 
 VENV := .venv
@@ -7,20 +8,25 @@ PYTHON := $(VENV)/bin/python
 BASELINES := .venv-baselines
 KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp)
 DEMO := legoworld-demo
+# A process for each core; `make test PYTEST_ARGS=-n0` runs all tests in one.
+PARALLEL := -n auto --maxprocesses 8 --dist worksteal
+# A file's networks are up to 1.3 GB and stay in one process; in their order the files balance.
+PARALLEL_MODELS := -n auto --maxprocesses 2 --dist loadfile --no-loadscope-reorder
 
 demo: $(VENV)/examples-installed
 	$(PYTHON) docs/demo.py -o $(DEMO)
 
 test: $(VENV)/tests-installed
-	$(PYTHON) -m pytest $(PYTEST_ARGS)
+	$(PYTHON) -m pytest $(PARALLEL) $(PYTEST_ARGS)
 
 # What needs torch runs in an environment of its own; see docs/baselines.md.
 test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
-	$(BASELINES)/bin/python -m pytest tests/baselines $(PYTEST_ARGS)
+	$(BASELINES)/bin/python -m pytest $(PARALLEL_MODELS) tests/baselines $(PYTEST_ARGS)
 	LEGOWORLD_BASELINE_PYTHON=$(CURDIR)/$(BASELINES)/bin/python \
 	  $(PYTHON) -m pytest tests/specialists/test_by_name.py $(PYTEST_ARGS)
 
-# Ray, and S3 from a server on this machine; see docs/clusters.md.
+# Ray, and S3 from a server on this machine; see docs/clusters.md. In one process: Ray's tests are
+# one file, and take a cluster each.
 test-cluster: $(VENV)/cluster-installed
 	$(PYTHON) -m pytest tests/cluster tests/running/test_places.py $(PYTEST_ARGS)
 
@@ -53,9 +59,10 @@ $(VENV)/made:
 $(VENV)/libraries-checked: $(VENV)/made legoworld/system_libraries.py
 	@$(PYTHON) legoworld/system_libraries.py && touch $@
 
+# Nothing is compiled ahead: most of what is installed is never imported.
 # lvis is installed without its dependencies: it asks for opencv-python, which overwrites
 # opencv-python-headless, and needs neither for scoring.
-INSTALL = $(PYTHON) -m pip install --disable-pip-version-check --quiet
+INSTALL = $(PYTHON) -m pip install --disable-pip-version-check --quiet --no-compile
 $(VENV)/examples-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KERNEL)
 	$(INSTALL) -e '.[examples]'
 	$(INSTALL) --no-deps lvis==0.5.3
@@ -66,9 +73,11 @@ $(VENV)/tests-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KER
 	$(INSTALL) --no-deps lvis==0.5.3
 	@touch $@
 
-$(VENV)/dev-installed: $(VENV)/tests-installed
+# What checks and what tests need in one go: pip builds the kernel anew at every call.
+$(VENV)/dev-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KERNEL)
 	$(INSTALL) -e '.[examples,test,dev]'
-	@touch $@
+	$(INSTALL) --no-deps lvis==0.5.3
+	@touch $(VENV)/tests-installed $@
 
 $(VENV)/cluster-installed: $(VENV)/tests-installed
 	$(INSTALL) -e '.[examples,test,cluster]'
@@ -76,10 +85,10 @@ $(VENV)/cluster-installed: $(VENV)/tests-installed
 
 $(BASELINES)/installed: $(VENV)/made Makefile
 	$(PYTHON) -m venv $(BASELINES)
-	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet torch==2.13.0 \
-	  transformers==5.23.0 'numpy>=1.26,<2' pillow safetensors einops addict omegaconf \
-	  'opencv-python-headless<4.12' scipy pycocotools==2.0.11 pytest
-	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet --no-deps \
+	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile \
+	  torch==2.13.0 transformers==5.23.0 'numpy>=1.26,<2' pillow safetensors einops addict omegaconf \
+	  'opencv-python-headless<4.12' scipy pycocotools==2.0.11 pytest 'pytest-xdist>=3.7'
+	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile --no-deps \
 	  depth-anything-3==0.1.1
 	@touch $@
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import textwrap
@@ -77,9 +78,16 @@ def build_scenes() -> BuildScenes:
     return build
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="session")
+def _ctrl_c_is_heard() -> None:
+    """A shell's background job ignores Ctrl-C, and so would every command that a test stops."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """No test reads or fills the user's snapshot cache."""
+    """No test reads or fills the user's snapshot cache, nor does what whole files share."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("LEGOWORLD_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
         yield

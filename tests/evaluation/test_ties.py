@@ -48,12 +48,20 @@ def ap(table):
 
 
 def all_orders(table):
-    """AP of every order that leaves scores falling, each order of each tied run once."""
+    """AP of every order that leaves scores falling, each order of each tied run once.
+
+    Orders that differ only in which of two equal predictions comes first are evaluated once.
+    """
     runs = [list(g) for _, g in itertools.groupby(range(len(table.score)), table.score.__getitem__)]
+    columns = [table.state[:, :, d].tobytes() for d in range(len(table.score))]
+    found = {}
     values = []
     for choice in itertools.product(*(itertools.permutations(run) for run in runs)):
         order = [i for run in choice for i in run]
-        values.append(ap(replace(table, state=table.state[:, :, order])))
+        outcome = tuple(columns[i] for i in order)
+        if outcome not in found:
+            found[outcome] = ap(replace(table, state=table.state[:, :, order]))
+        values.append(found[outcome])
     return np.array(values)
 
 

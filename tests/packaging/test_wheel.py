@@ -73,7 +73,7 @@ def test_the_installed_wheel_reads_the_examples(wheel, tmp_path):
     environment = tmp_path / "venv"
     run(sys.executable, "-m", "venv", environment)
     python = environment / "bin" / "python"
-    run(python, "-m", "pip", "install", "--quiet", wheel)
+    run(python, "-m", "pip", "install", "--quiet", "--no-compile", wheel)
     clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
     done = run(
         environment / "bin" / "legoworld", "readout", "--task", "coco", "--json", "-o", "run",
