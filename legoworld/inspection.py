@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, SceneChangedError
 from legoworld.files import atomic_path, readable_json, write_text
 from legoworld.pictures import (
     depth_picture,
@@ -22,7 +22,7 @@ from legoworld.readouts.exports import bbox_xywh_px
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, SceneFolder, Source
-from legoworld.scene.freeze import checked_artefacts
+from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
 from legoworld.scene.instances import Grouping, group
 from legoworld.scene.labels import read_labels_file, resolve_labels
 from legoworld.scene.reading import ReadScene, read_scene
@@ -33,13 +33,17 @@ from legoworld.vocabulary import Vocabulary
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection:
-    """One scene read out, with every instance described. entries: rows of instances.json."""
+    """One scene read out, with every instance described. entries: rows of instances.json.
+
+    nearest: for each label outside the vocabulary, the names most like it.
+    """
 
     scene: ReadScene
     view: View
     entries: tuple[dict[str, Any], ...]
     warnings: tuple[str, ...]
     outside_vocabulary: dict[str, int]
+    nearest: dict[str, list[str]]
     not_rendered: tuple[tuple[str, str], ...]  # labelled owners without any surface: name, label
 
 
@@ -52,9 +56,13 @@ def inspect_scene(
     source: Source,
     blender: BlenderProcess,
     cache: SnapshotCache | None,
+    allow_changed: bool = False,
 ) -> Inspection:
-    """Read one scene at a size (its own when None); raises the scene's verdict."""
-    files = checked_artefacts(folder, require_frozen=False)
+    """Read one scene at a size (its own when None); raises the scene's verdict.
+
+    allow_changed: look at a scene that is not the one its frozen.json vouches for, with a warning.
+    """
+    files, changed = _files(folder, allow_changed=allow_changed)
     scene = read_scene(folder, source=source, blender=blender, cache=cache, files=files)
     labels = resolve_labels(
         scene.snapshot, read_labels_file(folder.file(LABELS)), vocabulary, override_property
@@ -62,7 +70,7 @@ def inspect_scene(
     grouping = group(scene.snapshot, labels)
     size = size_wh or scene.snapshot.render.size_wh
     seen = view(scene.snapshot, grouping, size)
-    warnings = [*scene.snapshot.warnings, *grouping.warnings, *labels.warnings]
+    warnings = [*changed, *scene.snapshot.warnings, *grouping.warnings, *labels.warnings]
     if aspect_differs(scene.snapshot.render, size):
         w, h = scene.snapshot.render.size_wh
         warnings.append(
@@ -74,8 +82,30 @@ def inspect_scene(
         entries=instance_entries(scene, grouping, seen),
         warnings=tuple(warnings),
         outside_vocabulary=grouping.outside_vocabulary,
+        nearest={
+            label: vocabulary.nearest(label) if vocabulary else []
+            for label in grouping.outside_vocabulary
+        },
         not_rendered=grouping.unseen_owners,
     )
+
+
+def _files(folder: SceneFolder, *, allow_changed: bool) -> tuple[FrozenFiles, list[str]]:
+    """The scene's files as they are, and a warning where they are not those that were frozen."""
+    try:
+        return checked_artefacts(folder, require_frozen=False), []
+    except SceneChangedError as error:
+        if not allow_changed:
+            raise SceneChangedError(
+                error.what,
+                found=error.found,
+                expected=error.expected,
+                next_step="`legoworld freeze` the scene again when the change is meant, restore "
+                "the file when not, or pass --allow-changed to look at it as it is",
+            ) from error
+        now = hash_files(folder.path, folder.artefacts())
+        files = FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout")
+        return files, [f"{error.what}: readout refuses the scene until it is frozen again"]
 
 
 def instance_entries(

@@ -251,3 +251,32 @@ def test_sections_come_in_one_order_for_every_task(capsys):
     for task in TASKS:
         places = [whole.index(s["id"]) for s in document(task, capsys)["sections"]]
         assert all(a < b for a, b in pairwise(places))
+
+
+def listed(capsys: pytest.CaptureFixture[str], kind: str, *more: str) -> list[str]:
+    assert cli.run(["list", kind, "--json", *more]) == 0
+    return [card["name"] for card in json.loads(capsys.readouterr().out)[kind]]
+
+
+@pytest.mark.parametrize("kind", ["tasks", "datasets", "baselines"])
+def test_a_task_leaves_what_is_for_it(kind, capsys):
+    every = listed(capsys, kind)
+    by_task = {task: listed(capsys, kind, "--task", task) for task in TASKS}
+    assert sorted({name for names in by_task.values() for name in names}) == every
+    for task, names in by_task.items():
+        assert 0 < len(names) < len(every)
+        assert names == [name for name in every if name in names]
+        if kind != "baselines":
+            assert task in names
+        assert cli.run(["list", kind, "--task", task]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert [line.split()[0] for line in lines[2:]] == names
+
+
+def test_baselines_of_a_task(capsys):
+    assert listed(capsys, "baselines", "--task", "lvis") == ["hf-segmenter", "sam3"]
+
+
+def test_coco_is_the_schema_when_no_task_is_given(capsys):
+    assert cli.run(["list", "schema"]) == 0
+    assert capsys.readouterr().out == printed("coco", capsys)

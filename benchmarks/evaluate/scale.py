@@ -2,9 +2,11 @@
 
     python benchmarks/evaluate/scale.py --task coco --images 5000 --predictions 500000
     python benchmarks/evaluate/scale.py --task lvis --images 2000 --predictions 200000 --official
+    python benchmarks/evaluate/scale.py --images 1000 --predictions 100000 --only-images --workers 2
 
-Prints seconds of each stage, the largest memory so far, and, with --official, the official
-evaluator's seconds and the largest difference of any number and of the whole precision array.
+Prints of each stage its seconds, the CPU seconds of all its processes, and this process's largest
+memory so far. With --official also the official evaluator's, and the largest difference of any
+number and of the whole precision array.
 """
 
 from __future__ import annotations
@@ -25,9 +27,8 @@ from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.evaluators import run_evaluator
 from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
-from legoworld.evaluation.matching import match_image, match_table, unmatched
-from legoworld.evaluation.overlaps import image_overlaps
-from legoworld.evaluation.pairing import Pairer
+from legoworld.evaluation.matches import matches_of
+from legoworld.evaluation.matching import match_table
 from legoworld.evaluation.predictions import check_predictions, with_equal_confidence
 from legoworld.evaluation.problem import build_problem
 from legoworld.evaluation.protocols import detection_protocol
@@ -36,15 +37,23 @@ from legoworld.evaluation.run import Run, RunImage
 from legoworld.evaluation.scoring import frequencies_of
 from legoworld.evaluation.ties import tie_orders
 from legoworld.evaluation.truth import read_truth
+from legoworld.running.tasks import Crew
 from legoworld.vocabulary import from_json
 
 
 @contextmanager
 def timed(stage: str) -> Iterator[None]:
-    start = time.perf_counter()
+    start, start_cpu = time.perf_counter(), cpu_s()
     yield
+    seconds, cpu = time.perf_counter() - start, cpu_s() - start_cpu
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"{stage:<44} {time.perf_counter() - start:8.2f} s   {peak:5.2f} GB", flush=True)
+    print(f"{stage:<44} {seconds:8.2f} s {cpu:8.2f} CPU s   {peak:5.2f} GB", flush=True)
+
+
+def cpu_s() -> float:
+    """Of this process and of those that it has waited for."""
+    used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(u.ru_utime + u.ru_stime for u in used)
 
 
 def main() -> None:
@@ -55,7 +64,10 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=2000)
     parser.add_argument("--equal", action="store_true", help="all scores 1")
     parser.add_argument("--official", action="store_true", help="run the official one, too")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--only-images", action="store_true", help="stop after the matching")
     options = parser.parse_args()
+    crew = Crew(workers=options.workers)
     make = coco_like if options.task == "coco" else lvis_like
     document, results = make(options.images, options.predictions)
     protocol = detection_protocol(options.task)
@@ -74,18 +86,15 @@ def main() -> None:
         with timed("truth read and checked"):
             truth = read_truth(path, run, protocol)
     with timed("predictions checked and ordered"):
-        predictions = check_predictions(results, run=run, truth=truth, protocol=protocol)
+        predictions = check_predictions(results, run=run, truth=truth, protocol=protocol, crew=crew)
         if options.equal:
             predictions = with_equal_confidence(predictions)
     with timed("matching, greedy and score-free"):
         problem = build_problem(truth, predictions, protocol)
-        state = unmatched(problem)
-        pairers = [Pairer(problem, class_aware=aware) for aware in (True, False)]
-        for found in image_overlaps(problem, truth, predictions):
-            match_image(problem, found, state)
-            for pairer in pairers:
-                pairer.add(found)
-        table = match_table(problem, state)
+        matches = matches_of(problem, truth, predictions, crew)
+        table = match_table(problem, matches.state)
+    if options.only_images:
+        return
     with timed("precision and recall from the matches"):
         curves = accumulate(table, protocol)
         ours = [metric_value(m, curves, frequencies_of(truth)) for m in protocol.metrics]
@@ -102,8 +111,8 @@ def main() -> None:
     with timed(f"{options.draws} bootstrap samples, official metrics"):
         resampled = resampled_metrics(table, protocol, samples, frequencies_of(truth))
     with timed(f"{options.draws} bootstrap samples, score-free"):
-        for pairer in pairers:
-            matched_metrics(matched_counts(problem, pairer.result()), samples)
+        for pairs in (matches.aware, matches.agnostic):
+            matched_metrics(matched_counts(problem, pairs), samples)
     print(f"  AP {ours[0]:.6f}, bootstrap sd {np.nanstd(resampled['AP']):.6f}")
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from legoworld.commands import options
+from legoworld.commands.comparison_text import coverage_text, headline_text, notes_text
 
 if TYPE_CHECKING:
     from legoworld.comparison.thresholds import Tripped
@@ -116,11 +117,10 @@ def _show(
         return
     from legoworld.comparison.tables import coverage_table, headline_table
 
-    headline, coverage = headline_table(document), coverage_table(document)
-    click.echo(options.table(headline.header, headline.rows))
+    headline = headline_table(document)
+    click.echo(headline_text(headline))
     click.echo()
-    click.echo(options.table(coverage.header, coverage.rows))
+    click.echo(coverage_text(coverage_table(document)))
     click.echo()
-    for note in headline.notes:
-        click.echo(note)
+    click.echo(notes_text(headline.notes))
     click.echo(f"\n-> {output}")

@@ -5,26 +5,37 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.places import PlaceType, read_from, written_whole
+from legoworld.places import Place
 
 if TYPE_CHECKING:
     from legoworld.evaluation.evaluators import EvaluatorKind
+    from legoworld.evaluation.origins import Origins
+    from legoworld.running.tasks import Crew
 
 
 @click.command("evaluate", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("run", type=options.EXISTING_FOLDER)
+@click.argument("run", type=PlaceType(exists=True))
 @click.option(
     "--truth",
     required=True,
     type=click.Path(path_type=Path, exists=True),
     help="The dataset's own annotations: COCO or LVIS JSON, or ETH3D's folder.",
 )
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The folder to write.")
+@click.option(
+    "-o",
+    "--output",
+    type=PlaceType(exists=False),
+    required=True,
+    help="The folder to write, or its URL.",
+)
 @click.option(
     "--evaluator",
     type=click.Choice(["official", "fast"]),
@@ -43,16 +54,20 @@ if TYPE_CHECKING:
     help="Tie orders and bootstrap samples.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of both.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes [default: cores].")
+@options.engine
 @click.option("--overwrite", is_flag=True, help="Replace another evaluation in the folder.")
 @options.output_options
 def command(
-    run: Path,
+    run: Place,
     truth: Path,
-    output: Path,
+    output: Place,
     evaluator: EvaluatorKind | None,
     camera_model: str | None,
     draws: int,
     seed: int,
+    workers: int | None,
+    engine: Literal["local", "ray"],
     overwrite: bool,
     as_json: bool,
     quiet: bool,
@@ -62,38 +77,70 @@ def command(
 
     Boxes and masks go through the official evaluator, unchanged, over every image the run
     attempted; its lines come first, then intervals, tie orders and score-free overlaps with what
-    each is counted over. The folder holds truth: keep it private.
+    each is counted over. The folder holds truth: keep it private. --engine and --workers share
+    out the images, and change no byte of it.
 
     \b
     Examples:
       legoworld evaluate runs/coco --truth instances_val2017.json -o evals/coco
       legoworld evaluate runs/lvis --truth lvis_v1_val.json -o evals/lvis --evaluator fast
       legoworld evaluate runs/depth --truth eth3d -o evals/depth
+      legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
     """
+    from legoworld.evaluation.folder import EVIDENCE
+    from legoworld.evaluation.origins import Origins
+    from legoworld.running.tasks import Crew
+
+    request = _Request(
+        truth=truth,
+        evaluator=evaluator,
+        camera_model=camera_model,
+        draws=draws,
+        seed=seed,
+        overwrite=overwrite,
+        crew=Crew(engine=engine, workers=workers or options.engine_cores(engine)),
+        origins=Origins(
+            run_url=run if isinstance(run, str) else None,
+            output_url=output if isinstance(output, str) else None,
+        ),
+    )
+    with read_from(run) as run_folder, written_whole(output, last=EVIDENCE) as folder:
+        summary, text = _evaluated(request, run_folder, folder, quiet=quiet, verbose=verbose)
+    if as_json:
+        options.print_json({"evaluation": str(output), "summary": summary})
+    else:
+        click.echo(f"{text}\n\n-> {output}")
+    return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Request:
+    """What is asked for, besides the folders that are read and written."""
+
+    truth: Path
+    evaluator: EvaluatorKind | None
+    camera_model: str | None
+    draws: int
+    seed: int
+    overwrite: bool
+    crew: Crew
+    origins: Origins
+
+
+def _evaluated(
+    request: _Request, run: Path, output: Path, *, quiet: bool, verbose: bool
+) -> tuple[dict[str, Any], str]:
+    """The summary, and what is printed of it."""
     from legoworld.evaluation.run import read_run
 
     found = read_run(run)
-    task = found.task
-    notice = options.notifier(quiet or not (verbose or options.on_terminal()))
-    if task == "eth3d":
-        if evaluator is not None:
+    if found.task == "eth3d":
+        if request.evaluator is not None:
             raise click.UsageError("--evaluator is for boxes and masks: depth has one evaluator")
-        from legoworld.evaluation.depth.evaluate import evaluate_depth
-
         with _bar(len(found.images), shown=not quiet and options.on_terminal()) as step:
-            summary = evaluate_depth(
-                run,
-                truth,
-                output,
-                camera_model=camera_model or "none",
-                draws=draws,
-                seed=seed,
-                overwrite=overwrite,
-                progress=step,
-            )
-        _show(summary, _depth_text, output, as_json=as_json)
-        return 0
-    if camera_model is not None:
+            summary = _depth(request, run, output, step)
+        return summary, _depth_text(summary)
+    if request.camera_model is not None:
         raise click.UsageError("--camera-model is for depth: boxes and masks are not warped")
     from legoworld.evaluation.detections import evaluate_detections
     from legoworld.evaluation.protocols import detection_protocol
@@ -101,23 +148,38 @@ def command(
 
     evaluation = evaluate_detections(
         run,
-        truth,
+        request.truth,
         output,
-        evaluator=evaluator,
-        draws=draws,
-        seed=seed,
-        overwrite=overwrite,
-        notice=notice,
+        evaluator=request.evaluator,
+        draws=request.draws,
+        seed=request.seed,
+        overwrite=request.overwrite,
+        notice=options.notifier(quiet or not (verbose or options.on_terminal())),
         warn=options.notifier(quiet),
+        crew=request.crew,
+        origins=request.origins,
     )
-    protocol = detection_protocol(task)
-    _show(
-        evaluation.summary,
-        lambda summary: evaluation_text(summary, protocol, options.table),
+    protocol = detection_protocol(found.task)
+    return evaluation.summary, evaluation_text(evaluation.summary, protocol, options.table)
+
+
+def _depth(
+    request: _Request, run: Path, output: Path, step: Callable[[dict[str, Any]], None] | None
+) -> dict[str, Any]:
+    from legoworld.evaluation.depth.evaluate import evaluate_depth
+
+    return evaluate_depth(
+        run,
+        request.truth,
         output,
-        as_json=as_json,
+        camera_model=request.camera_model or "none",
+        draws=request.draws,
+        seed=request.seed,
+        overwrite=request.overwrite,
+        progress=step,
+        crew=request.crew,
+        origins=request.origins,
     )
-    return 0
 
 
 @contextmanager
@@ -136,19 +198,6 @@ def _bar(n_images: int, *, shown: bool) -> Iterator[Callable[[dict[str, Any]], N
             bar.update(1)
 
         yield step
-
-
-def _show(
-    summary: dict[str, Any],
-    text: Callable[[dict[str, Any]], str],
-    output: Path,
-    *,
-    as_json: bool,
-) -> None:
-    if as_json:
-        options.print_json({"evaluation": str(output), "summary": summary})
-    else:
-        click.echo(f"{text(summary)}\n\n-> {output}")
 
 
 def _depth_text(summary: dict[str, Any]) -> str:

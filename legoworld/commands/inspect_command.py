@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.places import PlaceType, read_from
+from legoworld.commands.wording import counted, outside_the_vocabulary
+from legoworld.places import Place
 
 if TYPE_CHECKING:
     from legoworld.inspection import Inspection
 
 
 @click.command("inspect", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scene", type=options.EXISTING_FOLDER)
+@click.argument("scene", type=PlaceType(exists=True))
 @click.option("--size", "size_wh", type=options.SizeType(), help="Picture size, such as 640x480.")
 @click.option("--photo", type=options.EXISTING_FILE, help="Draw over this photo; gives the size.")
 @click.option(
@@ -28,17 +31,23 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Say where scene.blend and scene.glb disagree; exit code 1 when a mask does.",
 )
+@click.option(
+    "--allow-changed",
+    is_flag=True,
+    help="Look at a scene even when its files are not those that were frozen.",
+)
 @click.option("-o", "--output", type=options.FOLDER, help="Write buffers and pictures here.")
 @options.caching
 @options.limits
 @options.output_options
 def command(
-    scene: Path,
+    scene: Place,
     size_wh: tuple[int, int] | None,
     photo: Path | None,
     task: str | None,
     source: Literal["blend", "glb"],
     compare_sources: bool,
+    allow_changed: bool,
     output: Path | None,
     cache: Path | None,
     no_cache: bool,
@@ -48,7 +57,7 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Show what one SCENE folder holds: its instances, and why some are not seen.
+    """Show what one SCENE, a folder or its URL, holds: its instances, and why some are not seen.
 
     With -o: buffers.npz (instance int32, depth_z_m float32), instances.json, overlay.png and
     depth.png.
@@ -60,22 +69,27 @@ def command(
     Examples:
       legoworld inspect scenes/000000000139
       legoworld inspect scenes/coffee --photo coffee.png -o look
-      legoworld inspect scenes/coffee --size 1200x800 --task lvis --json
       legoworld inspect scenes/coffee --compare-sources
+      legoworld inspect s3://bucket/scenes/coffee --size 1200x800 --task lvis --json
     """
     from legoworld.inspection import inspect_scene, write_inspection
     from legoworld.readouts.tasks import protocol
     from legoworld.scene.blender_process import BlenderProcess
     from legoworld.scene.folder import find_scene
 
+    if compare_sources and allow_changed:
+        raise click.UsageError("--allow-changed does not go with --compare-sources: freeze first")
     if photo is not None and size_wh is None:
         from legoworld.pictures import read_photo
 
         height, width = read_photo(photo).shape[:2]
         size_wh = (width, height)
-    folder = find_scene(scene.resolve().parent, scene.resolve().name)
     reading = protocol(task, None) if task else None
-    with BlenderProcess(options.chosen_limits(time_limit, memory_limit)) as blender:
+    with (
+        read_from(scene) as here,
+        BlenderProcess(options.chosen_limits(time_limit, memory_limit)) as blender,
+    ):
+        folder = find_scene(here.resolve().parent, here.resolve().name)
         if compare_sources:
             from legoworld.commands import sources
             from legoworld.source_comparison import compare_sources as compared
@@ -104,23 +118,27 @@ def command(
             source=source,
             blender=blender,
             cache=options.chosen_cache(cache, no_cache),
+            allow_changed=allow_changed,
         )
     if output is not None:
         write_inspection(inspection, output, photo)
     if as_json:
-        options.print_json(
-            {
-                "instances": list(inspection.entries),
-                "size_wh": list(inspection.view.size_wh),
-                "warnings": list(inspection.warnings),
-                "outside_vocabulary": inspection.outside_vocabulary,
-                "not_rendered": [list(owner) for owner in inspection.not_rendered],
-                "snapshot_sha256": inspection.scene.snapshot_sha256,
-            }
-        )
+        options.print_json(_document(inspection))
     else:
         _print(inspection, output, quiet=quiet, verbose=verbose)
     return 0
+
+
+def _document(inspection: Inspection) -> dict[str, Any]:
+    return {
+        "instances": list(inspection.entries),
+        "size_wh": list(inspection.view.size_wh),
+        "warnings": list(inspection.warnings),
+        "outside_vocabulary": inspection.outside_vocabulary,
+        "nearest": inspection.nearest,
+        "not_rendered": [list(owner) for owner in inspection.not_rendered],
+        "snapshot_sha256": inspection.scene.snapshot_sha256,
+    }
 
 
 def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose: bool) -> None:
@@ -145,12 +163,13 @@ def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose:
     labelled = sum(e["labelled"] for e in entries)
     width, height = inspection.view.size_wh
     click.echo(
-        f"\n{len(entries)} instances ({labelled} labelled), {snapshot.n_triangles:,} triangles; "
+        f"\n{counted(len(entries), 'instance', 'instances')} ({labelled} labelled), "
+        f"{counted(snapshot.n_triangles, 'triangle', 'triangles')}; "
         f"camera {camera.name!r} {camera.type} {camera.lens_mm:g} mm; {width}x{height}; "
         f"1 unit = {snapshot.render.unit_scale:g} m; frame {snapshot.render.frame}"
     )
     for name, count in inspection.outside_vocabulary.items():
-        click.echo(f"label {name!r} is not in the vocabulary ({count} owners)")
+        click.echo(outside_the_vocabulary(name, count, inspection.nearest[name]))
     for name, label in inspection.not_rendered:
         click.echo(f"{name!r}, labelled {label!r}, has no surface that renders")
     if not quiet:

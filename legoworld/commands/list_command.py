@@ -20,27 +20,26 @@ if TYPE_CHECKING:
 @click.option(
     "--task",
     type=click.Choice(["coco", "lvis", "eth3d"]),
-    default="coco",
-    show_default=True,
-    help="Whose schema.",
+    help="Only what is for this task; whose schema [default: coco].",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def command(kind: str, task: str, as_json: bool) -> int:
+def command(kind: str, task: str | None, as_json: bool) -> int:
     """List the tasks, datasets and baselines there are, or what a scene's author is told.
 
     \b
     Examples:
       legoworld list tasks
       legoworld list datasets --json
+      legoworld list baselines --task lvis
       legoworld list schema --task coco
     """
     if kind == "schema":
-        return _schema(task, as_json=as_json)
-    cards = _cards(kind)
+        return _schema(task or "coco", as_json=as_json)
+    cards = _cards(kind, task)
     if as_json:
         options.print_json({kind: cards})
     elif not cards:
-        click.echo(f"no {kind} are installed")
+        click.echo(f"no {kind} are installed" + (f" for {task}" if task else ""))
     else:
         header = ("name", "version", "what", "licence")
         rows = [(c["name"], c["version"], c["title"], c["licence"]) for c in cards]
@@ -48,7 +47,8 @@ def command(kind: str, task: str, as_json: bool) -> int:
     return 0
 
 
-def _cards(kind: str) -> list[dict[str, Any]]:
+def _cards(kind: str, task: str | None) -> list[dict[str, Any]]:
+    """What there is of a kind, for one task where it is given."""
     if kind == "tasks":
         paths = sorted(catalog.folder("readouts").glob("*.toml"))
     else:
@@ -58,6 +58,9 @@ def _cards(kind: str) -> list[dict[str, Any]]:
     for path in paths:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
         top = values.get("readout", values)
+        tasks = top["tasks"] if kind != "tasks" else [top["task"]]
+        if task is not None and task not in tasks:
+            continue
         cards.append({key: top.get(key, "") for key in ("name", "version", "title", "licence")})
     return cards
 

@@ -14,16 +14,30 @@ from legoworld.places import Place
 @click.command("merge", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("shards", nargs=-1, required=True, type=PlaceType(exists=True))
 @click.option("-o", "--output", required=True, type=PlaceType(exists=False), help="The run.")
+@click.option(
+    "--images-per-file",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Boxes and masks: predictions/00000.jsonl, ... of N images each [default: one file].",
+)
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def command(shards: tuple[Place, ...], output: Place, overwrite: bool, as_json: bool) -> int:
+def command(
+    shards: tuple[Place, ...],
+    output: Place,
+    images_per_file: int | None,
+    overwrite: bool,
+    as_json: bool,
+) -> int:
     """Put the SHARDS 1/n to n/n of one readout together: the same bytes as one undivided run.
 
-    Exit code 1 when some scene of the run could not be read.
+    One undivided run alone, a baseline's too, is written again, with its predictions in one file or
+    in as many as --images-per-file makes. Exit code 1 when some scene of the run could not be read.
 
     \b
     Examples:
       legoworld merge shards/* -o run
+      legoworld merge shards/* -o run --images-per-file 1000
       legoworld merge s3://bucket/shards/1 s3://bucket/shards/2 -o run
     """
     from legoworld.running.merging import merge_shards
@@ -31,13 +45,12 @@ def command(shards: tuple[Place, ...], output: Place, overwrite: bool, as_json: 
     with ExitStack() as stack:
         here = [stack.enter_context(read_from(shard)) for shard in shards]
         folder = stack.enter_context(written_at(output, last="run.json", overwrite=overwrite))
-        result = merge_shards(here, folder, overwrite=overwrite)
+        result = merge_shards(here, folder, images_per_file=images_per_file, overwrite=overwrite)
     coverage = result.summary["coverage"]
     if as_json:
         options.print_json({"run": str(output), "summary": result.summary})
     else:
-        click.echo(
-            f"{len(shards)} shards, {coverage['ok']} of {coverage['attempted']} images read "
-            f"-> {output}"
-        )
+        given = "1 run" if len(shards) == 1 else f"{len(shards)} shards"
+        read = f"{coverage['ok']} of {coverage['attempted']} images read"
+        click.echo(f"{given}, {read} -> {output}")
     return 0 if coverage["ok"] == coverage["attempted"] else 1

@@ -63,6 +63,22 @@ def written_at(place: Place, *, last: str, overwrite: bool) -> Iterator[Path]:
 
 
 @contextmanager
+def written_whole(place: Place, *, last: str) -> Iterator[Path]:
+    """A folder to write into; when `place` is a URL, published there only when all went well.
+
+    What is at the URL is fetched first, to be looked at before it is replaced.
+    """
+    if isinstance(place, Path):
+        yield place
+        return
+    with scratch_folder("legoworld-written-") as folder:
+        local = folder / (place.rstrip("/").rpartition("/")[2] or "written")
+        fetch_folder(place, local)
+        yield local
+        publish_folder(local, place, last=last)
+
+
+@contextmanager
 def read_from(place: Place) -> Iterator[Path]:
     """A folder to read from: what is at a URL is fetched for as long as the block lasts."""
     if isinstance(place, Path):

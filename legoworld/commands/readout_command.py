@@ -11,6 +11,7 @@ import click
 
 from legoworld.commands import options
 from legoworld.commands.places import PlaceType, written_at
+from legoworld.commands.wording import counted, outside_the_vocabulary
 from legoworld.places import Place
 
 if TYPE_CHECKING:
@@ -40,6 +41,12 @@ if TYPE_CHECKING:
 @click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
 @click.option("--shard", type=options.ShardType(), help="Only every n-th image, from the i-th on.")
 @options.engine
+@click.option(
+    "--images-per-file",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Boxes and masks: predictions/00000.jsonl, ... of N images each, for very large tracks.",
+)
 @click.option("--max-side", type=click.IntRange(min=1), help="Depth only: render smaller.")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first scene that cannot be read.")
@@ -59,6 +66,7 @@ def command(
     image_ids: tuple[int, ...],
     shard: tuple[int, int] | None,
     engine: Literal["local", "ray"],
+    images_per_file: int | None,
     max_side: int | None,
     overwrite: bool,
     fail_fast: bool,
@@ -91,6 +99,10 @@ def command(
     if max_side is not None and task != "eth3d":
         raise click.UsageError(
             "--max-side is for depth: boxes and masks are read at the image's own size"
+        )
+    if images_per_file is not None and task == "eth3d":
+        raise click.UsageError(
+            "--images-per-file is for boxes and masks: depth has a file an image already"
         )
     if scenes is None:
         scenes, shipped_track = shipped_examples(task)
@@ -125,6 +137,7 @@ def command(
         image_ids=image_ids,
         shard=shard,
         fail_fast=fail_fast,
+        images_per_file=images_per_file,
     )
     with written_at(output, last="run.json", overwrite=overwrite) as folder:
         here = replace(request.image_options, run=folder.absolute())
@@ -191,18 +204,14 @@ def _print(result: RunResult, output: Place, *, verbose: bool) -> None:
     if len(failures) > 50:
         click.echo(f"... and {len(failures) - 50} more, in {output}/per_image.jsonl")
     for name, count in result.summary.get("unmatched_labels", {}).items():
-        near = _nearest(result, name)
-        click.echo(
-            f"label {name!r} is not in the vocabulary ({count} owners)"
-            + (f"; near: {', '.join(near)}" if near else "")
-        )
+        click.echo(outside_the_vocabulary(name, count, _nearest(result, name)))
     coverage = result.summary["coverage"]
     line = f"{coverage['ok']} of {coverage['attempted']} images read"
     if "ok_empty" in coverage:
         line += f" ({coverage['ok_empty']} without any export)"
-    what = {"coco": "boxes", "lvis": "masks"}.get(result.summary["task"])
+    what = {"coco": ("box", "boxes"), "lvis": ("mask", "masks")}.get(result.summary["task"])
     if what:
-        line += f", {result.summary['predictions']} {what}"
+        line += f", {counted(result.summary['predictions'], *what)}"
     if result.summary["partial"]:
         line += ", partial run"
     click.echo(f"{line} -> {output}")

@@ -22,6 +22,7 @@ from legoworld.evaluation.folder import (
 )
 from legoworld.evaluation.matched_metrics import matched_document
 from legoworld.evaluation.matching import FALSE_POSITIVE
+from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
 from legoworld.evaluation.predictions import (
     Predictions,
     check_predictions,
@@ -29,7 +30,7 @@ from legoworld.evaluation.predictions import (
 )
 from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol, detection_protocol
 from legoworld.evaluation.rows import per_category_rows, per_image_rows, views
-from legoworld.evaluation.run import Run, read_predictions, read_run, run_view
+from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.evaluation.scoring import (
     Notice,
     RankedScore,
@@ -41,7 +42,7 @@ from legoworld.evaluation.scoring import (
     score,
 )
 from legoworld.evaluation.truth import Truth, read_truth
-from legoworld.running.run_folder import PREDICTIONS, ROWS, RUN
+from legoworld.running.tasks import ALONE, Crew
 
 
 def evaluate_detections(
@@ -55,18 +56,20 @@ def evaluate_detections(
     overwrite: bool,
     notice: Notice,
     warn: Notice,
+    crew: Crew = ALONE,
+    origins: Origins = HERE,
 ) -> Evaluation:
     """Score a coco or lvis run and write the evaluation folder.
 
     evaluator: None for the official one where it is installed, else the fast one. notice is told
-    what is being done, warn what the reader of the numbers must know. Every LegoWorldError is
-    raised before anything is written.
+    what is being done, warn what the reader of the numbers must know. crew: works on the images;
+    any gives the same bytes. Every LegoWorldError is raised before anything is written.
     """
     run = read_run(run_folder)
     protocol = detection_protocol(run.task)
     kind = evaluator or default_evaluator(protocol, warn)
     truth = read_truth(truth_path, run, protocol)
-    inputs = _inputs(run, truth_path)
+    inputs = _inputs(run, truth_path, origins)
     configuration = {
         "task": run.task,
         "evaluator": kind,
@@ -75,8 +78,13 @@ def evaluate_detections(
         "card_sha256": protocol.card.sha256,
     }
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
-    predictions = check_predictions(read_predictions(run), run=run, truth=truth, protocol=protocol)
-    request = ScoreRequest(truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed)
+    notice("checking the predictions")
+    predictions = check_predictions(
+        read_predictions(run), run=run, truth=truth, protocol=protocol, crew=crew
+    )
+    request = ScoreRequest(
+        truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed, crew=crew
+    )
     own = score(request, predictions, notice)
     equal = None
     if not predictions.equally_confident:
@@ -107,14 +115,9 @@ def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKin
     return "official"
 
 
-def _inputs(run: Run, truth_path: Path) -> list[InputFile]:
-    return [
-        input_file("truth", truth_path),
-        *(
-            input_file(role, run.folder / name)
-            for role, name in (("run", RUN), ("per_image", ROWS), ("predictions", PREDICTIONS))
-        ),
-    ]
+def _inputs(run: Run, truth_path: Path, origins: Origins) -> list[InputFile]:
+    files = [("truth", truth_path), *run_inputs(run)]
+    return recorded_inputs([input_file(*file) for file in files], run.folder, origins)
 
 
 def _kept_equal(predictions: Predictions, own: Score) -> Predictions:
@@ -227,7 +230,6 @@ def _evidence(
     equal: RankedScore | None,
 ) -> dict[str, Any]:
     """What evidence.json adds: the raw numbers and the exports they belong to."""
-    exported = with_equal_confidence(predictions)
     return {
         "run": {
             key: run.configuration.get(key)
@@ -244,7 +246,7 @@ def _evidence(
             "canonical_predictions_sha256": predictions.sha256,
         },
         "equal_confidence": {
-            "predictions_sha256": exported.sha256,
+            "predictions_sha256": predictions.sha256_equally_confident,
             "official": list((equal or own).scores.official),
         },
     }

@@ -107,7 +107,7 @@ def _hotcoco(truth: Truth, predictions: Predictions, protocol: DetectionProtocol
     import hotcoco
 
     true = hotcoco.COCO(truth.document())
-    results = predictions.results()
+    results = list(predictions.entries)  # it copies what it reads
     if not results:
         found = hotcoco.COCO({**truth.document(), "annotations": []})
     elif protocol.federated:

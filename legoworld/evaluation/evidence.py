@@ -25,9 +25,10 @@ from legoworld.evaluation.folder import (
     read_summary,
 )
 from legoworld.evaluation.matched_metrics import matched_document
+from legoworld.evaluation.predictions import sha256_of_entries
 from legoworld.evaluation.protocols import PROTOCOLS, detection_protocol
 from legoworld.evaluation.scoring import AGREEMENT
-from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.files import sha256_of_file
 
 
 @dataclass(frozen=True)
@@ -161,13 +162,10 @@ def _numbers(folder: Path, evidence: dict[str, Any], summary: dict[str, Any]) ->
 def _export_sha256(predictions: list[Row], *, equal: bool) -> str:
     """Hash of the results that view/predictions.json shows, as `Predictions.sha256` makes it."""
     keys = ("image_id", "category_id", "bbox", "segmentation", "score")
-    lines = []
-    for shown in predictions:
-        entry = {k: shown[k] for k in keys if k in shown}
-        if equal:
-            entry["score"] = EQUAL_CONFIDENCE
-        lines.append(canonical_json(entry) + "\n")
-    return sha256_of_text("".join(lines))
+    entries = ({k: shown[k] for k in keys if k in shown} for shown in predictions)
+    if equal:
+        entries = ({**entry, "score": EQUAL_CONFIDENCE} for entry in entries)
+    return sha256_of_entries(entries)
 
 
 def check_equal(what: str, found: Any, recorded: Any) -> Check:

@@ -21,6 +21,7 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
+    atomic_path,
     canonical_json,
     readable_json,
     sha256_of_file,
@@ -49,12 +50,16 @@ class EvaluationFolderError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class InputFile:
-    """A file a score was computed from. role: truth, run, predictions, ... ."""
+    """A file a score was computed from. role: truth, run, predictions, ... .
+
+    recorded: its name in evidence.json; None for its path relative to the evaluation folder.
+    """
 
     role: str
     path: Path
     sha256: str
     size_bytes: int
+    recorded: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +165,7 @@ def _write(folder: Path, evaluation: Evaluation) -> None:
     if evaluation.matches is not None:
         write_npz(folder / MATCHES, evaluation.matches, compressed=True)
     for name, value in sorted(evaluation.view.items()):
-        write_text(folder / VIEW / name, canonical_json(value) + "\n")
+        _write_json(folder / VIEW / name, value)
     write_text(folder / SUMMARY, readable_json(evaluation.summary))
     write_text(folder / EVIDENCE, readable_json(_evidence(folder, evaluation)))
 
@@ -215,16 +220,20 @@ def _evidence(folder: Path, evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _entries(inputs: Sequence[InputFile], folder: Path) -> list[Row]:
-    """Inputs as evidence.json lists them: paths relative to the evaluation folder."""
+    """Inputs as evidence.json lists them."""
     return [
         {
             "role": i.role,
-            "path": Path(os.path.relpath(i.path.resolve(), folder.resolve())).as_posix(),
+            "path": i.recorded or _relative(i.path, folder),
             "sha256": i.sha256,
             "bytes": i.size_bytes,
         }
         for i in inputs
     ]
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def _inputs_by_role(entries: Sequence[Row]) -> dict[str, Any]:
@@ -249,6 +258,19 @@ def _delete_earlier(folder: Path) -> None:
     view = folder / VIEW
     for path in sorted(view.rglob("*"), reverse=True) if view.is_dir() else ():
         path.rmdir() if path.is_dir() else path.unlink()
+
+
+def _write_json(path: Path, value: Any) -> None:
+    """canonical_json and a newline, whole or not at all; a list's text is never all in memory."""
+    items = value if isinstance(value, list) else None
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        if items is None:
+            stream.write(canonical_json(value).encode())
+        else:
+            for index, item in enumerate(items):
+                stream.write(f"{',' if index else '['}{canonical_json(item)}".encode())
+            stream.write(b"]" if items else b"[]")
+        stream.write(b"\n")
 
 
 def _lines(rows: Sequence[Row]) -> str:

@@ -21,6 +21,8 @@ _MOST_DECODED: Final = 500
 _MOST_DIGITS: Final = 7
 
 Rle = dict[str, Any]
+#: (n, 4) boxes x, y, w, h, or n compressed masks.
+Shapes = NDArray[np.float64] | list[Rle]
 
 
 def areas_px(masks: Sequence[Rle]) -> NDArray[np.float64]:
@@ -30,11 +32,9 @@ def areas_px(masks: Sequence[Rle]) -> NDArray[np.float64]:
     return areas
 
 
-def overlaps(
-    detections: Sequence[Any], truths: Sequence[Any], crowd: Sequence[int]
-) -> NDArray[np.float64]:
-    """(detections, truths) IoU of boxes or compressed masks; of crowds, the detection's share."""
-    return np.asarray(_API.iou(list(detections), list(truths), list(crowd)), np.float64)
+def overlaps(detections: Shapes, truths: Shapes, crowd: Sequence[int]) -> NDArray[np.float64]:
+    """(detections, truths) IoU, at least one of each; of crowds, the detection's share."""
+    return np.asarray(_API.iou(detections, truths, list(crowd)), np.float64)
 
 
 def compressed(mask: Any, size_hw: tuple[int, int]) -> Rle:
@@ -84,7 +84,7 @@ def pixels_covered(counts: Sequence[str]) -> NDArray[np.int64]:
     last but one (rleToString in pycocotools' maskApi.c).
     """
     parts = [
-        _pixels_covered([c.encode("utf-8") for c in counts[i : i + _MOST_DECODED]])
+        _pixels_covered([c.encode("utf-8", "surrogatepass") for c in counts[i : i + _MOST_DECODED]])
         for i in range(0, len(counts), _MOST_DECODED)
     ]
     return np.concatenate([*parts, np.empty(0, np.int64)])

@@ -10,7 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.problem import Bools, Detections, Floats, Ints, Problem
+from legoworld.evaluation.problem import (
+    Bools,
+    Detections,
+    Floats,
+    Ints,
+    Problem,
+    TrueInstances,
+)
 from legoworld.evaluation.protocols import AREA_RANGES, IOU_THRESHOLDS
 
 #: What became of a detection at an area range and a threshold.
@@ -45,7 +52,7 @@ class MatchTable:
 
 @dataclass(frozen=True, kw_only=True)
 class ImageOverlaps:
-    """One image: positions of its detections and truths, and their overlaps.
+    """One image of a chunk: positions of its detections and truths there, and their overlaps.
 
     iou: (detections, truths); for a crowd truth, the share of the detection inside it.
     """
@@ -56,9 +63,9 @@ class ImageOverlaps:
     iou: Floats
 
 
-def unmatched(problem: Problem) -> NDArray[np.uint8]:
+def unmatched(detections: Detections) -> NDArray[np.uint8]:
     """(A, T, D) state of detections in which nothing has matched yet."""
-    shape = len(AREA_RANGES), len(_THRESHOLDS), len(problem.detections.image)
+    shape = len(AREA_RANGES), len(_THRESHOLDS), len(detections.image)
     return np.full(shape, FALSE_POSITIVE, np.uint8)
 
 
@@ -86,9 +93,10 @@ def greedy(iou: Floats, ignored: Bools, crowd: Bools) -> tuple[Bools, Bools]:
     return matched, to_ignored
 
 
-def match_image(problem: Problem, found: ImageOverlaps, state: NDArray[np.uint8]) -> None:
+def match_image(
+    detections: Detections, truths: TrueInstances, found: ImageOverlaps, state: NDArray[np.uint8]
+) -> None:
     """Write what becomes of one image's detections into the state."""
-    detections, truths = problem.detections, problem.truths
     first = found.detections.start
     categories = detections.category[found.detections]
     true_categories = truths.category[found.truths]
@@ -106,17 +114,19 @@ def match_image(problem: Problem, found: ImageOverlaps, state: NDArray[np.uint8]
         state[:, :, first + rows] = kinds
 
 
-def _ignore_unmatched(detections: Detections, state: NDArray[np.uint8]) -> None:
-    """Unmatched detections outside the area range, or where LVIS did not annotate them all."""
+def ignore_unmatched(detections: Detections, area: Floats, state: NDArray[np.uint8]) -> None:
+    """Forgive unmatched detections outside the area range, or where LVIS did not annotate all.
+
+    area: (D,) of the detections; state: once every image is matched.
+    """
     for a, (low, high) in enumerate(AREA_RANGES):
-        forgiven = (detections.area < low) | (detections.area > high) | ~detections.exhaustive
+        forgiven = (area < low) | (area > high) | ~detections.exhaustive
         lane = state[a]
         lane[(lane == FALSE_POSITIVE) & forgiven] = IGNORED
 
 
 def match_table(problem: Problem, state: NDArray[np.uint8]) -> MatchTable:
-    """The table, once every image is matched; unverified detections take no part."""
-    _ignore_unmatched(problem.detections, state)
+    """The table of a whole state; unverified detections take no part."""
     detections, truths = problem.detections, problem.truths
     order = np.lexsort((detections.rank, detections.image, -detections.score, detections.category))
     order = order[detections.verified[order]]

@@ -1,4 +1,4 @@
-"""Overlaps of every image's detections and truths, by pycocotools' own IoU."""
+"""Overlaps and areas of a chunk's shapes, by pycocotools' own functions."""
 
 from __future__ import annotations
 
@@ -6,36 +6,41 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from legoworld.evaluation.masks import compressed, overlaps
+from legoworld.evaluation.chunks import Chunk
+from legoworld.evaluation.masks import Rle, Shapes, areas_px, compressed, overlaps
 from legoworld.evaluation.matching import ImageOverlaps
-from legoworld.evaluation.predictions import Predictions
-from legoworld.evaluation.problem import Problem
-from legoworld.evaluation.truth import Truth
+from legoworld.evaluation.problem import Floats
 
 
-def image_overlaps(
-    problem: Problem, truth: Truth, predictions: Predictions
-) -> Iterator[ImageOverlaps]:
-    """Images that have both detections and truths, in ascending id, one at a time."""
-    detections, truths = problem.detections, problem.truths
-    n = len(problem.image_ids)
-    first_detection = np.searchsorted(detections.image, np.arange(n + 1))
-    first_truth = np.searchsorted(truths.image, np.arange(n + 1))
-    for i in range(n):
+def image_overlaps(chunk: Chunk) -> Iterator[ImageOverlaps]:
+    """Images that have both detections and truths, in ascending order, one at a time."""
+    images = np.arange(len(chunk.sizes_hw) + 1)
+    first_detection = np.searchsorted(chunk.detections.image, images)
+    first_truth = np.searchsorted(chunk.truths.image, images)
+    for i, size_hw in enumerate(chunk.sizes_hw):
         mine = slice(int(first_detection[i]), int(first_detection[i + 1]))
         true = slice(int(first_truth[i]), int(first_truth[i + 1]))
         if mine.start == mine.stop or true.start == true.stop:
             continue
-        entries = [predictions.entries[k] for k in detections.entry[mine]]
-        annotations = [truth.annotations[k] for k in truths.annotation[true]]
-        crowd = truths.crowd[true].astype(int).tolist()
-        if problem.protocol.iou_type == "bbox":
-            shapes = [e["bbox"] for e in entries], [a["bbox"] for a in annotations]
+        found: Shapes
+        wanted: Shapes
+        if chunk.iou_type == "bbox":
+            found, wanted = chunk.boxes[mine], chunk.true_boxes[true]
         else:
-            size = truth.images[i]["height"], truth.images[i]["width"]
-            shapes = (
-                [compressed(e["segmentation"], size) for e in entries],
-                [compressed(a["segmentation"], size) for a in annotations],
-            )
-        iou = overlaps(*shapes, crowd)
+            found = [_mask(counts, size_hw) for counts in chunk.masks[mine]]
+            wanted = [compressed(mask, size_hw) for mask in chunk.true_masks[true]]
+        crowd = chunk.truths.crowd[true].astype(int).tolist()
+        iou = overlaps(found, wanted, crowd)
         yield ImageOverlaps(image=i, detections=mine, truths=true, iou=iou)
+
+
+def detection_areas(chunk: Chunk) -> Floats:
+    """(D,) what the evaluators take for a detection's area: of the box, or of the mask."""
+    if chunk.iou_type == "bbox":
+        return np.asarray(chunk.boxes[:, 2] * chunk.boxes[:, 3])
+    images = chunk.detections.image.tolist()
+    return areas_px([_mask(c, chunk.sizes_hw[i]) for c, i in zip(chunk.masks, images, strict=True)])
+
+
+def _mask(counts: str, size_hw: tuple[int, int]) -> Rle:
+    return {"size": list(size_hw), "counts": counts.encode("ascii")}

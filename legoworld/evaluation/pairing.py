@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from legoworld.evaluation.matching import ImageOverlaps
-from legoworld.evaluation.problem import Bools, Floats, Ints, Problem
+from legoworld.evaluation.problem import Bools, Detections, Floats, Ints, TrueInstances
 
 #: A pair at least this good is a true positive of precision and recall.
 HIT: Final = 0.5
@@ -22,11 +22,11 @@ _PREFER_LABEL: Final = 1e-11
 
 @dataclass(frozen=True, kw_only=True)
 class Pairs:
-    """Pairs of a whole run and what they are counted against.
+    """Pairs of a run, or of some of its images, and what they are counted against.
 
-    detection, truth: (P,) positions in the problem's columns; iou: (P,), all above 0; counted:
-    (D,) detections that are answered for: paired at HIT or better, or not forgiven by the
-    official rules (in a crowd, category unverified or not exhaustively annotated).
+    detection, truth: (P,) positions in its columns; iou: (P,), all above 0; counted: (D,)
+    detections that are answered for: paired at HIT or better, or not forgiven by the official
+    rules (in a crowd, category unverified or not exhaustively annotated).
     """
 
     detection: Ints
@@ -36,53 +36,51 @@ class Pairs:
 
 
 class Pairer:
-    """Collects the pairs of all images; within categories, or across them."""
+    """Collects the pairs of images; within categories, or across them."""
 
-    def __init__(self, problem: Problem, *, class_aware: bool) -> None:
-        self._problem = problem
+    def __init__(self, detections: Detections, truths: TrueInstances, *, class_aware: bool) -> None:
+        self._detections = detections
+        self._truths = truths
         self._class_aware = class_aware
-        self._detections: list[Ints] = []
-        self._truths: list[Ints] = []
-        self._ious: list[Floats] = []
-        self._forgiven = ~problem.detections.exhaustive | ~problem.detections.verified
+        self._pairs: list[tuple[Ints, Ints, Floats]] = []
+        self._forgiven = ~detections.exhaustive | ~detections.verified
 
     def add(self, found: ImageOverlaps) -> None:
         """Pair one image's detections and truths."""
-        detections, truths = self._problem.detections, self._problem.truths
-        categories = detections.category[found.detections]
-        true_categories = truths.category[found.truths]
+        categories = self._detections.category[found.detections]
+        true_categories = self._truths.category[found.truths]
         if not self._class_aware:
             self._pair(found, np.arange(len(categories)), np.arange(len(true_categories)))
             return
-        verified = detections.verified[found.detections]
+        verified = self._detections.verified[found.detections]
         for category in np.intersect1d(categories[verified], true_categories):
             rows = np.flatnonzero(categories == category)
             self._pair(found, rows, np.flatnonzero(true_categories == category))
 
     def result(self) -> Pairs:
         """Everything added so far."""
-        detection = np.concatenate([*self._detections, np.empty(0, np.int64)])
-        iou = np.concatenate([*self._ious, np.empty(0)])
+        nothing = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+        columns = zip(*self._pairs, nothing, strict=True)
+        detection, truth, iou = (np.concatenate(column) for column in columns)
         counted = ~self._forgiven
         counted[detection[iou >= HIT]] = True
-        return Pairs(
-            detection=detection,
-            truth=np.concatenate([*self._truths, np.empty(0, np.int64)]),
-            iou=iou,
-            counted=counted,
-        )
+        return Pairs(detection=detection, truth=truth, iou=iou, counted=counted)
 
     def _pair(self, found: ImageOverlaps, rows: Ints, columns: Ints) -> None:
-        ignored = self._problem.truths.ignored[found.truths][columns]
+        ignored = self._truths.ignored[found.truths][columns]
         iou = found.iou[np.ix_(rows, columns)]
         same_label = (
-            self._problem.detections.category[found.detections][rows][:, None]
-            == self._problem.truths.category[found.truths][columns][~ignored]
+            self._detections.category[found.detections][rows][:, None]
+            == self._truths.category[found.truths][columns][~ignored]
         )
         chosen, true = best_pairs(iou[:, ~ignored], same_label)
-        self._detections.append(found.detections.start + rows[chosen])
-        self._truths.append(found.truths.start + columns[~ignored][true])
-        self._ious.append(iou[:, ~ignored][chosen, true])
+        self._pairs.append(
+            (
+                found.detections.start + rows[chosen],
+                found.truths.start + columns[~ignored][true],
+                iou[:, ~ignored][chosen, true],
+            )
+        )
         in_ignored = (iou[:, ignored] >= HIT).any(axis=1)
         self._forgiven[found.detections.start + rows[in_ignored]] = True
 

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import check_box_format, is_finite
-from legoworld.evaluation.masks import (
-    areas_px,
-    compressed,
-    covers,
-    pixels_covered,
-    rle_problem,
-)
+from legoworld.evaluation.mask_parts import MaskParts, decode_masks
+from legoworld.evaluation.masks import compressed, covers, rle_problem
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.evaluation.truth import Truth
-from legoworld.files import canonical_json, sha256_of_text
+from legoworld.files import canonical_json
+from legoworld.running.tasks import ALONE, Crew, results_of
 from legoworld.vocabulary import Vocabulary
 
 CheckBoxes = Callable[[Sequence[dict[str, Any]], Mapping[int, tuple[int, int]]], Mapping[str, int]]
@@ -59,7 +57,12 @@ class Predictions:
     @property
     def sha256(self) -> str:
         """Hash of the entries as JSON, one line each."""
-        return sha256_of_text("".join(canonical_json(e) + "\n" for e in self.entries))
+        return sha256_of_entries(self.entries)
+
+    @property
+    def sha256_equally_confident(self) -> str:
+        """The same of `with_equal_confidence`."""
+        return sha256_of_entries({**e, "score": EQUAL_CONFIDENCE} for e in self.entries)
 
     @property
     def equally_confident(self) -> bool:
@@ -68,11 +71,16 @@ class Predictions:
 
 
 def check_predictions(
-    entries: Sequence[Any], *, run: Run, truth: Truth, protocol: DetectionProtocol
+    entries: Sequence[Any],
+    *,
+    run: Run,
+    truth: Truth,
+    protocol: DetectionProtocol,
+    crew: Crew = ALONE,
 ) -> Predictions:
     """Check a results list against the run's images and the truth's categories.
 
-    PredictionsInvalidError names the first offender and how many there are.
+    crew: decodes masks. PredictionsInvalidError names the first offender and how many there are.
     """
     return check_results(
         entries,
@@ -80,6 +88,7 @@ def check_predictions(
         sizes_wh={i["id"]: (i["width"], i["height"]) for i in truth.images},
         vocabulary=truth.vocabulary,
         protocol=protocol,
+        crew=crew,
     )
 
 
@@ -91,6 +100,7 @@ def check_results(
     vocabulary: Vocabulary,
     protocol: DetectionProtocol,
     check_boxes: CheckBoxes = check_box_format,
+    crew: Crew = ALONE,
 ) -> Predictions:
     """Check a results list against the images of a run and a vocabulary; needs no truth.
 
@@ -106,11 +116,10 @@ def check_results(
         kept = [_box_entry(e) for e in entries]
     else:
         kept = [_mask_entry(e, sizes_wh[e["image_id"]], warnings) for e in entries]
-        _check_decoded(kept, sizes_wh)
+        areas = _decoded_areas(kept, sizes_wh, crew)
         boxed = sum("bbox" in e for e in entries)
         if boxed:  # lvis would take the box's area for the mask's
             warnings["masks with a bbox, which was left out"] = boxed
-        areas = areas_px([e["segmentation"] for e in kept])
         kept = [e for e, area in zip(kept, areas, strict=True) if area > 0]
     return Predictions(
         entries=tuple(sorted(kept, key=canonical_key)),
@@ -119,9 +128,17 @@ def check_results(
     )
 
 
+def sha256_of_entries(entries: Iterable[dict[str, Any]]) -> str:
+    """Hash of entries as JSON, one line each; their text is never in memory as a whole."""
+    digest = hashlib.sha256()
+    for entry in entries:
+        digest.update(f"{canonical_json(entry)}\n".encode())
+    return digest.hexdigest()
+
+
 def canonical_key(entry: dict[str, Any]) -> tuple[Any, ...]:
-    """Image id, category id, payload (box numbers or RLE bytes), higher score first."""
-    payload = entry.get("bbox") or entry["segmentation"]["counts"].encode("ascii")
+    """Image id, category id, payload (box numbers or RLE characters), higher score first."""
+    payload = entry.get("bbox") or entry["segmentation"]["counts"]
     return entry["image_id"], entry["category_id"], payload, -entry["score"]
 
 
@@ -222,15 +239,25 @@ def _mask_entry(
     }
 
 
-def _check_decoded(
-    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
-) -> None:
-    """Whether every mask's run lengths add up to its image: pycocotools never asks."""
-    found = pixels_covered([e["segmentation"]["counts"] for e in entries])
-    expected = np.array([w * h for w, h in (sizes_wh[e["image_id"]] for e in entries)], np.int64)
-    for index in np.flatnonzero(found != expected)[:1]:
-        entry = entries[index]
-        raise _unusable_mask(entry, covers(int(found[index]), sizes_wh[entry["image_id"]]))
+def _decoded_areas(
+    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]], crew: Crew
+) -> NDArray[np.float64]:
+    """(n,) pixels of every mask, once its run lengths add up to its image.
+
+    pycocotools never asks, and reads on behind the end of counts that do not.
+    """
+    parts = MaskParts(entries)
+    crew = crew.for_work(worth_a_process=parts.many)
+    first = 0
+    areas = []
+    for covered, area in results_of(decode_masks, parts, crew):
+        some = entries[first : first + len(covered)]
+        sizes = [sizes_wh[e["image_id"]] for e in some]
+        for index in np.flatnonzero(covered != [w * h for w, h in sizes])[:1]:
+            raise _unusable_mask(some[index], covers(int(covered[index]), sizes[index]))
+        areas.append(area)
+        first += len(some)
+    return np.concatenate([*areas, np.empty(0)])
 
 
 def _unusable_mask(entry: dict[str, Any], problem: str) -> PredictionsInvalidError:

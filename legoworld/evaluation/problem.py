@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.masks import areas_px
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.truth import Truth
@@ -32,7 +31,6 @@ class Detections:
     image: Ints
     category: Ints
     score: Floats
-    area: Floats
     rank: Ints
     entry: Ints
     verified: Bools
@@ -143,7 +141,6 @@ def _detections(
         image=image[order],
         category=category[order],
         score=score[order],
-        area=_areas(entries, protocol)[order],
         rank=rank,
         entry=order,
         verified=verified,
@@ -177,16 +174,6 @@ def _cells(truth: Truth, key: str, category_ids: Ints) -> Ints:
     images, categories = np.array(found, np.int64).T
     cells: Ints = images * len(category_ids) + _positions(category_ids, categories)
     return cells
-
-
-def _areas(entries: Sequence[dict[str, Any]], protocol: DetectionProtocol) -> Floats:
-    """What the evaluators take for a detection's area: of the box, or of the mask."""
-    if not entries:
-        return np.empty(0)
-    if protocol.iou_type == "bbox":
-        boxes = np.array([e["bbox"] for e in entries], np.float64)
-        return np.asarray(boxes[:, 2] * boxes[:, 3])
-    return areas_px([e["segmentation"] for e in entries])
 
 
 def _positions(sorted_ids: Ints, ids: Any) -> Ints:

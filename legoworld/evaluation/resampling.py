@@ -5,8 +5,6 @@ An image drawn twice stands twice in the ranking, its copies next to each other.
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from legoworld.evaluation.accumulation import category_slices, mean_precision
+from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.problem import Floats, Ints
 from legoworld.evaluation.protocols import (
@@ -29,7 +28,6 @@ from legoworld.evaluation.protocols import (
 _PIECE_ELEMENTS: Final = 1 << 15
 #: Elements of the image counts that are gathered at a time, to bound memory.
 _GATHERED_ELEMENTS: Final = 1 << 22
-_MOST_THREADS: Final = 8
 
 Counts = NDArray[np.int32]
 
@@ -66,7 +64,7 @@ def resampled_metrics(
     defined = {m.name: np.zeros(draws) for m in protocol.metrics}
     rows = category_slices(table)
     group_of = [""] * len(rows) if frequencies is None else frequencies.tolist()
-    with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as pool:
+    with category_threads() as pool:
         for a, area in enumerate(AREA_NAMES):
             truths = _truths_by_image(table, a) @ columns
             jobs = [

@@ -9,7 +9,8 @@ from typing import Any
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.folder import read_rows
-from legoworld.running.run_folder import JOURNAL, PREDICTIONS, ROWS, RUN
+from legoworld.running.prediction_files import IMAGES_PER_FILE, prediction_files, stored_entries
+from legoworld.running.run_folder import JOURNAL, ROWS, RUN
 
 
 class RunUnusableError(LegoWorldError):
@@ -75,20 +76,34 @@ def read_run(folder: Path) -> Run:
 
 
 def read_predictions(run: Run) -> list[Any]:
-    """The run's predictions.json, unchecked beyond being a list."""
-    entries = _read_json(run.folder / PREDICTIONS, "a finished run of boxes or masks")
-    if not isinstance(entries, list):
-        raise RunUnusableError(
-            f"{PREDICTIONS} of {run.folder.name} is not a list of results",
-            found=type(entries).__name__,
-            expected="COCO or LVIS results: a list of objects",
-        )
-    return entries
+    """Every prediction of the run, file after file, unchecked beyond being lists.
+
+    PredictionsUnreadableError names a file that is absent or damaged.
+    """
+    return list(stored_entries(_prediction_files(run)))
+
+
+def run_inputs(run: Run) -> list[tuple[str, Path]]:
+    """Role and path of every file that a score of boxes or masks is computed from."""
+    return [
+        ("run", run.folder / RUN),
+        ("per_image", run.folder / ROWS),
+        *(("predictions", path) for path in _prediction_files(run)),
+    ]
+
+
+def _prediction_files(run: Run) -> list[Path]:
+    per_file = run.configuration.get(IMAGES_PER_FILE)
+    return prediction_files(run.folder, per_file, len(run.images))
 
 
 def run_view(run: Run) -> dict[str, Any]:
-    """view/run.json: what a report says of the run and of each of its images, without any time."""
+    """view/run.json: what a report says of the run and of each of its images, without any time.
+
+    Nor does it say into how many files the predictions are divided: no number depends on it.
+    """
     document = _read_json(run.folder / RUN, "a finished run")
+    document["configuration"].pop(IMAGES_PER_FILE, None)
     return {
         **{key: document.get(key) for key in ("configuration", "versions", "scenes", "baseline")},
         "images": sorted(read_rows(run.folder / ROWS), key=lambda row: int(row["image_id"])),

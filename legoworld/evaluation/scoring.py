@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
@@ -18,15 +18,16 @@ from legoworld.evaluation.evaluators import (
     run_evaluator,
 )
 from legoworld.evaluation.matched_metrics import MatchedCounts, matched_counts, matched_metrics
-from legoworld.evaluation.matching import MatchTable, match_image, match_table, unmatched
-from legoworld.evaluation.overlaps import image_overlaps
-from legoworld.evaluation.pairing import Pairer, Pairs
+from legoworld.evaluation.matches import matches_of, states_of
+from legoworld.evaluation.matching import MatchTable, match_table
+from legoworld.evaluation.pairing import Pairs
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.problem import Floats, Problem, build_problem
 from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
 from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.evaluation.ties import TieResult, tie_orders
 from legoworld.evaluation.truth import Truth
+from legoworld.running.tasks import ALONE, Crew
 
 #: Largest difference between an evaluator's number and ours: summation order, nothing more.
 AGREEMENT: Final = 1e-12
@@ -36,13 +37,14 @@ Notice = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreRequest:
-    """What is scored and how."""
+    """What is scored and how; who works on the images changes nothing."""
 
     truth: Truth
     protocol: DetectionProtocol
     kind: EvaluatorKind
     draws: int
     seed: int
+    crew: Crew = ALONE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,16 +81,16 @@ def frequencies_of(truth: Truth) -> NDArray[np.str_]:
 def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Score:
     """Score predictions. EvaluatorDisagreesError when evaluator and matches do not agree."""
     problem = build_problem(request.truth, predictions, request.protocol)
-    aware, agnostic = (Pairer(problem, class_aware=kind) for kind in (True, False))
-    ranked = _ranked(request, predictions, problem, (aware, agnostic), notice)
-    pairs_aware, pairs_agnostic = aware.result(), agnostic.result()
-    counts = matched_counts(problem, pairs_aware), matched_counts(problem, pairs_agnostic)
+    notice("matching")
+    matches = matches_of(problem, request.truth, predictions, request.crew)
+    ranked = _ranked(request, predictions, problem, matches.state, notice)
+    counts = matched_counts(problem, matches.aware), matched_counts(problem, matches.agnostic)
     notice(f"{request.draws} bootstrap samples")
     samples = resample_counts(len(problem.image_ids), request.draws, request.seed)
     return Score(
         **{f.name: getattr(ranked, f.name) for f in fields(ranked)},
-        pairs_aware=pairs_aware,
-        pairs_agnostic=pairs_agnostic,
+        pairs_aware=matches.aware,
+        pairs_agnostic=matches.agnostic,
         aware=counts[0],
         agnostic=counts[1],
         intervals=_intervals(request, ranked.scores, ranked.table, *counts, samples),
@@ -98,22 +100,18 @@ def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Sc
 def ranked_score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> RankedScore:
     """Score the same predictions under another ranking; what is free of scores is left out."""
     problem = build_problem(request.truth, predictions, request.protocol)
-    return _ranked(request, predictions, problem, (), notice)
+    notice("matching")
+    state = states_of(problem, request.truth, predictions, request.crew)
+    return _ranked(request, predictions, problem, state, notice)
 
 
 def _ranked(
     request: ScoreRequest,
     predictions: Predictions,
     problem: Problem,
-    pairers: Sequence[Pairer],
+    state: NDArray[np.uint8],
     notice: Notice,
 ) -> RankedScore:
-    notice("matching")
-    state = unmatched(problem)
-    for found in image_overlaps(problem, request.truth, predictions):
-        match_image(problem, found, state)
-        for pairer in pairers:
-            pairer.add(found)
     table = match_table(problem, state)
     curves = accumulate(table, request.protocol)
     notice("running the evaluator")

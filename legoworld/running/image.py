@@ -68,7 +68,7 @@ class SceneReader:
             with _at_hand(image, self._options) as options:
                 return read_image(image, options, self._blender)
         except PlaceError as error:
-            return _verdict(_row_of(image), error)
+            return failed_record(image, error)
 
     def abort(self) -> None:
         """End the Blender process under a running `do`."""
@@ -95,7 +95,12 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
 
 def lost_record(image: TrackImage, what: str) -> Record:
     """The record of an image whose machine was lost each time it was tried."""
-    return _verdict(_row_of(image), machine_lost(what))
+    return failed_record(image, machine_lost(what))
+
+
+def failed_record(image: TrackImage, error: LegoWorldError) -> Record:
+    """The record of an image that nothing was read of."""
+    return _verdict(_row_of(image), error)
 
 
 def arrived(record: Record, options: ImageOptions) -> Record:

@@ -28,6 +28,8 @@ from legoworld.running.image import (
     lost_record,
     still_valid,
 )
+from legoworld.running.prediction_files import with_division
+from legoworld.running.reader_process import ReaderProcess, worth_processes
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
@@ -39,7 +41,7 @@ class RunRequest:
     """Everything a readout run is asked for.
 
     engine, workers and limits never change its results. shard: (i, n), 1 <= i <= n: only every
-    n-th image, from the i-th on.
+    n-th image, from the i-th on. images_per_file: None for one file of predictions.
     """
 
     image_options: ImageOptions
@@ -52,6 +54,7 @@ class RunRequest:
     image_ids: tuple[int, ...]
     shard: tuple[int, int] | None
     fail_fast: bool
+    images_per_file: int | None
 
     @property
     def partial(self) -> bool:
@@ -80,7 +83,7 @@ def run_readout(
     """
     folder = request.image_options.run
     images = shard_images(request)
-    configuration = _configuration(request, images)
+    configuration = with_division(_configuration(request, images), request.images_per_file)
     with run_folder.locked(folder):
         earlier = run_folder.prepare(folder, configuration, overwrite=request.overwrite)
         by_id = {record["row"]["image_id"]: record for record in earlier}
@@ -174,7 +177,9 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
     workers = max(1, min(request.workers, len(todo)))
     threads = max(1, (os.cpu_count() or 1) // workers) if request.engine == "local" else 1
     options = replace(request.image_options, threads=threads)
-    job = Job(make=partial(SceneReader, options, request.limits), lost=lost_record)
+    apart = request.engine == "local" and worth_processes(workers, len(todo))
+    reader = ReaderProcess if apart else SceneReader
+    job = Job(make=partial(reader, options, request.limits), lost=lost_record)
     with closing(ENGINES[request.engine](job, todo, workers)) as records:
         for record in records:
             yield arrived(record, options)

@@ -13,22 +13,29 @@ from typing import IO, Any, Final
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
-    atomic_path,
     canonical_json,
     readable_json,
     sha256_of_file,
     write_text,
 )
+from legoworld.running.prediction_files import (
+    IMAGES_PER_FILE,
+    Prediction,
+    delete_predictions,
+    prediction_files,
+    predictions_of,
+    present_files,
+    write_predictions,
+)
 
 RUN: Final = "run.json"
 ROWS: Final = "per_image.jsonl"
-PREDICTIONS: Final = "predictions.json"
 SUMMARY: Final = "summary.json"
 JOURNAL: Final = "journal.jsonl"
 _CONFIGURATION: Final = "configuration.json"
 _LOCK: Final = ".lock"
 _TIME: Final = "finished_at"  # run.json's own, and the only time in a run
-_RESULTS: Final = (RUN, ROWS, PREDICTIONS, SUMMARY, JOURNAL)
+_RESULTS: Final = (RUN, ROWS, SUMMARY, JOURNAL)
 
 Record = dict[str, Any]
 
@@ -180,11 +187,16 @@ def finish(
     summary: dict[str, Any],
     with_predictions: bool,
 ) -> None:
-    """Write the canonical files, each whole or not at all, and drop the journal."""
+    """Write the canonical files, each whole or not at all, and drop the journal.
+
+    The configuration in `run` says how many images' predictions a file holds.
+    """
     ordered = sorted(records, key=lambda r: int(r["row"]["image_id"]))
     before = _earlier_results(folder)
     if with_predictions:
-        _write_predictions(folder, [r["journal_at"] for r in ordered])
+        places = [r["journal_at"] for r in ordered]
+        per_file = run["configuration"].get(IMAGES_PER_FILE)
+        write_predictions(folder, per_file, _journalled(folder, places), len(places))
     write_text(folder / ROWS, "".join(canonical_json(r["row"]) + "\n" for r in ordered))
     write_text(folder / SUMMARY, readable_json(summary))
     scenes = {str(r["row"]["image_id"]): r["scene"] for r in ordered if r["scene"]}
@@ -208,24 +220,19 @@ def _earlier_results(folder: Path) -> tuple[dict[str, Any], dict[str, str]] | No
 
 
 def _hashes(folder: Path) -> dict[str, str]:
-    names = (ROWS, PREDICTIONS, SUMMARY)
-    return {name: sha256_of_file(folder / name) for name in names if (folder / name).is_file()}
+    results = [p for p in (folder / ROWS, folder / SUMMARY) if p.is_file()]
+    return {
+        path.relative_to(folder).as_posix(): sha256_of_file(path)
+        for path in (*results, *present_files(folder))
+    }
 
 
-def _write_predictions(folder: Path, places: list[int]) -> None:
-    """One prediction a line, read back from the records at these places of the journal."""
-    with (
-        (folder / JOURNAL).open("rb") as journal,
-        atomic_path(folder / PREDICTIONS) as temporary,
-        temporary.open("w", encoding="utf-8", newline="\n") as stream,
-    ):
-        before = "[\n"
+def _journalled(folder: Path, places: Sequence[int]) -> Iterator[list[Prediction]]:
+    """The predictions of the records at these places of the journal."""
+    with (folder / JOURNAL).open("rb") as stream:
         for place in places:
-            journal.seek(place)
-            for prediction in json.loads(journal.readline())["predictions"]:
-                stream.write(before + canonical_json(prediction))
-                before = ",\n"
-        stream.write("[]\n" if before == "[\n" else "\n]\n")
+            stream.seek(place)
+            yield json.loads(stream.readline())["predictions"]
 
 
 def recorded_configuration(folder: Path) -> dict[str, Any] | None:
@@ -254,24 +261,22 @@ def _configuration_in(path: Path, name: str) -> dict[str, Any]:
     )
 
 
-def finished_records(folder: Path) -> list[Record]:
-    """Records of a run that has ended, put together again from its files; empty otherwise."""
+def finished_records(folder: Path) -> Iterator[Record]:
+    """Records of a run that has ended, put together again from its files; none otherwise.
+
+    By ascending image id; predictions are read as the records are taken. The images of a file that
+    is gone have none.
+    """
     if not (folder / RUN).is_file() or not (folder / ROWS).is_file():
-        return []
-    scenes = json.loads((folder / RUN).read_text(encoding="utf-8"))["scenes"]
-    predictions: dict[int, list[dict[str, Any]]] = {}
-    if (folder / PREDICTIONS).is_file():
-        for prediction in json.loads((folder / PREDICTIONS).read_text(encoding="utf-8")):
-            predictions.setdefault(prediction["image_id"], []).append(prediction)
-    rows = [json.loads(x) for x in _lines(folder / ROWS)]
-    return [
-        {
-            "row": row,
-            "predictions": predictions.get(row["image_id"], []),
-            "scene": scenes.get(str(row["image_id"])),
-        }
-        for row in rows
-    ]
+        return
+    document = json.loads((folder / RUN).read_text(encoding="utf-8"))
+    rows = sorted(map(json.loads, _lines(folder / ROWS)), key=lambda row: int(row["image_id"]))
+    per_file = document["configuration"].get(IMAGES_PER_FILE)
+    files = [f for f in prediction_files(folder, per_file, len(rows)) if f.is_file()]
+    each = predictions_of([row["image_id"] for row in rows], files)
+    for row, predictions in zip(rows, each, strict=True):
+        scene = document["scenes"].get(str(row["image_id"]))
+        yield {"row": row, "predictions": predictions, "scene": scene}
 
 
 def _journal_records(folder: Path) -> list[Record]:
@@ -301,6 +306,7 @@ def _drop_torn_line(path: Path) -> None:
 def _delete_results(folder: Path) -> None:
     for name in _RESULTS:
         (folder / name).unlink(missing_ok=True)
+    delete_predictions(folder)
     depth = folder / "depth"
     for path in sorted(depth.rglob("*.npz")) if depth.is_dir() else ():
         path.unlink()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -14,8 +13,7 @@ import pytest
 from legoworld import cli
 from legoworld.running.engines import Job, run_ray
 
-ray = pytest.importorskip("ray")
-cluster_utils = pytest.importorskip("ray.cluster_utils")
+pytest.importorskip("ray")
 
 pytestmark = [pytest.mark.blender, pytest.mark.filterwarnings("default")]
 
@@ -33,21 +31,6 @@ def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
     folder = tmp_path_factory.mktemp("scenes")
     build_scenes(SCENES, folder)
     return folder
-
-
-@pytest.fixture(scope="module")
-def two_nodes() -> Iterator[cluster_utils.Cluster]:
-    """A cluster of two nodes on this machine: each with one CPU and processes of its own."""
-    cluster = cluster_utils.Cluster(
-        initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
-    )
-    cluster.add_node(num_cpus=1)
-    cluster.wait_for_nodes()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RAY_ADDRESS", cluster.address)
-        yield cluster
-    ray.shutdown()
-    cluster.shutdown()
 
 
 def readout(scenes: Path, run: Path, task: str, *more: object) -> int:

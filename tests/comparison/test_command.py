@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from comparison.evaluations import (
 
 from legoworld import cli
 from legoworld.comparison.formats import Table, comma_separated, latex, markdown
+from legoworld.comparison.tables import coverage_table, headline_table
 from legoworld.comparison.verification import verify_comparison
 
 
@@ -44,24 +46,76 @@ def test_two_tables_on_standard_output_and_six_in_the_folder(pair, tmp_path, cap
     assert call(*pair, "-o", out) == 0
     shown = capsys.readouterr()
     assert shown.err == ""
-    headline, coverage, notes = shown.out.split("\n\n")[:3]
-    lines = headline.splitlines()
-    assert lines[0].split() == ["task", "metric", "scene", "specialist", "difference", "over"]
-    assert sum(line.startswith("coco") for line in lines) == 2 * 15
-    assert all("images, " in line for line in lines[2:])
-    assert "12 attempted images" in lines[2]
+    attempted, paired_block, coverage, notes = shown.out.split("\n\n")[:4]
     document = json.loads((out / "comparison.json").read_text())
     paired = document["pairs"][0]["coverage"]["paired"]
-    assert f"{paired} paired images" in lines[-1]
+    titles = ("coco, 12 attempted images: ", f"coco, {paired} paired images: ")
+    for block, title in zip((attempted, paired_block), titles, strict=True):
+        lines = block.splitlines()
+        assert lines[0] == f"{title}scene and specialist"
+        assert lines[1].split() == ["metric", "scene", "specialist", "difference"]
+        assert sum(line[0] != " " for line in lines[3:]) == 15
     row = coverage.splitlines()[2].split()
     assert row[:3] == ["coco", "12", str(document["pairs"][0]["coverage"]["with_truth"])]
     assert "scene: missing (1)" in coverage
     assert "specialist: failed (1)" in coverage
+    notes = " ".join(notes.split())
     assert "30 bootstrap samples over images, shared by both methods, seed 0" in notes
     assert "specialist ranked by own scores, scene equally confident" in notes
     names = {f"{a}.{b}" for a in ("table", "coverage") for b in ("md", "tex", "csv")}
     assert {p.name for p in out.iterdir()} == {*names, "comparison.json", "evidence.json"}
     assert len((out / "table.md").read_text().splitlines()) >= 2 + 30
+
+
+def shown_numbers(text: str) -> list[str]:
+    """Every number and word of a terminal's tables, sorted: order and layout left out."""
+    return sorted(re.sub(r"[,:\[\]()]", " ", text).split())
+
+
+@pytest.mark.parametrize("which", ["two", "three", "depth", "joined", "long names"])
+def test_the_terminal_has_100_columns_and_every_number(which, pair, depth_pair, tmp_path, capsys):
+    out = tmp_path / "out"
+    sides = [*pair]
+    if which in ("three", "long names"):
+        sides += [tmp_path / "other"]
+        shutil.copytree(pair[1], sides[-1])
+        name = "third" if which == "three" else " ".join(["a detector of many letters"] * 5)
+        forge(
+            sides[-1],
+            "view/run.json",
+            lambda p: change_json(p, lambda run: run["configuration"].update(baseline=name)),
+        )
+    if which == "depth":
+        sides = [*depth_pair]
+    if which == "joined":
+        compared(pair, tmp_path / "one", draws=30)
+        compared(depth_pair, tmp_path / "two", draws=30)
+        assert cli.run(["compare", "--join", str(tmp_path / "one"), str(tmp_path / "two"),
+                        "-o", str(out)]) == 0  # fmt: skip
+    else:
+        assert call(*sides, "-o", out) == 0
+    shown = capsys.readouterr().out
+    text = shown[: shown.rindex("\n-> ")]
+    assert max(map(len, text.splitlines())) <= 100
+    document = json.loads((out / "comparison.json").read_text())
+    headline, coverage = headline_table(document), coverage_table(document)
+    words = set(shown_numbers(text))
+    for table in (headline, coverage):
+        for row in table.rows:
+            missing = [cell for cell in row if not set(shown_numbers(cell)) <= words]
+            assert not missing
+    # Value by value: the cells of each metric, in its own lines.
+    blocks = [b.splitlines() for b in text.split("\n\n")]
+    lines = [line for b in blocks for line in b if "↑" in line or "↓" in line]
+    assert len(lines) == len(headline.rows)
+    for line, row in zip(lines, headline.rows, strict=True):
+        values = row[2:5] if len(row) == 6 else [row[3], row[5], row[6]]
+        assert line.split()[:2] == row[1].split()
+        assert line.split()[2:] == [value.split()[0] for value in values]
+        below = text[text.index(line) + len(line) :]
+        for value in values:
+            interval = value.partition(" ")[2]
+            assert interval in below.split("\n")[1] or not interval
 
 
 def test_the_json_form_is_the_file(pair, tmp_path, capsys):

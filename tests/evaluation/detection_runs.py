@@ -168,12 +168,9 @@ def checked(folder: Path, task: str, truth: Document, predictions: Sequence[Any]
 
 def match_everything(protocol: Any, truth: Any, predictions: Any):
     """(problem, match table)."""
-    from legoworld.evaluation.matching import match_image, match_table, unmatched
-    from legoworld.evaluation.overlaps import image_overlaps
+    from legoworld.evaluation.matches import states_of
+    from legoworld.evaluation.matching import match_table
     from legoworld.evaluation.problem import build_problem
 
     problem = build_problem(truth, predictions, protocol)
-    state = unmatched(problem)
-    for found in image_overlaps(problem, truth, predictions):
-        match_image(problem, found, state)
-    return problem, match_table(problem, state)
+    return problem, match_table(problem, states_of(problem, truth, predictions))

@@ -20,8 +20,7 @@ from legoworld.evaluation.bootstrap import (
 )
 from legoworld.evaluation.evaluators import run_evaluator
 from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
-from legoworld.evaluation.overlaps import image_overlaps
-from legoworld.evaluation.pairing import Pairer
+from legoworld.evaluation.matches import matches_of
 from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.evaluation.scoring import frequencies_of
 
@@ -44,10 +43,9 @@ def resampled(truth, predictions, counts):
 
 
 def pair_metrics(problem, truth, predictions, samples, *, class_aware):
-    pairer = Pairer(problem, class_aware=class_aware)
-    for found in image_overlaps(problem, truth, predictions):
-        pairer.add(found)
-    return matched_metrics(matched_counts(problem, pairer.result()), samples)
+    matches = matches_of(problem, truth, predictions)
+    pairs = matches.aware if class_aware else matches.agnostic
+    return matched_metrics(matched_counts(problem, pairs), samples)
 
 
 @pytest.mark.parametrize("task", ["coco", "lvis"])
@@ -86,7 +84,7 @@ def test_blocks_of_draws_do_not_change_anything(tmp_path, monkeypatch):
     whole = resampled_metrics(table, protocol, counts)
     monkeypatch.setattr("legoworld.evaluation.resampling._PIECE_ELEMENTS", 70)
     monkeypatch.setattr("legoworld.evaluation.resampling._GATHERED_ELEMENTS", 200)
-    monkeypatch.setattr("legoworld.evaluation.resampling._MOST_THREADS", 1)
+    monkeypatch.setattr("legoworld.evaluation.category_threads._MOST_THREADS", 1)
     parts = resampled_metrics(table, protocol, counts)
     for name, values in whole.items():
         np.testing.assert_array_equal(values, parts[name])

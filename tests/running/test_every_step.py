@@ -10,7 +10,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -79,6 +79,7 @@ class World:
     run: Path
     truth: Path
     shards: tuple[Path, ...]
+    box_shards: tuple[Path, ...]
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def world(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> World:
     for i in range(3):
         (folder / "depths").mkdir(exist_ok=True)
         np.save(folder / "depths" / f"scene{i}.npy", np.full((48, 64), i + 1, np.float32))
-    truth = random_truth("coco", seed=1, images=2)
+    truth = random_truth("coco", seed=1, images=2, categories=1)
     made = World(
         scenes=scenes,
         cache=cache,
@@ -100,9 +101,12 @@ def world(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> World:
         run=write_run(folder / "run", "coco", truth, random_predictions("coco", truth, seed=2)),
         truth=write_truth(folder / "truth.json", truth),
         shards=(folder / "shard1", folder / "shard2"),
+        box_shards=(folder / "box_shard1", folder / "box_shard2"),
     )
     for i, shard in enumerate(made.shards, 1):
         assert cli.run([*readout("eth3d")(made, shard), "--shard", f"{i}/2"]) == 0
+    for i, shard in enumerate(made.box_shards, 1):
+        assert cli.run([*readout("coco")(made, shard), "--shard", f"{i}/2"]) == 0
     made.results.write_text(
         json.dumps([{"image_id": 1, "category_id": 18, "bbox": [1, 2, 3, 4], "score": 0.5}])
     )
@@ -129,6 +133,10 @@ def merge(world: World, output: Path) -> list[str]:
     return ["merge", *map(str, world.shards), "-o", str(output)]
 
 
+def merge_into_files(world: World, output: Path) -> list[str]:
+    return ["merge", *map(str, world.box_shards), "-o", str(output), "--images-per-file", "2"]
+
+
 def bring(task: str) -> Command:
     more = ["--space", "depth", "--unit", "m"] if task == "eth3d" else []
     return lambda world, output: [
@@ -146,9 +154,11 @@ def evaluate(world: World, output: Path) -> list[str]:
 
 COMMANDS: dict[str, Command] = {
     "readout coco": readout("coco"),
+    "readout coco, in files": readout("coco", "--images-per-file", "2"),
     "readout eth3d": readout("eth3d"),
     "freeze": freeze,
     "merge": merge,
+    "merge, into files": merge_into_files,
     "import coco": bring("coco"),
     "import eth3d": bring("eth3d"),
     "evaluate": evaluate,
@@ -201,13 +211,24 @@ def test_the_same_command_again_ends_as_if_never_stopped(name, killed, world, tm
     assert number > 4
 
 
+#: The readout that is stopped while it replaces an earlier one, and the earlier one's options.
+OVERWRITES: dict[str, tuple[list[str], list[str]]] = {
+    "coco": (["coco"], ["--limit", "2"]),
+    "eth3d": (["eth3d"], ["--limit", "2"]),
+    "files by one file": (["coco"], ["--images-per-file", "1"]),
+    "one file by files": (["coco", "--images-per-file", "1"], []),
+    "files by fewer": (["coco", "--images-per-file", "2"], ["--images-per-file", "1"]),
+}
+
+
 @pytest.mark.parametrize("killed", [False, True], ids=["ctrl-c", "killed"])
-@pytest.mark.parametrize("task", ["coco", "eth3d"])
-def test_a_stopped_overwrite_mixes_nothing(task, killed, world, tmp_path, capfd):
+@pytest.mark.parametrize("name", OVERWRITES)
+def test_a_stopped_overwrite_mixes_nothing(name, killed, world, tmp_path, capfd):
     undisturbed, earlier = tmp_path / "undisturbed", tmp_path / "earlier"
-    again, anew = readout(task), readout(task, "--overwrite")
+    now, before = OVERWRITES[name]
+    again, anew = readout(*now), readout(*now, "--overwrite")
     assert cli.run(again(world, undisturbed)) == 0
-    assert cli.run(readout(task, "--limit", "2")(world, earlier)) == 0
+    assert cli.run(readout(now[0], *before)(world, earlier)) == 0
     expected, number = tree(undisturbed), 0
     for number in count(1):
         output = tmp_path / f"before{number}"
@@ -217,5 +238,31 @@ def test_a_stopped_overwrite_mixes_nothing(task, killed, world, tmp_path, capfd)
         if cli.run(again(world, output)) == 1:
             assert "a run of another configuration" in capfd.readouterr().err
             assert cli.run(anew(world, output)) == 0, number
+        assert tree(output) == expected, number
+    assert number > 4
+
+
+@pytest.mark.parametrize("killed", [False, True], ids=["ctrl-c", "killed"])
+@pytest.mark.parametrize("division", [[], ["--images-per-file", "1"]], ids=["one file", "files"])
+def test_a_stopped_second_run_mixes_nothing(division, killed, world, tmp_path, capfd):
+    """Of a scene that changed since the first run, which had ended, as it stands in its folder."""
+    undisturbed, earlier = tmp_path / "undisturbed", tmp_path / "earlier"
+    command = readout("coco", *division)
+    assert cli.run(command(world, earlier)) == 0
+    scenes = tmp_path / "scenes"
+    shutil.copytree(world.scenes, scenes)
+    labels = {"version": 1, "labels": [{"object": "Dog", "category": "cat"}]}
+    (scenes / "scene1" / "labels.json").write_text(json.dumps(labels))
+    changed = replace(world, scenes=scenes)
+    assert cli.run(command(changed, undisturbed)) == 0
+    expected, number = tree(undisturbed), 0
+    assert expected != tree(earlier)
+    for number in count(1):
+        output = tmp_path / f"before{number}"
+        shutil.copytree(earlier, output)
+        arguments = command(changed, output)
+        if not stop(arguments, number, killed=killed, capfd=capfd):
+            break
+        assert cli.run(arguments) == 0, number
         assert tree(output) == expected, number
     assert number > 4

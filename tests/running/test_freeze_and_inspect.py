@@ -20,6 +20,10 @@ quad("Far dog", x=100, category="dog")
 quad("Wall", z=-2, half=9)
 save("good")
 fresh(); quad("Dog"); save("no_camera")
+fresh(); camera()
+for name, x, label in (("A", 0, "dogg"), ("B", 2, "dogg"), ("C", -2, "xyzzy")):
+    quad(name, x=x, category=label)
+save("odd_labels")
 """
 
 
@@ -45,7 +49,7 @@ def test_freeze_checks_every_artefact(scenes, capsys):
     assert cli.run(["freeze", str(scenes), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     found = {row["scene"]: row["status"] for row in document["scenes"]}
-    assert found == {"good": "ok", "no_camera": "invalid"}
+    assert found == {"good": "ok", "no_camera": "invalid", "odd_labels": "ok"}
     record = frozen(scenes / "good")
     assert set(record["files"]) == {"scene.blend", "final.png", "scene.py"}
     blend = scenes / "good" / "scene.blend"
@@ -100,3 +104,69 @@ def test_inspect_draws_over_a_photo_of_its_size_only(scenes, tmp_path, capsys):
 def test_inspect_of_a_broken_scene_is_one_line(scenes, capsys):
     assert cli.run(["inspect", str(scenes / "no_camera")]) == 1
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_inspect_names_what_a_label_is_like(scenes, capsys):
+    scene = str(scenes / "odd_labels")
+    assert cli.run(["inspect", scene, "--task", "coco"]) == 0
+    shown = capsys.readouterr().out
+    assert "label 'dogg' is not in the vocabulary (2 owners); near: dog" in shown
+    assert "label 'xyzzy' is not in the vocabulary (1 owner)\n" in shown
+    assert cli.run(["inspect", scene, "--task", "coco", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["outside_vocabulary"] == {"dogg": 2, "xyzzy": 1}
+    assert document["nearest"]["dogg"][0] == "dog"
+    assert document["nearest"]["xyzzy"] == []
+    assert cli.run(["inspect", scene]) == 0
+    assert "vocabulary" not in capsys.readouterr().out
+
+
+@pytest.fixture
+def re_executed(scenes, tmp_path) -> Path:
+    """A frozen scene whose scene.blend was made anew."""
+    scene = tmp_path / "scenes" / "again"
+    scene.mkdir(parents=True)
+    (scene / "scene.blend").write_bytes((scenes / "good" / "scene.blend").read_bytes())
+    assert cli.run(["freeze", "-q", str(scene)]) == 0
+    (scene / "scene.blend").write_bytes((scenes / "odd_labels" / "scene.blend").read_bytes())
+    return scene
+
+
+def test_inspect_of_a_changed_scene_says_what_to_do(re_executed, capsys):
+    before = frozen(re_executed)
+    capsys.readouterr()
+    assert cli.run(["inspect", str(re_executed)]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "scene.blend is not the file that was frozen" in error
+    assert "`legoworld freeze` the scene again" in error
+    assert "--allow-changed" in error
+    assert frozen(re_executed) == before
+
+
+def test_a_changed_scene_can_be_looked_at_and_not_read_out(re_executed, tmp_path, capsys):
+    before = frozen(re_executed)
+    arguments = ["inspect", str(re_executed), "--allow-changed"]
+    assert cli.run([*arguments, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [e["name"] for e in document["instances"]] == ["A", "B", "C"]
+    warning = "scene.blend is not the file that was frozen: readout refuses the scene until"
+    assert warning in document["warnings"][0]
+    assert cli.run(arguments) == 0
+    assert f"warning: {warning}" in capsys.readouterr().err
+    assert frozen(re_executed) == before
+    readout = ["readout", "-q", str(re_executed.parent), "--task", "coco", "-o"]
+    assert cli.run([*readout, str(tmp_path / "run")]) == 1
+    assert "changed: again" in capsys.readouterr().out
+    assert cli.run([*readout, str(tmp_path / "other"), "--allow-changed"]) == 2
+    assert cli.run([*arguments, "--compare-sources"]) == 2
+    assert cli.run(["freeze", "-q", str(re_executed)]) == 0
+    capsys.readouterr()
+    assert cli.run([*arguments, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["warnings"] == []
+
+
+def test_a_change_that_is_not_of_the_files_is_never_allowed(re_executed, capsys):
+    (re_executed / "frozen.json").write_text("{")
+    assert cli.run(["inspect", str(re_executed), "--allow-changed"]) == 1
+    assert "frozen.json cannot be read" in capsys.readouterr().err

@@ -106,6 +106,42 @@ def test_shards_at_urls_are_merged(scenes: Path, tmp_path: Path, bucket: str):
     assert results(tmp_path / "merged") == results(tmp_path / "whole")
 
 
+@pytest.mark.filterwarnings("default")
+def test_files_of_predictions_at_a_url(scenes: Path, tmp_path: Path, bucket: str):
+    local = tmp_path / "local"
+    for run in (local, f"{bucket}/run"):
+        assert readout(scenes, run, "--images-per-file", 2) == 0
+    places.fetch_folder(f"{bucket}/run", tmp_path / "fetched")
+    assert results(tmp_path / "fetched") == results(local)
+    assert len(list((local / "predictions").iterdir())) == 2
+    merge = ["merge", f"{bucket}/run", "-o", f"{bucket}/whole"]
+    assert cli.run(merge) == 0
+    assert readout(scenes, tmp_path / "whole") == 0
+    places.fetch_folder(f"{bucket}/whole", tmp_path / "merged")
+    assert results(tmp_path / "merged") == results(tmp_path / "whole")
+    # Published again with another division, nothing of the first one stays there.
+    assert readout(scenes, f"{bucket}/run", "--overwrite") == 0
+    places.fetch_folder(f"{bucket}/run", tmp_path / "anew")
+    assert results(tmp_path / "anew") == results(tmp_path / "whole")
+
+
+@pytest.mark.filterwarnings("default")
+def test_inspect_looks_at_a_scene_at_a_url(scenes: Path, bucket: str, tmp_path: Path, capsys):
+    places.publish_folder(scenes, f"{bucket}/scenes", last="")
+    shown = []
+    for scene in (scenes / "street/scene1", f"{bucket}/scenes/street/scene1"):
+        output = tmp_path / f"look{len(shown)}"
+        assert cli.run(["inspect", str(scene), "--json", "-o", str(output)]) == 0
+        files = {p.name: p.read_bytes() for p in output.iterdir()}
+        shown.append((json.loads(capsys.readouterr().out), files))
+    assert shown[0] == shown[1]
+    assert shown[0][0]["instances"][0]["category"] == "cat"
+    assert cli.run(["inspect", f"{bucket}/scenes/street/scene9"]) == 2
+    assert "there is nothing at" in capsys.readouterr().err
+    assert cli.run(["inspect", f"{bucket}/scenes/street"]) == 1
+    assert "holds no scene" in capsys.readouterr().err
+
+
 def test_file_urls_are_paths(scenes: Path, tmp_path: Path):
     assert readout(scenes.as_uri(), (tmp_path / "run").as_uri()) == 0
     assert (tmp_path / "run" / "run.json").is_file()

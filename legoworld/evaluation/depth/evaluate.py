@@ -9,9 +9,9 @@ from typing import Any
 from legoworld.errors import UsageError
 from legoworld.evaluation.depth.declaration import DECLARATION
 from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.image_tasks import image_tasks, scored_images
 from legoworld.evaluation.depth.predictions import DepthRun, read_depth_run
 from legoworld.evaluation.depth.protocol import CAMERA_MODELS, DepthProtocol, depth_protocol
-from legoworld.evaluation.depth.rows import score_row
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.evaluation.folder import (
@@ -22,8 +22,10 @@ from legoworld.evaluation.folder import (
     prepare_folder,
     write_evaluation,
 )
+from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.running.run_folder import ROWS, RUN
+from legoworld.running.tasks import ALONE, Crew
 
 
 def evaluate_depth(
@@ -36,30 +38,33 @@ def evaluate_depth(
     seed: int = 0,
     overwrite: bool = False,
     progress: Callable[[Row], None] | None = None,
+    crew: Crew = ALONE,
+    origins: Origins = HERE,
 ) -> dict[str, Any]:
     """Score a depth run and write the evaluation folder; returns its summary.
 
     truth: ETH3D's folder, or one of arrays named like the photos. camera_model "dataset" reads a
-    scene's pinhole depth where each distorted truth pixel looks. One image is in memory at a time.
-    Raises before scoring when run, truth, options and output do not go together; what is wrong
-    with one prediction is that image's row.
+    scene's pinhole depth where each distorted truth pixel looks. crew: works on the images, any
+    gives the same bytes; each worker has one image in memory. progress: told of each row in the
+    images' order. Raises before scoring when run, truth, options and output do not go together;
+    what is wrong with one prediction is that image's row.
     """
     protocol = depth_protocol()
     settings = Settings(camera_model=camera_model, draws=draws, seed=seed)
+    run, truth = run.absolute(), truth.absolute()
     depth_run = read_depth_run(run)
     files = find_truth(truth, [image.image for image in depth_run.images])
     _check(depth_run, files, settings)
-    inputs = _inputs(depth_run, truth, files)
+    inputs = recorded_inputs(_inputs(depth_run, truth, files), run, origins)
     configuration = _configuration(protocol, settings)
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
     rows: list[Row] = []
     views: dict[str, Any] = {"run.json": run_view(depth_run.run)}
-    for image, file in zip(depth_run.images, files, strict=True):
-        camera = file.camera if camera_model == "dataset" else None
-        result = score_row(image, file, camera, protocol)
+    tasks = image_tasks(depth_run.images, files, warped=camera_model == "dataset")
+    for task, result in zip(tasks, scored_images(tasks, crew), strict=True):
         rows.append(result.row)
         if result.view is not None:
-            views[f"{image.image.id}.json"] = result.view
+            views[f"{task.image.image.id}.json"] = result.view
         if progress is not None:
             progress(result.row)
     summary = summarise(

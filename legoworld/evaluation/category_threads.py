@@ -1,0 +1,14 @@
+"""Threads for work that falls into categories: numpy lets go of the interpreter while it counts."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+_MOST_THREADS: Final = 8
+
+
+def category_threads() -> ThreadPoolExecutor:
+    """A pool of a thread for each core. Its results are added in the categories' order."""
+    return ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1))

@@ -1,0 +1,77 @@
+"""The images of a depth run, each scored by whoever of a crew is free."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.depth.predictions import DepthImage
+from legoworld.evaluation.depth.protocol import depth_protocol
+from legoworld.evaluation.depth.rows import ImageResult, score_row
+from legoworld.evaluation.depth.truth import TruthFile
+from legoworld.running.tasks import Crew, results_of
+
+#: Bytes of truth that are scored by the time that other processes have started.
+_FEW_BYTES: Final = 16 << 20
+
+
+class DepthUnseenError(LegoWorldError):
+    """A machine of the cluster does not see the files that the command sees."""
+
+    code = "depth_unseen"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageTask:
+    """One image to score. sizes_bytes: of its files as the command sees them, by absolute path."""
+
+    image: DepthImage
+    file: TruthFile
+    warped: bool
+    sizes_bytes: dict[Path, int]
+
+
+def image_tasks(
+    images: Sequence[DepthImage], files: Sequence[TruthFile], *, warped: bool
+) -> list[ImageTask]:
+    """What is to be done for each image of a run. warped: through the dataset's camera."""
+    return [
+        ImageTask(
+            image=image,
+            file=file,
+            warped=warped,
+            sizes_bytes={p: p.stat().st_size for p in (image.path, file.path) if p.is_file()},
+        )
+        for image, file in zip(images, files, strict=True)
+    ]
+
+
+def scored_images(tasks: Sequence[ImageTask], crew: Crew) -> Iterator[ImageResult]:
+    """Every image's result, in the order of the tasks."""
+    truth_bytes = sum(task.sizes_bytes.get(task.file.path, 0) for task in tasks)
+    much = len(tasks) > 1 and truth_bytes > _FEW_BYTES
+    return results_of(score_task, tasks, crew.for_work(worth_a_process=much))
+
+
+def score_task(task: ImageTask) -> ImageResult:
+    """Score one image. DepthUnseenError where the command's files are not to be seen.
+
+    A file that only this machine lacks would otherwise be taken for a missing prediction.
+    """
+    for path, size_bytes in task.sizes_bytes.items():
+        found = path.stat().st_size if path.is_file() else None
+        if found != size_bytes:
+            raise DepthUnseenError(
+                f"a machine does not see the depth files of {task.image.image.file_name}",
+                found=f"{'nothing' if found is None else f'{found} bytes'} at {path} "
+                f"on {platform.node()}",
+                expected=f"the {size_bytes} bytes that the command sees there",
+                next_step="put RUN and --truth into folders that all machines see under the same "
+                "path, or use --engine local",
+            )
+    camera = task.file.camera if task.warped else None
+    return score_row(task.image, task.file, camera, depth_protocol())

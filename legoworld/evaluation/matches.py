@@ -1,0 +1,91 @@
+"""Every image matched and paired: chunk by chunk, by as many workers as there are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.chunks import Chunk, Chunks
+from legoworld.evaluation.matching import ignore_unmatched, match_image, unmatched
+from legoworld.evaluation.overlaps import detection_areas, image_overlaps
+from legoworld.evaluation.pairing import Pairer, Pairs
+from legoworld.evaluation.predictions import Predictions
+from legoworld.evaluation.problem import Problem
+from legoworld.evaluation.truth import Truth
+from legoworld.running.tasks import ALONE, Crew, results_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matches:
+    """What becomes of detections: of a chunk's, or of a whole problem's.
+
+    state: (A, T, D) as in MatchTable, in the columns' order; aware, agnostic: the score-free pairs
+    within and across categories.
+    """
+
+    state: NDArray[np.uint8]
+    aware: Pairs
+    agnostic: Pairs
+
+
+def match_chunk(chunk: Chunk) -> Matches:
+    """Match and pair the images of a chunk."""
+    aware, agnostic = (
+        Pairer(chunk.detections, chunk.truths, class_aware=kind) for kind in (True, False)
+    )
+    state = _state(chunk, (aware, agnostic))
+    return Matches(state=state, aware=aware.result(), agnostic=agnostic.result())
+
+
+def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
+    """The state alone: what another ranking of the same predictions changes."""
+    return _state(chunk, ())
+
+
+def matches_of(
+    problem: Problem, truth: Truth, predictions: Predictions, crew: Crew = ALONE
+) -> Matches:
+    """Match and pair every image of a problem; the same whoever works, and on how many chunks."""
+    chunks = Chunks(problem, truth, predictions)
+    done = list(results_of(match_chunk, chunks, crew.for_work(worth_a_process=chunks.many)))
+    return Matches(
+        state=np.concatenate([m.state for m in done], axis=2),
+        aware=_joined([m.aware for m in done], chunks),
+        agnostic=_joined([m.agnostic for m in done], chunks),
+    )
+
+
+def states_of(
+    problem: Problem, truth: Truth, predictions: Predictions, crew: Crew = ALONE
+) -> NDArray[np.uint8]:
+    """Match every image of a problem, without what is free of scores."""
+    chunks = Chunks(problem, truth, predictions)
+    crew = crew.for_work(worth_a_process=chunks.many)
+    return np.concatenate(list(results_of(match_chunk_by_score, chunks, crew)), axis=2)
+
+
+def _joined(parts: list[Pairs], chunks: Chunks) -> Pairs:
+    """The chunks' pairs, in positions of the whole problem's columns."""
+    detections, truths = chunks.starts
+    return Pairs(
+        detection=np.concatenate(
+            [p.detection + first for p, first in zip(parts, detections, strict=True)]
+        ),
+        truth=np.concatenate([p.truth + first for p, first in zip(parts, truths, strict=True)]),
+        iou=np.concatenate([p.iou for p in parts]),
+        counted=np.concatenate([p.counted for p in parts]),
+    )
+
+
+def _state(chunk: Chunk, pairers: Sequence[Pairer]) -> NDArray[np.uint8]:
+    """The state of a chunk's detections; its images are shown to the pairers on the way."""
+    state = unmatched(chunk.detections)
+    for found in image_overlaps(chunk):
+        match_image(chunk.detections, chunk.truths, found, state)
+        for pairer in pairers:
+            pairer.add(found)
+    ignore_unmatched(chunk.detections, detection_areas(chunk), state)
+    return state

@@ -1,0 +1,40 @@
+"""How evidence.json names an input when a command works on copies of what is at URLs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from legoworld.evaluation.folder import InputFile
+from legoworld.places import child
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origins:
+    """The URLs of the run that is scored and of the evaluation; None where it is a folder here."""
+
+    run_url: str | None = None
+    output_url: str | None = None
+
+
+#: Nothing is a copy.
+HERE = Origins()
+
+
+def recorded_inputs(inputs: Sequence[InputFile], run: Path, origins: Origins) -> list[InputFile]:
+    """The inputs with the names that still mean something when the copies are gone.
+
+    A file of a run at a URL is named by its own URL. Where the evaluation goes to a URL, a file
+    of this machine has no path relative to it, and is named by its whole path.
+    """
+    return [replace(found, recorded=_recorded(found.path, run, origins)) for found in inputs]
+
+
+def _recorded(path: Path, run: Path, origins: Origins) -> str | None:
+    if origins.run_url is not None and path.is_relative_to(run):
+        # A name and a password of the URL are nobody's business.
+        url = re.sub(r"(?<=://)[^/@]*@", "", origins.run_url)
+        return child(url, path.relative_to(run).as_posix())
+    return path.resolve().as_posix() if origins.output_url is not None else None

@@ -1,0 +1,122 @@
+"""One function over many items: any crew gives what `map` gives, the same error included."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from legoworld.errors import LegoWorldError, UsageError
+from legoworld.running.task_process import ProcessLostError, TaskProcess
+from legoworld.running.tasks import ALONE, Crew, results_of
+
+CREWS = [ALONE, Crew(workers=2), Crew(workers=5)]
+
+
+@pytest.fixture(autouse=True)
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers import this file by its name."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+
+
+def squared(n: int) -> tuple[int, int]:
+    time.sleep(0.002 * (7 - n % 8))  # the first ones are ready last
+    print("not an answer")
+    return n * n, os.getpid()
+
+
+def refusing(n: int) -> int:
+    time.sleep(0.05 * (n == 3))
+    if n >= 3:
+        raise UsageError("refused", found=str(n), next_step="nothing")
+    return n
+
+
+class TwoArgumentsError(Exception):
+    """Cannot be pickled: it is made again from one argument."""
+
+    def __init__(self, what: str, more: str) -> None:
+        super().__init__(f"{what} {more}")
+
+
+def stubborn(n: int) -> int:
+    raise TwoArgumentsError("odd", str(n))
+
+
+def ending(n: int) -> int:
+    if n == 1:
+        print("out of luck", file=sys.stderr, flush=True)
+        os._exit(3)
+    return n
+
+
+class Lazy(Sequence[int]):
+    """Counts what was taken from it."""
+
+    def __init__(self, n: int) -> None:
+        self.n, self.taken = n, 0
+
+    def __len__(self) -> int:
+        return self.n
+
+    def __getitem__(self, index):
+        self.taken += 1
+        return index
+
+
+@pytest.mark.parametrize("crew", CREWS)
+def test_results_come_in_the_items_order(crew):
+    found = list(results_of(squared, range(40), crew))
+    assert [square for square, _ in found] == [n * n for n in range(40)]
+    processes = {process for _, process in found}
+    assert (os.getpid() in processes) == crew.alone
+    assert 1 <= len(processes) <= crew.workers
+
+
+@pytest.mark.parametrize("crew", CREWS)
+def test_the_first_error_in_order_is_raised_whole(crew):
+    found = []
+    with pytest.raises(UsageError) as caught:
+        found.extend(results_of(refusing, range(9), crew))
+    assert str(caught.value) == "refused; found: 3; next: nothing"
+    assert caught.value.next_step == "nothing"
+
+
+def test_an_error_that_cannot_travel_is_told():
+    with pytest.raises(RuntimeError, match="TwoArgumentsError: odd 0"):
+        list(results_of(stubborn, range(3), Crew(workers=2)))
+
+
+def test_a_process_that_ends_is_an_error_with_its_last_words():
+    with pytest.raises(ProcessLostError, match="exit code 3; out of luck"):
+        list(results_of(ending, range(3), Crew(workers=2)))
+
+
+def test_items_are_taken_when_a_worker_is_free():
+    items = Lazy(5000)
+    results = results_of(squared, items, Crew(workers=2))
+    next(results)
+    assert items.taken < 5000
+    results.close()
+    assert items.taken < 5000
+
+
+def test_what_is_too_little_for_another_process():
+    crew = Crew(workers=4)
+    assert crew.for_work(worth_a_process=True) is crew
+    assert crew.for_work(worth_a_process=False).alone
+    assert not Crew(engine="ray").for_work(worth_a_process=False).alone
+
+
+def test_an_aborted_process_answers_no_more():
+    process = TaskProcess(squared)
+    assert process.call(3)[0] == 9
+    process.abort()
+    for _ in range(2):
+        with pytest.raises(LegoWorldError, match="signal 9"):
+            process.call(3)
+    process.close()

@@ -1,0 +1,105 @@
+"""Runs and evaluations at URLs: the numbers of folders of this machine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from evaluation.test_workers import evaluate, files, made
+
+from legoworld import cli, places
+
+fsspec = pytest.importorskip("fsspec")
+
+BUCKET = "memory://bucket"
+
+
+@pytest.fixture(autouse=True)
+def empty() -> None:
+    fsspec.filesystem("memory").rm("/", recursive=True)
+
+
+def at_url(run: Path) -> str:
+    places.publish_folder(run, f"{BUCKET}/run", last="run.json")
+    return f"{BUCKET}/run"
+
+
+def fetched(url: str, into: Path) -> dict[str, bytes]:
+    places.fetch_folder(url, into)
+    return files(into)
+
+
+def without_places(found: dict[str, bytes]) -> dict[str, bytes]:
+    """The files of an evaluation, evidence.json without where its inputs were."""
+    evidence = json.loads(found["evidence.json"])
+    for entry in evidence["inputs"]:
+        del entry["path"]
+    return {**found, "evidence.json": json.dumps(evidence).encode()}
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
+def test_same_bytes_from_and_to_a_url(task, tmp_path, capsys):
+    run, truth = made(tmp_path, task)
+    assert evaluate(run, truth, tmp_path / "local") == 0
+    assert evaluate(at_url(run), truth, f"{BUCKET}/eval") == 0
+    assert f"-> {BUCKET}/eval" in capsys.readouterr().out
+    found = fetched(f"{BUCKET}/eval", tmp_path / "fetched")
+    assert without_places(found) == without_places(files(tmp_path / "local"))
+
+
+def test_inputs_are_named_by_where_they_really_are(tmp_path):
+    run, truth = made(tmp_path, "coco")
+    for output in (f"{BUCKET}/eval", tmp_path / "eval"):
+        assert evaluate(at_url(run), truth, output) == 0
+    recorded = {}
+    for name, folder in (("url", tmp_path / "fetched"), ("here", tmp_path / "eval")):
+        places.fetch_folder(f"{BUCKET}/eval", tmp_path / "fetched")
+        inputs = json.loads((folder / "evidence.json").read_text())["inputs"]
+        recorded[name] = {entry["role"]: entry["path"] for entry in inputs}
+    assert recorded["url"]["predictions"] == f"{BUCKET}/run/predictions.json"
+    assert recorded["url"]["truth"] == truth.resolve().as_posix()
+    assert recorded["here"]["predictions"] == f"{BUCKET}/run/predictions.json"
+    assert recorded["here"]["truth"] == "../truth.json"
+    for folder in (tmp_path / "fetched", tmp_path / "eval"):
+        assert cli.run(["evidence", "verify", str(folder), "--root", str(tmp_path)]) == 0
+
+
+def test_a_password_in_a_url_is_not_written_down(tmp_path):
+    from legoworld.evaluation.folder import InputFile
+    from legoworld.evaluation.origins import Origins, recorded_inputs
+
+    run = InputFile(role="run", path=tmp_path / "run.json", sha256="", size_bytes=0)
+    origins = Origins(run_url="ftp://me:secret@host/run/")
+    assert recorded_inputs([run], tmp_path, origins)[0].recorded == "ftp://host/run/run.json"
+
+
+def test_what_is_at_the_url_stays_when_scoring_fails(tmp_path, capsys):
+    run, truth = made(tmp_path, "coco")
+    assert evaluate(run, truth, f"{BUCKET}/eval") == 0
+    before = fetched(f"{BUCKET}/eval", tmp_path / "before")
+    assert evaluate(run, truth, f"{BUCKET}/eval", "--draws", 30) == 1
+    assert "holds another evaluation" in capsys.readouterr().err
+    (run / "predictions.json").write_text("[1]")
+    assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 1
+    assert fetched(f"{BUCKET}/eval", tmp_path / "after") == before
+    (run / "predictions.json").write_text("[]")
+    assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 0
+    now = fetched(f"{BUCKET}/eval", tmp_path / "now")
+    assert json.loads(now["summary.json"])["metrics"]["AP"] == 0
+
+
+def test_a_folder_of_something_else_at_the_url_is_not_touched(tmp_path, capsys):
+    run, truth = made(tmp_path, "coco")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    places.publish_folder(tmp_path / "mine", f"{BUCKET}/eval", last="")
+    assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 1
+    assert "notes.txt" in capsys.readouterr().err
+    assert fetched(f"{BUCKET}/eval", tmp_path / "now") == {"notes.txt": b"mine"}
+
+
+def test_nothing_at_the_url_of_the_run_is_said(tmp_path, capsys):
+    _, truth = made(tmp_path, "coco")
+    assert evaluate(f"{BUCKET}/nowhere", truth, tmp_path / "eval") == 2
+    assert "there is nothing at memory://bucket/nowhere" in capsys.readouterr().err

@@ -1,0 +1,184 @@
+"""Whoever works on the images, and on how many at a time: the same bytes, or the same error."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluation.depth.folders import plane, write_eth3d
+from evaluation.depth.folders import write_run as write_depth_run
+from evaluation.detection_runs import (
+    random_predictions,
+    random_truth,
+    write_run,
+    write_truth,
+)
+
+from legoworld import cli
+
+CHUNK = "legoworld.evaluation.chunks._CHUNK_DETECTIONS"
+PART = "legoworld.evaluation.mask_parts._PART_MASKS"
+
+
+def made(folder: Path, task: str) -> tuple[Path, Path]:
+    """A run and its truth."""
+    if task == "eth3d":
+        names = [f"{s}/images/dslr_images/{i}.JPG" for s in ("pipes", "office") for i in range(3)]
+        z = {name: plane((60, 40), seed) for seed, name in enumerate(names)}
+        run = write_depth_run(folder / "run", {**z, names[1]: "missing"}, size_wh=(60, 40))
+        return run, write_eth3d(folder / "truth", z)
+    truth = random_truth(task, seed=8, images=20)
+    predictions = random_predictions(task, truth, seed=8, levels=4)
+    run = write_run(folder / "run", task, truth, predictions)
+    return run, write_truth(folder / "truth.json", truth)
+
+
+def evaluate(run: Path, truth: Path, output: Path, *more: object) -> int:
+    arguments = ["evaluate", "-q", run, "--truth", truth, "-o", output, "--draws", 20, *more]
+    return cli.run([str(a) for a in arguments])
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def small_pieces(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    """Work for many, where there is little."""
+    monkeypatch.setattr(CHUNK, size)
+    monkeypatch.setattr(PART, size)
+    monkeypatch.setattr("legoworld.evaluation.depth.image_tasks._FEW_BYTES", 0)
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
+def test_same_bytes_for_any_number_of_workers_and_any_size_of_chunks(
+    task, tmp_path, monkeypatch, capsys
+):
+    run, truth = made(tmp_path, task)
+    assert evaluate(run, truth, tmp_path / "whole", "--workers", 1) == 0
+    shown = capsys.readouterr().out.replace("whole", "")
+    for workers, size in ((1, 7), (2, 7), (3, 40)):
+        small_pieces(monkeypatch, size)
+        output = tmp_path / f"{workers}-{size}"
+        assert evaluate(run, truth, output, "--workers", workers) == 0
+        assert files(output) == files(tmp_path / "whole")
+        assert capsys.readouterr().out.replace(output.name, "") == shown
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_the_first_of_several_unusable_masks_is_named(workers, tmp_path, monkeypatch, capsys):
+    """By the order in the file, not by who finds one first."""
+    truth = random_truth("lvis", seed=8, images=20)
+    predictions = random_predictions("lvis", truth, seed=8)
+    for place in (150, 61, 100):
+        predictions[place]["segmentation"] = {"size": [90, 120], "counts": "11"}
+    run = write_run(tmp_path / "run", "lvis", truth, predictions)
+    path = write_truth(tmp_path / "truth.json", truth)
+    small_pieces(monkeypatch, 5)
+    assert evaluate(run, path, tmp_path / "eval", "--workers", workers) == 1
+    error = capsys.readouterr().err
+    assert f"a mask of image {predictions[61]['image_id']}, " in error
+    assert error.count("\n") == 1
+    assert not list((tmp_path / "eval").iterdir())
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_first_of_several_broken_depth_truths_is_named(workers, tmp_path, monkeypatch, capsys):
+    names = [f"{i}.png" for i in range(6)]
+    arrays = {name: np.full((30, 40), 2.0) for name in names}
+    run = write_depth_run(tmp_path / "run", arrays)
+    truth = tmp_path / "truth"
+    truth.mkdir()
+    for name in names:  # a distance without intrinsics cannot be turned into depth
+        ray = name in ("2.png", "4.png")
+        labels = {"space": "ray_distance" if ray else "depth", "unit": "m"}
+        np.savez(truth / f"{Path(name).stem}.npz", values=arrays[name], **labels)
+    small_pieces(monkeypatch, 1)
+    assert evaluate(run, truth, tmp_path / "eval", "--workers", workers) == 1
+    error = capsys.readouterr().err
+    assert "2.npz" in error
+    assert error.count("\n") == 1
+    assert not list((tmp_path / "eval").iterdir())
+
+
+#: The command with images that take long, and their workers' ids in a file.
+SLOW = """
+import sys
+from legoworld import cli
+from legoworld.evaluation import chunks, mask_parts, matches
+from evaluation.test_workers import slow_chunk
+chunks._CHUNK_DETECTIONS = 5
+matches.match_chunk = slow_chunk
+sys.exit(cli.run(sys.argv[1:]))
+"""
+
+
+def slow_chunk(_chunk: object) -> None:
+    """Says which process it is in, and never ends."""
+    Path(os.environ["MARKS"], str(os.getpid())).touch()
+    time.sleep(600)
+
+
+def started(run: Path, truth: Path, output: Path, marks: Path) -> subprocess.Popen[str]:
+    """The command with two workers, once both are at work."""
+    marks.mkdir()
+    tests = str(Path(__file__).parents[1])
+    environment = {**os.environ, "MARKS": str(marks), "PYTHONPATH": tests}
+    arguments = ["evaluate", str(run), "--truth", str(truth), "-o", str(output), "--workers", "2"]
+    command = subprocess.Popen(
+        [sys.executable, "-c", SLOW, *arguments],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+    deadline = time.monotonic() + 120
+    while len(list(marks.iterdir())) < 2 and time.monotonic() < deadline:
+        assert command.poll() is None, command.stderr and command.stderr.read()
+        time.sleep(0.02)
+    return command
+
+
+def gone(pid: int) -> bool:
+    """Whether a process is over; waits for it."""
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline:
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except FileNotFoundError:
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@pytest.mark.parametrize("blow", ["kill a worker", "Ctrl-C", "kill the command"])
+def test_a_blow_ends_in_one_line_and_leaves_nothing(blow, tmp_path):
+    run, truth = made(tmp_path, "coco")
+    output = tmp_path / "eval"
+    command = started(run, truth, output, tmp_path / "marks")
+    workers = [int(p.name) for p in (tmp_path / "marks").iterdir()]
+    if blow == "kill a worker":
+        for worker in workers:
+            os.kill(worker, signal.SIGKILL)
+    else:
+        command.send_signal(signal.SIGINT if blow == "Ctrl-C" else signal.SIGKILL)
+    error = command.communicate(timeout=60)[1]
+    expected = {"kill a worker": 1, "Ctrl-C": 130, "kill the command": -signal.SIGKILL}
+    assert command.returncode == expected[blow], error
+    said = error.strip()  # a line begins anew after ^C
+    assert said.count("\n") == 0, error
+    assert bool(said) == (blow != "kill the command")
+    if blow == "kill a worker":
+        assert "a process that worked on a part of it has ended; found: signal 9" in said
+    if blow == "kill the command":  # workers end with the chunk they have, which here is never
+        for worker in workers:
+            os.kill(worker, signal.SIGKILL)
+    assert all(gone(worker) for worker in workers)
+    assert not list(output.iterdir())

@@ -1,0 +1,97 @@
+"""Images read by processes: the same bytes, and one that ends costs at most its image."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from foreign.processes import descendants
+from running.test_shards import readout, results
+
+from legoworld.running import reader_process
+from legoworld.running.reader_process import worth_processes
+
+pytestmark = pytest.mark.blender
+
+SCENES = """
+for i in range(8):
+    fresh(); camera()
+    quad("Dog", x=i - 3, category="dog")
+    save(f"scene{i}")
+fresh(); quad("Dog", category="dog"); save("no_camera")
+"""
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+    folder = tmp_path_factory.mktemp("scenes")
+    build_scenes(SCENES, folder)
+    return folder
+
+
+@pytest.fixture
+def always(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes for however few images."""
+    monkeypatch.setattr(reader_process, "_WORTH_A_PROCESS", 0)
+    monkeypatch.setattr(reader_process, "_MOST_THREADS", 1)
+
+
+def python_children() -> set[int]:
+    """Processes below this one that read images."""
+    found = set()
+    for pid in descendants(os.getpid()):
+        try:
+            command = Path(f"/proc/{pid}/cmdline").read_bytes()
+        except OSError:
+            continue
+        if b"task_process" in command:
+            found.add(pid)
+    return found
+
+
+def kill_the_first(met: set[int], stop: threading.Event, *, most: int) -> None:
+    """Kill reading processes as they appear, `most` of them."""
+    while not stop.is_set() and len(met) < most:
+        for pid in python_children() - met:
+            met.add(pid)
+            os.kill(pid, signal.SIGKILL)
+            if len(met) == most:
+                return
+        time.sleep(0.01)
+
+
+def test_few_workers_and_few_images_stay_threads():
+    assert not worth_processes(2, 10_000)
+    assert not worth_processes(16, 100)
+    assert worth_processes(16, 480)
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
+def test_processes_give_the_bytes_of_threads(task, scenes, tmp_path, always):
+    assert readout(scenes, tmp_path / "one", "--workers", 1, task=task) == 1
+    assert readout(scenes, tmp_path / "three", "--workers", 3, "--no-cache", task=task) == 1
+    assert results(tmp_path / "three") == results(tmp_path / "one")
+    assert not python_children()
+
+
+@pytest.mark.parametrize(("most", "lost"), [(1, 0), (10_000, 9)])
+def test_a_killed_process_is_replaced_once(most, lost, scenes, tmp_path, always, capsys):
+    met: set[int] = set()
+    stop = threading.Event()
+    killer = threading.Thread(target=kill_the_first, args=(met, stop), kwargs={"most": most})
+    killer.start()
+    try:
+        readout(scenes, tmp_path / "run", "--workers", 2)
+    finally:
+        stop.set()
+        killer.join()
+    assert met
+    said = capsys.readouterr().out
+    assert said.count("the process that read the scene ended, twice") == lost
+    readout(scenes, tmp_path / "undisturbed", "--workers", 1)
+    readout(scenes, tmp_path / "run", "--workers", 1)
+    assert results(tmp_path / "run") == results(tmp_path / "undisturbed")
