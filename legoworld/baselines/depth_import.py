@@ -32,6 +32,7 @@ from legoworld.readouts.depth import depth_file
 from legoworld.running import run_folder
 from legoworld.running.disk import check_disk
 from legoworld.track import TrackImage
+from legoworld.wording import counted
 
 Say = Callable[[str], None]
 
@@ -97,7 +98,8 @@ def _notice_strangers(source: DepthSource, images: Sequence[TrackImage], notice:
     names = (path.relative_to(source.folder).as_posix() for path in depth_files(source.folder))
     strangers = [name for name in names if name not in known]
     if strangers:
-        notice(f"{len(strangers)} files are of no photo of the track, such as {strangers[0]}")
+        files = counted(len(strangers), "file is", "files are")
+        notice(f"{files} of no photo of the track, such as {strangers[0]}")
 
 
 def _refuse_unusable(

@@ -29,6 +29,7 @@ from legoworld.evaluation.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.running import run_folder
 from legoworld.track import TrackImage
+from legoworld.wording import counted
 
 Say = Callable[[str], None]
 
@@ -55,7 +56,8 @@ def import_detections(
         _refuse_strangers(found.entries, images)
     entries, left_out = ours(found, Matcher(vocabulary, source.labels), source.box_format)
     for label, count in left_out.items():
-        notice(f"label {label!r}: {count} predictions left out, as the label map says")
+        left = counted(count, "prediction", "predictions")
+        notice(f"label {label!r}: {left} left out, as the label map says")
     as_given, _ = ours(found, Matcher(vocabulary, source.labels), "xywh")
     checked = _checked(request, source.box_format, entries, as_given)
     for warning in checked.warnings:

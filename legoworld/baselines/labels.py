@@ -10,6 +10,7 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.vocabulary import Category, Vocabulary, normal_name
+from legoworld.wording import counted
 
 #: Names that PASCAL VOC gave six of COCO's categories, and that many checkpoints still carry.
 OLD_NAMES: Final[Mapping[str, str]] = MappingProxyType(
@@ -84,7 +85,7 @@ class Matcher:
         """LabelsUnmatchedError when a label was not found."""
         if self.unmatched:
             raise _unmatched(
-                f"{len(self.unmatched)} labels name no category",
+                counted(len(self.unmatched), "label names", "labels name") + " no category",
                 list(self.unmatched),
                 self._vocabulary,
             )

@@ -9,8 +9,9 @@ import click
 
 from legoworld.commands import options
 from legoworld.commands.places import PlaceType, read_from
-from legoworld.commands.wording import counted, outside_the_vocabulary
+from legoworld.commands.wording import outside_the_vocabulary
 from legoworld.places import Place
+from legoworld.wording import counted
 
 if TYPE_CHECKING:
     from legoworld.inspection import Inspection

@@ -11,8 +11,9 @@ import click
 
 from legoworld.commands import options
 from legoworld.commands.places import PlaceType, written_at
-from legoworld.commands.wording import counted, outside_the_vocabulary
+from legoworld.commands.wording import outside_the_vocabulary
 from legoworld.places import Place
+from legoworld.wording import counted
 
 if TYPE_CHECKING:
     from legoworld.running.readout_run import RunResult

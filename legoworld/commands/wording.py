@@ -1,11 +1,8 @@
-"""Numbers in sentences."""
+"""Sentences that more than one command prints."""
 
 from __future__ import annotations
 
-
-def counted(count: int, one: str, many: str) -> str:
-    """A number with the words that go with it: "1 box", "0 boxes"."""
-    return f"{count:,} {one if count == 1 else many}"
+from legoworld.wording import counted
 
 
 def outside_the_vocabulary(label: str, count: int, nearest: list[str]) -> str:

@@ -68,7 +68,7 @@ def read_run(folder: Path) -> Run:
     if len({i.id for i in images}) != len(images) or len(images) != attempted or not images:
         raise RunUnusableError(
             f"the run in {folder.name} does not cover its own track",
-            found=f"{len(images)} rows of {len({i.id for i in images})} images",
+            found=f"rows: {len(images)}, of different images: {len({i.id for i in images})}",
             expected=f"{attempted} images, one row each",
             next_step="run its command again",
         )

@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 from legoworld.evaluation.folder import Row
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.shapes import drawn_predictions
+from legoworld.wording import counted
 
 Level = Literal["bad", "warn", "note"]
 _ORDER: Final = ("bad", "warn", "note")
@@ -161,10 +162,12 @@ def _counted(side: SideImage) -> list[Advice]:
     row = side.row
     found = []
     if row["n_unverified"]:
-        what = f"{row['n_unverified']} predictions are of categories nobody checked in this photo"
-        found.append(Advice(level="note", what=f"{what}: LVIS neither rewards nor punishes them"))
+        are = counted(row["n_unverified"], "prediction is", "predictions are")
+        what = f"{are} of categories nobody checked in this photo"
+        found.append(Advice(level="note", what=f"{what}: LVIS neither rewards nor punishes that"))
     if row["n_lost_to_cap"]:
-        what = f"{row['n_lost_to_cap']} predictions are beyond the evaluator's cap"
+        are = counted(row["n_lost_to_cap"], "prediction is", "predictions are")
+        what = f"{are} beyond the evaluator's cap"
         found.append(Advice(level="warn", what=what, do="export fewer objects"))
     return found
 
@@ -183,7 +186,8 @@ def _labels(run_row: Row) -> list[Advice]:
         found.append(Advice(level="warn", what=what, do=_UNSEEN.get(u["reason"], "")))
     nested = run_row.get("nested") or {}
     if nested.get("instances"):
-        what = f"{nested['instances']} instances are nested in others: their {nested['px']} px"
+        are = counted(nested["instances"], "instance is", "instances are")
+        what = f"{are} nested in another: {nested['px']} px"
         found.append(Advice(level="note", what=f"{what} are cut out of the outer one"))
     return found
 

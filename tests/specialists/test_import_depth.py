@@ -240,7 +240,7 @@ def test_files_of_other_photos_are_counted(bring, source):
         np.save(source / f"{stem}.npy", DEPTH)
     code, run, said = bring("--space", "depth", "--unit", "m")
     assert code == 0
-    assert f"1 files are of no photo of the track, such as {STEMS[0]}_other.npy" in said
+    assert f"1 file is of no photo of the track, such as {STEMS[0]}_other.npy" in said
     assert len(list(run.rglob("*.npz"))) == 2
 
 
