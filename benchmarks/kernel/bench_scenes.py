@@ -149,6 +149,15 @@ def instances() -> Surfaces:
     return placed([ball(20, 32, 0.05)], [0] * 10_000, scatter(rng, 10_000, (12, 9, 12), 36.0, 0.25))
 
 
+def layer() -> Surfaces:
+    """10,000 placements side by side, none behind another, 12.8M virtual triangles."""
+    x, y = np.meshgrid(np.arange(100) - 49.5, np.arange(100) - 49.5)
+    centre = np.stack([0.24 * x.ravel(), 0.18 * y.ravel(), np.full(10_000, 36.0)], axis=-1)
+    turns = np.tile(0.08 * np.eye(3), (10_000, 1, 1))
+    matrices = np.concatenate([turns, centre[:, :, None]], axis=2)
+    return placed([ball(20, 32, 0.05)], [0] * 10_000, matrices)
+
+
 SCENES: dict[str, Callable[[], Surfaces]] = {
     "primitives": primitives,
     "spheres": spheres,
@@ -156,6 +165,7 @@ SCENES: dict[str, Callable[[], Surfaces]] = {
     "one_mesh": one_mesh,
     "sliver_room": sliver_room,
     "instances": instances,
+    "layer": layer,
 }
 
 SIZES: dict[int, tuple[int, int]] = {640: (640, 480), 1920: (1920, 1080), 6048: (6048, 4032)}

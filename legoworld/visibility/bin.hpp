@@ -35,38 +35,51 @@ static inline bool may_hit(const double a[3], const double b[3], const double c[
   return hit;
 }
 
-static void bin_wide(const Placed& p, const Extent& box, Candidate candidate) {
-  const Frame& frame = p.frame;
-  const double *rx = frame.ray_x.data(), *ry = frame.ray_y.data();
-  const int32_t tx0 = box.x0 / kTile, tx1 = box.x1 / kTile;
-  const int32_t ty0 = box.y0 / kTile, ty1 = box.y1 / kTile;
-  const bool test = (tx1 - tx0 + 1) * (ty1 - ty0 + 1) > 4;
+static inline void push(const Placed& p, int32_t tx, int32_t ty, const Extent& box, Candidate candidate) {
+  const int32_t left = tx * kTile, top = ty * kTile;
+  candidate.x0 = static_cast<uint8_t>((box.x0 > left ? box.x0 : left) - left);
+  candidate.x1 = static_cast<uint8_t>((box.x1 < left + kTile - 1 ? box.x1 : left + kTile - 1) - left);
+  candidate.y0 = static_cast<uint8_t>((box.y0 > top ? box.y0 : top) - top);
+  candidate.y1 = static_cast<uint8_t>((box.y1 < top + kTile - 1 ? box.y1 : top + kTile - 1) - top);
+  p.worker.bins.data()[ty * p.frame.tiles_x + tx].candidates.push(p.worker.arena, candidate);
+}
+
+// To the tiles of the box that the triangle's edges do not rule out.
+static void bin_by_edges(const Placed& p, const Extent& box, const Candidate& candidate, const Edges& e) {
+  if (e.flat[0] != 0) return;
+  const double *rx = p.frame.ray_x.data(), *ry = p.frame.ray_y.data();
+  const bool unsure = e.unsure[0] != 0;
+  const double sign = e.side[0] < 0 ? -1.0 : 1.0;
   double a[3], b[3], c[3];
-  bool unsure = true;
-  if (test) {
-    const Lone lone = lone_triangle(frame, p.shape, p.cam_from_mesh, candidate.triangle);
-    unsure = lone.e.unsure[0] != 0;
-    const double sign = lone.e.side[0] < 0 ? -1.0 : 1.0;
-    for (int k = 0; k < 3; ++k) {
-      a[k] = sign * lone.e.a[k][0];
-      b[k] = sign * lone.e.b[k][0];
-      c[k] = sign * lone.e.c[k][0];
+  for (int k = 0; k < 3; ++k) {
+    a[k] = sign * e.a[k][0];
+    b[k] = sign * e.b[k][0];
+    c[k] = sign * e.c[k][0];
+  }
+  for (int32_t ty = box.y0 / kTile; ty <= box.y1 / kTile; ++ty) {
+    const int32_t y0 = std::max(box.y0, ty * kTile), y1 = std::min(box.y1, ty * kTile + kTile - 1);
+    for (int32_t tx = box.x0 / kTile; tx <= box.x1 / kTile; ++tx) {
+      const int32_t x0 = std::max(box.x0, tx * kTile), x1 = std::min(box.x1, tx * kTile + kTile - 1);
+      if (unsure || may_hit(a, b, c, rx[x0], rx[x1], ry[y0], ry[y1])) push(p, tx, ty, box, candidate);
     }
   }
-  for (int32_t ty = ty0; ty <= ty1; ++ty) {
-    const int32_t top = ty * kTile;
-    const int32_t y0 = box.y0 > top ? box.y0 : top;
-    const int32_t y1 = box.y1 < top + kTile - 1 ? box.y1 : top + kTile - 1;
-    for (int32_t tx = tx0; tx <= tx1; ++tx) {
-      const int32_t left = tx * kTile;
-      const int32_t x0 = box.x0 > left ? box.x0 : left;
-      const int32_t x1 = box.x1 < left + kTile - 1 ? box.x1 : left + kTile - 1;
-      if (test && !unsure && !may_hit(a, b, c, rx[x0], rx[x1], ry[y0], ry[y1])) continue;
-      candidate.x0 = static_cast<uint8_t>(x0 - left);
-      candidate.x1 = static_cast<uint8_t>(x1 - left);
-      candidate.y0 = static_cast<uint8_t>(y0 - top);
-      candidate.y1 = static_cast<uint8_t>(y1 - top);
-      p.worker.bins.data()[ty * frame.tiles_x + tx].candidates.push(p.worker.arena, candidate);
+}
+
+// The box lies inside the picture.
+static inline void bin_box(const Placed& p, const Extent& box, const Candidate& candidate) {
+  constexpr uint32_t kSmall = 4;  // tiles that are not worth a look at the edges
+  const uint32_t tx0 = static_cast<uint32_t>(box.x0) / kTile, tx1 = static_cast<uint32_t>(box.x1) / kTile;
+  const uint32_t ty0 = static_cast<uint32_t>(box.y0) / kTile, ty1 = static_cast<uint32_t>(box.y1) / kTile;
+  if (tx0 == tx1 && ty0 == ty1) {
+    push(p, static_cast<int32_t>(tx0), static_cast<int32_t>(ty0), box, candidate);
+  } else if ((tx1 - tx0 + 1) * (ty1 - ty0 + 1) > kSmall) {
+    bin_by_edges(p, box, candidate,
+                 lone_triangle(p.frame, p.shape, p.cam_from_mesh, candidate.triangle).e);
+  } else {
+    for (uint32_t ty = ty0; ty <= ty1; ++ty) {
+      for (uint32_t tx = tx0; tx <= tx1; ++tx) {
+        push(p, static_cast<int32_t>(tx), static_cast<int32_t>(ty), box, candidate);
+      }
     }
   }
 }
@@ -109,6 +122,7 @@ static Extent long_way(const Frame& frame, const double x[3], const double y[3],
 static void bin_out_of_range(const Placed& p, uint32_t triangle) {
   const LwView& view = p.frame.view;
   const Lone lone = lone_triangle(p.frame, p.shape, p.cam_from_mesh, triangle);
+  if (lone.e.flat[0] != 0) return;
   double x[3], y[3], z[3];
   for (int k = 0; k < 3; ++k) {
     x[k] = lone.t.x[k][0];
@@ -124,7 +138,7 @@ static void bin_out_of_range(const Placed& p, uint32_t triangle) {
   candidate.nearest = static_cast<float>(std::fmax(nearest, view.z_near) * view.depth_scale);
   candidate.triangle = triangle;
   candidate.placement = p.placement;
-  bin_wide(p, box, candidate);
+  bin_by_edges(p, box, candidate, lone.e);
 }
 
 // Whether earlier rounds hide all of a triangle; its tiles answer for one too large to be asked here.
@@ -151,7 +165,10 @@ static inline void take_triangle(const Placed& p, const Vd m[12], Few& few, uint
     const float lower = d0 < d1 ? d0 : d1;
     return lower < d2 ? lower : d2;
   };
-  if (p.so_far.depth != nullptr && is_behind(p.so_far, box, nearest())) return;
+  if (p.so_far.depth != nullptr && is_behind(p.so_far, box, nearest())) {
+    ++p.worker.left_out;
+    return;
+  }
   const bool cut = p.cutout != nullptr && p.cutout[triangle] >= 0;
   if (box.x1 - box.x0 < 2 && box.y1 - box.y0 < 2 && !cut) {
     few.triangle[few.count] = triangle;
@@ -163,7 +180,7 @@ static inline void take_triangle(const Placed& p, const Vd m[12], Few& few, uint
   candidate.nearest = nearest();
   candidate.triangle = triangle;
   candidate.placement = p.placement;
-  bin_wide(p, Extent{box.x0, box.x1, box.y0, box.y1}, candidate);
+  bin_box(p, Extent{box.x0, box.x1, box.y0, box.y1}, candidate);
 }
 
 // Triangles [begin, end) of a placement whose vertices are bounded.

@@ -14,6 +14,7 @@ struct Edges {           // value k at a ray: a[k] * rx + (b[k] * ry + c[k])
   Vd tiny;               // a sum of the three values below this is rounding: edge-on or no area
   Vd side;               // its sign is the sign of the three values of a hit in front of the camera
   Vm unsure;             // where `side` is within its rounding error: take both signs
+  Vm flat;               // where no ray's sum can exceed `tiny`: the triangle shows nothing
 };
 
 static inline void to_camera(const Vd m[12], Vd vx, Vd vy, Vd vz, Vd& x, Vd& y, Vd& z) {
@@ -62,6 +63,11 @@ static inline void make_edge(const Corners& t, const Vd w[3], const Vd size[3], 
   out.tiny += smaller(size[i], size[j]) * (magnitude(dx) + magnitude(dy) + magnitude(dw));
 }
 
+// With M the bound that `tiny` is 32 half-ulps of, each value's rounding is at most 3 half-ulps of its
+// share of M, that of their sum 2 more, that of the sums of coefficients below another 2. So a computed
+// sum is at most area * longest ray + 7 half-ulps: not above `tiny` where the first term is below 16.
+constexpr double kLeastSum = 1e-250;  // far above underflow
+
 static inline Edges make_edges(const Corners& t, bool orthographic, double reach) {
   Edges out;
   Vd w[3], size[3];
@@ -74,6 +80,10 @@ static inline Edges make_edges(const Corners& t, bool orthographic, double reach
   out.tiny *= reach;
   out.side = out.a[0] * t.x[0] + (out.b[0] * t.y[0] + out.c[0] * w[0]);
   out.unsure = magnitude(out.side) <= out.tiny * size[0];
+  const Vd area = magnitude((out.a[0] + out.a[1]) + out.a[2]) +
+                  magnitude((out.b[0] + out.b[1]) + out.b[2]) +
+                  magnitude((out.c[0] + out.c[1]) + out.c[2]);
+  out.flat = (area * reach <= 0.5 * kRounding * out.tiny) & (out.tiny > kLeastSum);
   return out;
 }
 

@@ -26,7 +26,8 @@ struct Frame {
   bool orthographic;
   // Ray of pixel column c: (ray_x[c], ray_y[r], 1). It crosses the plane z = 1 at the pixel's centre.
   Buffer<double> ray_x, ray_y;
-  double reach;  // kRounding times the largest component of any ray
+  double longest = 1;  // the largest component of any ray
+  double reach;        // kRounding times that
   std::vector<Portion> portions;  // the meshes, in pieces to be surveyed
   Buffer<Box> portion_boxes, boxes;  // of each piece; of each mesh
   Queue survey_queue;
@@ -40,7 +41,6 @@ struct Frame {
         tiles_x((seen.width + kTile - 1) / kTile),
         tiles_y((seen.height + kTile - 1) / kTile),
         orthographic(seen.orthographic != 0) {
-    double longest = 1.0;
     fill(ray_x, width, view.cx, view.fx, longest);
     fill(ray_y, height, view.cy, view.fy, longest);
     reach = kRounding * longest;
@@ -79,7 +79,8 @@ struct Worker {
   Buffer<TileBins> bins;
   Buffer<uint64_t> bounds;  // per vertex of the placement at hand
   Buffer<float> depths;     // per vertex, as a sample there would be stored
-  Buffer<Candidate> near_first, gathered;
+  Buffer<Candidate> near_first;
+  int64_t left_out = 0;     // triangles of this round that lie behind earlier ones
 };
 
 // Pixel bounds of a vertex or triangle: four int16, so that a triangle's are the minimum of its

@@ -54,3 +54,24 @@ static inline unsigned bits(Vm mask) {
   return out;
 #endif
 }
+
+// One element per row of a block.
+typedef float Row __attribute__((vector_size(4 * kBlock)));
+typedef int32_t RowMask __attribute__((vector_size(4 * kBlock)));
+
+static inline Row spread_row(float x) { return x - Row{}; }
+
+// Bit i is set where element i is negative (a true comparison is).
+static inline unsigned row_bits(RowMask mask) {
+#if defined(__x86_64__) && LW_LANES >= 4
+  return static_cast<unsigned>(_mm256_movemask_ps((__m256)mask));
+#elif defined(__x86_64__)
+  __m128 half[2];
+  __builtin_memcpy(half, &mask, sizeof half);
+  return static_cast<unsigned>(_mm_movemask_ps(half[0]) | _mm_movemask_ps(half[1]) << 4);
+#else
+  unsigned out = 0;
+  for (int i = 0; i < kBlock; ++i) out |= static_cast<unsigned>(mask[i] < 0) << i;
+  return out;
+#endif
+}

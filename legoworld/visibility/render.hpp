@@ -20,7 +20,9 @@ struct Render {
   std::vector<Worker>& workers;
   Schedule schedule{};
   SoFar so_far{};
-  int64_t first = 0;  // of this round's placements, in the schedule's order
+  int64_t first = 0, end = 0;  // this round's placements, in the schedule's order
+  int64_t offered = 0;         // their triangles
+  bool last = false;           // no round follows
   std::vector<std::vector<Large>> batches{};
   std::vector<std::vector<Piece>> vertex_pieces{}, triangle_pieces{};
   Buffer<uint64_t> bounds{};
@@ -67,17 +69,23 @@ static bool is_hidden(const Render& r, const uint64_t* bounds, const float* dept
   return r.so_far.hides(Extent{box.x0, box.x1, box.y0, box.y1}, nearest);
 }
 
-// Large placements of a round, in batches whose vertices fit the shared scratch.
-static void plan(Render& r, int64_t round_end) {
+// Large placements of the round, in batches whose vertices fit the shared scratch.
+static void plan(Render& r) {
   const LwSurfaces& all = r.frame.surfaces;
   int64_t used = 0, most = 0;
   r.batches.clear();
   r.vertex_pieces.clear();
   r.triangle_pieces.clear();
-  for (int64_t i = r.first; i < round_end; ++i) {
+  r.offered = 0;
+  for (int64_t i = r.first; i < r.end; ++i) {
     const int64_t placement = r.schedule.order[static_cast<size_t>(i)];
     const Shape shape(all, all.placement_mesh[placement]);
-    if (shape.vertex_count <= kOwnScratch || is_hidden(r, placement)) continue;
+    r.offered += shape.triangle_count;
+    if (shape.vertex_count <= kOwnScratch) continue;
+    if (is_hidden(r, placement)) {
+      r.workers[0].left_out += shape.triangle_count;
+      continue;
+    }
     if (r.batches.empty() || used + shape.vertex_count > kShared) {
       r.batches.emplace_back();
       r.vertex_pieces.emplace_back();
@@ -111,10 +119,17 @@ static void cull_small(Render& r, Worker& worker) {
     for (int64_t i = r.first + begin; i < r.first + end; ++i) {
       const int64_t placement = r.schedule.order[static_cast<size_t>(i)];
       const Shape shape(all, all.placement_mesh[placement]);
-      if (shape.vertex_count > kOwnScratch || is_hidden(r, placement)) continue;
-      bound_vertices(r.frame, all.cam_from_mesh + 12 * placement, shape.vertices,
-                     shape.vertex_count, bounds, depths);
-      if (is_hidden(r, bounds, depths, shape.vertex_count)) continue;
+      if (shape.vertex_count > kOwnScratch) continue;
+      bool hidden = is_hidden(r, placement);
+      if (!hidden) {
+        bound_vertices(r.frame, all.cam_from_mesh + 12 * placement, shape.vertices,
+                       shape.vertex_count, bounds, depths);
+        hidden = is_hidden(r, bounds, depths, shape.vertex_count);
+      }
+      if (hidden) {
+        worker.left_out += shape.triangle_count;
+        continue;
+      }
       cull_triangles(placed(r, worker, shape, placement, bounds, depths), 0,
                      shape.triangle_count);
     }
@@ -162,32 +177,29 @@ static void cull_large(Render& r, Worker& worker, size_t batch) {
 
 // The candidates of a tile, roughly nearest first: by 64 equal steps of their nearest depth.
 static int64_t near_first(Render& r, Worker& worker, int64_t tile) {
+  const auto each = [&](auto&& visit) {
+    for (const Worker& other : r.workers) {
+      other.bins.data()[tile].candidates.each_block([&](const Candidate* from, uint32_t n) {
+        for (uint32_t i = 0; i < n; ++i) visit(from[i]);
+      });
+    }
+  };
   int64_t count = 0;
-  for (const Worker& other : r.workers) {
-    other.bins.data()[tile].candidates.each_block([&](const Candidate*, uint32_t n) { count += n; });
-  }
-  if (count == 0) return 0;
-  Candidate* all = worker.gathered.at_least(static_cast<size_t>(count));
-  Candidate* out = worker.near_first.at_least(static_cast<size_t>(count));
   float low = INFINITY, high = -INFINITY;
-  int64_t at = 0;
-  for (const Worker& other : r.workers) {
-    other.bins.data()[tile].candidates.each_block([&](const Candidate* from, uint32_t n) {
-      for (uint32_t i = 0; i < n; ++i) {
-        low = from[i].nearest < low ? from[i].nearest : low;
-        high = from[i].nearest > high ? from[i].nearest : high;
-        all[at++] = from[i];
-      }
-    });
-  }
+  each([&](const Candidate& one) {
+    ++count;
+    low = one.nearest < low ? one.nearest : low;
+    high = one.nearest > high ? one.nearest : high;
+  });
+  if (count == 0) return 0;
+  Candidate* out = worker.near_first.at_least(static_cast<size_t>(count));
   constexpr int kSteps = 64;
-  const float step = high > low ? (kSteps - 1) / (high - low) : 0.0f;
+  const float scale = high > low ? (kSteps - 1) / (high - low) : 0.0f;
+  const auto step = [&](const Candidate& one) { return static_cast<int>((one.nearest - low) * scale); };
   int64_t start[kSteps + 1] = {};
-  for (int64_t i = 0; i < count; ++i) ++start[static_cast<int>((all[i].nearest - low) * step) + 1];
+  each([&](const Candidate& one) { ++start[step(one) + 1]; });
   for (int i = 0; i < kSteps; ++i) start[i + 1] += start[i];
-  for (int64_t i = 0; i < count; ++i) {
-    out[start[static_cast<int>((all[i].nearest - low) * step)]++] = all[i];
-  }
+  each([&](const Candidate& one) { out[start[step(one)]++] = one; });
   return count;
 }
 
@@ -201,6 +213,7 @@ static void draw_tile(Render& r, Worker& worker, Tile& tile, int64_t index) {
         tile.depth[at] = wins ? from[i].depth : old;
         tile.id[at] = wins ? from[i].id : tile.id[at];
       }
+      tile.stale = ~uint64_t{0};
     });
   }
   const int64_t count = near_first(r, worker, index);
@@ -209,7 +222,7 @@ static void draw_tile(Render& r, Worker& worker, Tile& tile, int64_t index) {
   Candidate few[kLanes];
   int waiting = 0;
   for (int64_t i = 0; i < count; ++i) {
-    if (hidden(tile, candidates[i])) continue;
+    if (tile.hides(candidates[i])) continue;
     few[waiting++] = candidates[i];
     if (waiting == kLanes) {
       draw_lanes(drawing, few, waiting);
@@ -240,17 +253,17 @@ static bool has_records(const Render& r, int64_t tile) {
   return false;
 }
 
-static void draw_tiles(Render& r, Worker& worker, bool last, int32_t* instance, float* depth) {
+static void draw_tiles(Render& r, Worker& worker, int32_t* instance, float* depth) {
   Buffer<Tile> scratch;
   Tile& tile = *scratch.at_least(1);
-  const bool again = r.so_far.depth != nullptr;
+  const bool again = r.first > 0;
   for (int64_t begin, end; r.tile_queue.take(begin, end);) {
     for (int64_t i = begin; i < end; ++i) {
-      if (again && !last && !has_records(r, i)) continue;
+      if (again && !r.last && !has_records(r, i)) continue;
       tile.begin(r.frame, i);
-      if (again) take_up(r.frame, tile, instance, depth);
+      if (again) take_up(r.frame, tile, r.so_far, i, instance, depth);
       draw_tile(r, worker, tile, i);
-      if (last) {
+      if (r.last) {
         write_tile(r.frame, tile, instance, depth);
       } else {
         put_aside(r.frame, tile, r.so_far, i, instance, depth);
@@ -265,13 +278,20 @@ static void begin_round(Render& r, size_t round, const float* depth) {
     r.so_far.blocks.at_least(tiles * kBlocks * kBlocks);
     r.so_far.tiles.at_least(tiles);
   }
-  r.so_far.depth = round == 0 ? nullptr : depth;
-  r.first = round == 0 ? 0 : r.schedule.ends[round - 1];
-  const int64_t end = r.schedule.ends[round], count = end - r.first;
-  const int64_t step = count / (8 * r.team.size());
+  int64_t left_out = 0;
+  for (Worker& worker : r.workers) {
+    left_out += worker.left_out;
+    worker.left_out = 0;
+  }
+  const bool in_vain = round > 1 && left_out * kWorthAsking < r.offered;
+  r.so_far.depth = round == 0 || in_vain ? nullptr : depth;
+  r.first = r.end;
+  r.end = in_vain ? r.schedule.ends.back() : r.schedule.ends[round];
+  r.last = r.end == r.schedule.ends.back();
+  const int64_t count = r.end - r.first, step = count / (8 * r.team.size());
   r.small.reset(count, step < 16 ? step + 1 : 16);
   r.tile_queue.reset(r.frame.tiles(), 1);
-  plan(r, end);
+  plan(r);
 }
 
 static void work(Render& r, int index, int32_t* instance, float* depth) {
@@ -282,7 +302,8 @@ static void work(Render& r, int index, int32_t* instance, float* depth) {
   r.team.phase([&] {
     if (index == 0) schedule(r.frame, r.schedule);
   });
-  for (size_t round = 0; round < r.schedule.ends.size(); ++round) {
+  bool last = false;
+  for (size_t round = 0; round < r.schedule.ends.size() && !last; ++round) {
     r.team.phase([&] {
       const auto tiles = static_cast<size_t>(r.frame.tiles());
       std::memset(worker.bins.at_least(tiles), 0, tiles * sizeof(TileBins));
@@ -290,8 +311,8 @@ static void work(Render& r, int index, int32_t* instance, float* depth) {
       if (index == 0) begin_round(r, round, depth);
     });
     cull(r, worker, index == 0);
-    const bool last = round + 1 == r.schedule.ends.size();
-    r.team.phase([&] { draw_tiles(r, worker, last, instance, depth); });
+    last = r.last;
+    r.team.phase([&] { draw_tiles(r, worker, instance, depth); });
   }
 }
 

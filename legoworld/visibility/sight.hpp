@@ -8,6 +8,8 @@ constexpr int kBlocks = kTile / kBlock;
 // Measured: a round pays where it has a triangle for every six pixels of the picture.
 constexpr int64_t kPixelsPerTriangle = 6;
 constexpr int64_t kMostRounds = 12;
+// A round that leaves out less than one triangle in so many is the last that is asked.
+constexpr int64_t kWorthAsking = 64;
 
 struct Extent {  // pixels, both ends included; nothing when x0 > x1 or y0 > y1
   int32_t x0, x1, y0, y1;
@@ -20,7 +22,7 @@ struct Sight {    // of a placement, by the box of its mesh
 
 // What earlier rounds have drawn. Read while triangles are culled, written while tiles are drawn.
 struct SoFar {
-  const float* depth = nullptr;  // the picture; null before the first round is drawn
+  const float* depth = nullptr;  // the picture; null while nothing is to be asked of it
   int64_t width = 0, tiles_x = 0;
   Buffer<float> blocks, tiles;   // the farthest depth of each, blocks tile by tile
 

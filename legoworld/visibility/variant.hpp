@@ -5,6 +5,8 @@
 #include "cull.hpp"
 #include "bin.hpp"
 #include "tile.hpp"
+#include "spans.hpp"
+#include "draw.hpp"
 #include "picture.hpp"
 #include "survey.hpp"
 #include "coverage.hpp"

@@ -47,6 +47,11 @@ PREDICTION_FAULTS = {
     "another size": ("lvis", {"segmentation": {"size": [9, 9], "counts": "a"}}, "size"),
     "cut counts": ("lvis", {"segmentation": {"size": [90, 120], "counts": "11"}}, "run lengths"),
     "foreign counts": ("lvis", {"segmentation": {"size": [90, 120], "counts": "é!"}}, "run length"),
+    "half a character": (
+        "lvis",
+        {"segmentation": {"size": [90, 120], "counts": "\ud800"}},
+        "no run",
+    ),
     "counts too short": ("lvis", {"segmentation": {"size": [90, 120], "counts": [5, 5]}}, "10800"),
 }
 

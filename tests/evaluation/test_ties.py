@@ -17,7 +17,7 @@ from evaluation.detection_runs import (
 from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.ties import tie_orders
+from legoworld.evaluation.ties import _sorting, order_aps, tie_orders
 
 COCO = detection_protocol("coco")
 
@@ -164,3 +164,22 @@ def test_ties_of_a_run_against_full_evaluations_of_shuffled_results(tmp_path):
 
 def ap_of(table):
     return metric_value(COCO.metrics[0], accumulate(table, COCO))
+
+
+@pytest.mark.parametrize("n_keys", [1, 2, 7, 8, 40, 3000])
+def test_sorting_is_stable_where_keys_are_equal(n_keys):
+    keys = np.random.default_rng(0).random((n_keys, 60), np.float32)
+    keys[:, 1::2] = np.round(keys[:, 1::2] * 3) / 3  # many equal ones, 0 and 1 among them
+    expected = np.argsort(keys, axis=0, kind="stable")
+    np.testing.assert_array_equal(_sorting(keys), expected)
+
+
+def test_the_number_of_threads_changes_no_bit(tmp_path, monkeypatch):
+    truth = random_truth("lvis", seed=22, images=20, categories=12)
+    _, table = match_everything(
+        *checked(tmp_path, "lvis", truth, random_predictions("lvis", truth, seed=22, levels=3))
+    )
+    whole = order_aps(table, draws=200, seed=0)
+    assert whole.std() > 0
+    monkeypatch.setattr("legoworld.evaluation.category_threads._MOST_THREADS", 1)
+    np.testing.assert_array_equal(order_aps(table, draws=200, seed=0), whole)

@@ -224,6 +224,21 @@ def test_coplanar_ties_between_placements_of_every_round():
     assert len(np.unique(seen.instance)) > 10
 
 
+@pytest.mark.parametrize("behind", [0, 500])
+def test_a_layer_that_hides_nothing_of_itself(behind):
+    # After a round asked in vain no more are asked; what lies farther back must still be drawn.
+    rng = np.random.default_rng(3)
+    step = 666 / GRID
+    at = [(x * step, y * step, 30.0) for x in range(-14, 14) for y in range(-14, 14)]
+    far = shifts(rng, behind, (-12.0, -12.0, 34.0), (12.0, 12.0, 60.0))
+    places = [*at, *(tuple(shift) for shift in far)]
+    surfaces = place(
+        [ball()], [(0, moved(np.eye(3), shift), i // 4) for i, shift in enumerate(places)]
+    )
+    seen = assert_same(surfaces)
+    assert len(np.unique(seen.instance)) > len(places) / 4 * (1 if behind == 0 else 0.7)
+
+
 def test_copies_in_one_place_show_the_lowest_id_whichever_comes_last():
     # 300 balls in each of three places, at exactly one depth: rounds divide the copies.
     places = [(-0.5, 0.0, 4.0), (0.25, 0.25, 4.0), (0.0, -0.25, 5.0)]
