@@ -123,6 +123,46 @@ static uint8_t triangle_reach(const Frame& frame, const Shape& shape, const doub
   return in_view(frame, lone) ? kBetweenCentres : kOutsideView;
 }
 
+// What no triangle of the placement can exceed, by the box of its mesh: one that lies beside the view
+// would otherwise be asked triangle by triangle.
+static uint8_t most_reach(const Frame& frame, int64_t placement) {
+  const LwView& view = frame.view;
+  const Box& box = frame.boxes.data()[frame.surfaces.placement_mesh[placement]];
+  if (box.low[0] > box.high[0]) return kNoArea;
+  const double* m = frame.surfaces.cam_from_mesh + 12 * placement;
+  const double left = -view.cx / view.fx, right = (frame.width - view.cx) / view.fx;
+  const double top = -view.cy / view.fy, bottom = (frame.height - view.cy) / view.fy;
+  const double widest = std::fmax(std::fmax(std::fabs(left), std::fabs(right)),
+                                  std::fmax(std::fabs(top), std::fabs(bottom)));
+  double nearest[6] = {INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
+  double size = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    double at[3];
+    for (int k = 0; k < 3; ++k) {
+      at[k] = m[4 * k + 3];
+      double sum = std::fabs(at[k]);
+      for (int j = 0; j < 3; ++j) {
+        const double term = m[4 * k + j] * ((corner >> j & 1) != 0 ? box.high[j] : box.low[j]);
+        at[k] += term;
+        sum += std::fabs(term);
+      }
+      size = std::fmax(size, sum);
+    }
+    const double scale = frame.orthographic ? 1.0 : at[2];
+    // How far beyond each plane of the view: near, far, and its four sides.
+    const double beyond[6] = {view.z_near - at[2],   at[2] - view.z_far,   left * scale - at[0],
+                              at[0] - right * scale, top * scale - at[1], at[1] - bottom * scale};
+    for (int i = 0; i < 6; ++i) nearest[i] = std::fmin(nearest[i], beyond[i]);
+  }
+  const double margin = 1e-9 * (size + widest * (frame.orthographic ? 1.0 : size));
+  if (nearest[0] > margin) return kTooNear;
+  if (nearest[1] > margin) return kTooFar;
+  for (int i = 2; i < 6; ++i) {
+    if (nearest[i] > margin) return kOutsideView;
+  }
+  return kCovers;
+}
+
 static int32_t coverage(const LwSurfaces& surfaces, const LwView& view, int threads, uint8_t* reach) {
   Frame frame(surfaces, view);
   Team team(threads);
@@ -134,8 +174,9 @@ static int32_t coverage(const LwSurfaces& surfaces, const LwView& view, int thre
     if (frame.status != kOk || team.failed()) return;
     for (int64_t placement, end; queue.take(placement, end);) {
       const Shape shape(surfaces, surfaces.placement_mesh[placement]);
+      const uint8_t enough = most_reach(frame, placement);
       uint8_t most = kNoArea;
-      for (int64_t i = 0; i < shape.triangle_count && most != kCovers; ++i) {
+      for (int64_t i = 0; i < shape.triangle_count && most < enough; ++i) {
         const uint8_t one = triangle_reach(frame, shape, surfaces.cam_from_mesh + 12 * placement, i);
         most = one > most ? one : most;
       }

@@ -103,3 +103,26 @@ def test_five_exactly_where_a_render_of_the_placement_alone_shows_it(seed):
     for placement, got in zip(at, codes, strict=True):
         alone = render(place(meshes, [placement]), CAMERA, SIZE)
         assert (got == 5) == bool(np.any(alone.instance >= 0))
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_box_beside_the_view_decides_as_all_its_triangles_do(seed, orthographic):
+    """Vertices that no triangle uses, far out on all sides, leave nothing to a mesh's box."""
+    rng = np.random.default_rng(seed)
+    size = {"fx": 8.0, "fy": 8.0} if orthographic else {}
+    camera = pixel_camera(SIZE, orthographic=orthographic, z_near=1.0, z_far=50.0, **size)
+    meshes = [sphere(5, 7), mesh(rng.normal(size=(30, 3)), np.arange(30))]
+    strays = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 1e6
+    at = [
+        (
+            int(rng.integers(2)),
+            moved(rotation(rng) * 10.0 ** rng.uniform(-2, 0.7), rng.normal(size=3) * (12, 12, 30)),
+            i,
+        )
+        for i in range(400)
+    ]
+    codes = coverage(place(meshes, at), camera, SIZE)
+    asked = [mesh(np.concatenate([points, strays]), faces) for points, faces in meshes]
+    assert codes.tolist() == coverage(place(asked, at), camera, SIZE).tolist()
+    assert {1, 2, 3, 5} <= set(codes.tolist())
