@@ -52,7 +52,7 @@ def fetch_folder(url: str, into: Path) -> int:
 
 
 def publish_folder(folder: Path, url: str, *, last: str) -> None:
-    """Copy every finished file of a folder to a URL; `last` after all others.
+    """Copy every finished file of a folder to a URL; `last` goes before and comes after all others.
 
     A reader that finds `last` there finds a whole folder. PlaceError when it cannot be written.
     """
@@ -63,11 +63,14 @@ def publish_folder(folder: Path, url: str, *, last: str) -> None:
     )
     names.sort(key=lambda name: name == last)
     with _reaching(url) as (system, top):
+        present = _names_below(system, top)
+        if last in present:
+            system.rm_file(f"{top}/{last}")
         for name in names:
             target = f"{top}/{name}"
             system.makedirs(target.rpartition("/")[0], exist_ok=True)
             system.put_file(str(folder / name), target)
-        for name in set(_names_below(system, top)) - {*names}:
+        for name in set(present) - {*names, last}:
             system.rm_file(f"{top}/{name}")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import tempfile
@@ -153,7 +154,17 @@ def carried(error: Exception) -> Exception:
     return error
 
 
+def _die_with_owner() -> None:
+    """A killed command leaves no process busy with its last item; one that waits ends by itself."""
+    if sys.platform == "linux":
+        import ctypes
+
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
 def _main() -> None:
+    _die_with_owner()
     # What the function prints is not an answer.
     with suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)

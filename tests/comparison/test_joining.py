@@ -35,11 +35,13 @@ def test_one_table_of_three_tasks(three, tmp_path, capsys):
     out = tmp_path / "out"
     assert cli.run(["compare", "--join", *map(str, three), "-o", str(out)]) == 0
     shown = capsys.readouterr().out
-    headline, coverage = shown.split("\n\n")[:2]
-    tasks = [line.split()[0] for line in headline.splitlines()[2:]]
+    *blocks, coverage = shown.split("\n\n")[:8]
+    tasks = [
+        b.split(",")[0] for b in blocks for line in b.splitlines() if "↑" in line or "↓" in line
+    ]
     assert list(dict.fromkeys(tasks)) == ["coco", "lvis", "eth3d"]
     assert [tasks.count(t) for t in ("coco", "lvis", "eth3d")] == [8, 8, 11]
-    assert [line.split()[0] for line in coverage.splitlines()[2:]] == ["coco", "lvis", "eth3d"]
+    assert [line.split()[0] for line in coverage.splitlines()[2:5]] == ["coco", "lvis", "eth3d"]
     sentence = "The 3 tracks hold different images (coco 12, lvis 12, eth3d 5; 0 in all of them)"
     assert sentence in shown
     for suffix in ("md", "tex"):

@@ -103,3 +103,20 @@ def test_nothing_at_the_url_of_the_run_is_said(tmp_path, capsys):
     _, truth = made(tmp_path, "coco")
     assert evaluate(f"{BUCKET}/nowhere", truth, tmp_path / "eval") == 2
     assert "there is nothing at memory://bucket/nowhere" in capsys.readouterr().err
+
+
+def test_an_evaluation_is_whole_or_not_there_while_it_is_replaced(tmp_path, monkeypatch):
+    run, truth = made(tmp_path, "coco")
+    assert evaluate(run, truth, f"{BUCKET}/eval") == 0
+    system = fsspec.filesystem("memory")
+    put, seen = type(system).put_file, []
+
+    def watched(self, source, target, **named):
+        seen.append((target.rpartition("/")[2], system.exists("/bucket/eval/evidence.json")))
+        put(self, source, target, **named)
+
+    monkeypatch.setattr(type(system), "put_file", watched)
+    assert cli.run(["evaluate", str(run), "--truth", str(truth), "-o", f"{BUCKET}/eval",
+                    "--draws", "7", "--overwrite", "-q"]) == 0  # fmt: skip
+    assert seen[-1][0] == "evidence.json"
+    assert not any(whole for _, whole in seen)
