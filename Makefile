@@ -10,8 +10,8 @@ KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp)
 DEMO := legoworld-demo
 # A process for each core; `make test PYTEST_ARGS=-n0` runs all tests in one.
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
-# A file's networks are up to 1.3 GB and stay in one process; in their order the files balance.
-PARALLEL_MODELS := -n auto --maxprocesses 2 --dist loadfile --no-loadscope-reorder
+# Two: a network takes up to 1.3 GB.
+PARALLEL_MODELS := -n auto --maxprocesses 2 --dist worksteal
 
 demo: $(VENV)/examples-installed
 	$(PYTHON) docs/demo.py -o $(DEMO)
@@ -21,9 +21,9 @@ test: $(VENV)/tests-installed
 
 # What needs torch runs in an environment of its own; see docs/baselines.md.
 test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
-	$(BASELINES)/bin/python -m pytest $(PARALLEL_MODELS) tests/baselines $(PYTEST_ARGS)
+	OMP_NUM_THREADS=1 $(BASELINES)/bin/python -m pytest $(PARALLEL_MODELS) tests/baselines $(PYTEST_ARGS)
 	LEGOWORLD_BASELINE_PYTHON=$(CURDIR)/$(BASELINES)/bin/python \
-	  $(PYTHON) -m pytest tests/specialists/test_by_name.py $(PYTEST_ARGS)
+	  $(PYTHON) -m pytest $(PARALLEL_MODELS) tests/specialists/test_by_name.py $(PYTEST_ARGS)
 
 # Ray, and S3 from a server on this machine; see docs/clusters.md. In one process: Ray's tests are
 # one file, and take a cluster each.

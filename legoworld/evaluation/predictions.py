@@ -150,24 +150,45 @@ def with_equal_confidence(predictions: Predictions) -> Predictions:
     )
 
 
-def _refuse(bad: Sequence[Any], what: str, found: str, expected: str, next_step: str = "") -> None:
+def _refuse(
+    bad: Sequence[Any], of: int, what: str, found: str, expected: str, next_step: str = ""
+) -> None:
     if bad:
         raise PredictionsInvalidError(
-            f"{len(bad)} predictions {what}", found=found, expected=expected, next_step=next_step
+            f"{len(bad)} of {of} predictions {what}",
+            found=found,
+            expected=expected,
+            next_step=next_step,
         )
 
 
 def _check_keys(entries: Sequence[Any], payload: str) -> None:
     strangers = [e for e in entries if not isinstance(e, dict)]
-    _refuse(strangers, "are no objects", repr(strangers[:1])[:80], '{"image_id", ...}')
+    _refuse(
+        strangers, len(entries), "are no objects", repr(strangers[:1])[:80], '{"image_id", ...}'
+    )
     for key in ("image_id", "category_id", "score", payload):
         bad = [e for e in entries if key not in e]
-        _refuse(bad, f"have no {key}", repr(bad[:1])[:120], f"{key} in every prediction")
+        _refuse(
+            bad, len(entries), f"have no {key}", repr(bad[:1])[:120], f"{key} in every prediction"
+        )
     for key in ("image_id", "category_id"):
         bad = [e for e in entries if type(e[key]) is not int]
-        _refuse(bad, f"have no integer as their {key}", repr(bad[0][key]) if bad else "", "an int")
+        _refuse(
+            bad,
+            len(entries),
+            f"have no integer as their {key}",
+            repr(bad[0][key]) if bad else "",
+            "an int",
+        )
     bad = [e for e in entries if not is_finite(e["score"])]
-    _refuse(bad, "have no usable score", repr(bad[0]["score"]) if bad else "", "a finite number")
+    _refuse(
+        bad,
+        len(entries),
+        "have no usable score",
+        repr(bad[0]["score"]) if bad else "",
+        "a finite number",
+    )
 
 
 def _check_ids(
@@ -176,6 +197,7 @@ def _check_ids(
     bad = [e for e in entries if e["image_id"] not in status]
     _refuse(
         bad,
+        len(entries),
         "are of images the run does not have",
         f"image {bad[0]['image_id']}" if bad else "",
         f"one of the run's {len(status)} images, such as {min(status)}",
@@ -183,6 +205,7 @@ def _check_ids(
     bad = [e for e in entries if status[e["image_id"]] != "ok"]
     _refuse(
         bad,
+        len(entries),
         "are of images the run calls unread",
         f"image {bad[0]['image_id']}: {status[bad[0]['image_id']]}" if bad else "",
         "predictions of images with status ok alone",
@@ -192,6 +215,7 @@ def _check_ids(
     found = {e["category_id"] for e in entries}
     _refuse(
         bad,
+        len(entries),
         "are of categories the vocabulary does not have",
         f"category ids {sorted({e['category_id'] for e in bad})[:8]}",
         f"one of {len(known)} ids between {min(known)} and {max(known)}",
