@@ -12,19 +12,21 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Final, Self
+from typing import IO, Final, Self
 
+from legoworld.baselines.answers import Message, Unreadable, read_line
 from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import LegoWorldError, one_line
-
-Message = dict[str, Any]
 
 _KEPT_LOG_LINES: Final = 60
 _WAIT_FOR_END_S: Final = 5.0
 _POLL_S: Final = 0.5
+#: The longest line that is held in memory: hundreds of masks of the largest photos are 10 MB.
+_LONGEST_LINE: Final = 256 << 20
+_LONGEST_LOG_LINE: Final = 1 << 16
 
 
 class BaselineFailedError(LegoWorldError):
@@ -49,7 +51,7 @@ class BaselineProcess:
     ) -> None:
         self._log = log
         self._tail: deque[str] = deque(maxlen=_KEPT_LOG_LINES)
-        self._messages: queue.Queue[Message | None] = queue.Queue()
+        self._messages: queue.Queue[Message | Unreadable | None] = queue.Queue()
         try:
             self._process = subprocess.Popen(
                 [str(python), str(card.program)],
@@ -97,7 +99,7 @@ class BaselineProcess:
     ) -> None:
         self.close()
 
-    def next_message(self, time_limit_s: float | None) -> Message | None:
+    def next_message(self, time_limit_s: float | None) -> Message | Unreadable | None:
         """The next message; None when the process has ended. TooSlowError past the limit."""
         deadline = None if time_limit_s is None else time.monotonic() + time_limit_s
         while True:
@@ -110,7 +112,7 @@ class BaselineProcess:
                 if deadline is not None and time.monotonic() >= deadline:
                     raise TooSlowError from error
 
-    def _last_message(self) -> Message | None:
+    def _last_message(self) -> Message | Unreadable | None:
         """What a process that has ended said last; what it started may hold its pipe open."""
         self._kill()
         with contextlib.suppress(queue.Empty):
@@ -150,8 +152,12 @@ class BaselineProcess:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def _read_messages(self, stream: IO[str]) -> None:
-        for line in stream:
-            message = _message(line)
+        for line in _lines(stream, _LONGEST_LINE):
+            message = read_line(line)
+            if message is None and len(line) == _LONGEST_LINE and line.startswith("{"):
+                message = Unreadable(
+                    image_id=None, reason=f"a line of more than {_LONGEST_LINE >> 20} MiB"
+                )
             if message is None:
                 self._pass_on(line)
             else:
@@ -159,24 +165,18 @@ class BaselineProcess:
         self._messages.put(None)
 
     def _read_log(self, stream: IO[str]) -> None:
-        for line in stream:
+        for line in _lines(stream, _LONGEST_LOG_LINE):
             self._tail.append(line)
             self._pass_on(line)
 
     def _pass_on(self, line: str) -> None:
         if line.strip():
-            self._log(line.rstrip("\n"))
+            self._log(line[:_LONGEST_LOG_LINE].rstrip("\n"))
 
 
-def _message(line: str) -> Message | None:
-    """The message of a line; None for a print that came through, and for a line cut short."""
-    if not line.startswith("{") or not line.endswith("\n"):
-        return None
-    try:
-        message = json.loads(line)
-    except ValueError:
-        return None
-    return message if isinstance(message, dict) else None
+def _lines(stream: IO[str], longest: int) -> Iterator[str]:
+    """Lines; one without an end comes in pieces of `longest` characters."""
+    return iter(lambda: stream.readline(longest), "")
 
 
 def _environment(card: BaselineCard, *, offline: bool) -> dict[str, str]:

@@ -7,16 +7,13 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from legoworld.baselines.child import (
-    BaselineFailedError,
-    BaselineProcess,
-    Message,
-    TooSlowError,
-)
+from legoworld.baselines.answers import Message, Unreadable
+from legoworld.baselines.child import BaselineFailedError, BaselineProcess, TooSlowError
 from legoworld.baselines.records import (
     AnswerInvalidError,
     ImageCrashedError,
     ImageTimeoutError,
+    PhotoMissingError,
     Record,
     answered_record,
     failed_record,
@@ -100,17 +97,20 @@ class Conversation:
             if message is None:
                 yield from self._died(process, working)
                 return
-            if "done" in message:
+            if isinstance(message, Unreadable):
+                yield from self._unusable(message, working)
+            elif "done" in message:
                 silent = AnswerInvalidError(
                     "the baseline gave no answer for the image", expected="one line per image"
                 )
                 yield from self._fail(list(self._pending), silent)
                 return
-            if "working_on" in message:
-                working = [i for i in message["working_on"] if i in self._pending]
-            elif message.get("image_id") in self._pending:
-                working = [i for i in working if i != message["image_id"]]
-                yield self._answered(message)
+            elif "working_on" in message:
+                working = self._waited_for(message["working_on"])
+            else:
+                for image_id in self._waited_for([message.get("image_id")]):
+                    yield self._answered(image_id, message)
+            working = [i for i in working if i in self._pending]
 
     def _hello(self, process: BaselineProcess) -> None:
         message = process.next_message(None)
@@ -122,30 +122,58 @@ class Conversation:
                 expected="a loaded model",
                 next_step="`legoworld doctor` says what its environment lacks; -v shows its log",
             )
-        if "refused" in message:
-            reason = message["refused"]
+        if isinstance(message, Unreadable):
+            raise BaselineFailedError(
+                f"the first line of the baseline {name} cannot be used",
+                found=message.reason,
+                expected='{"provenance": {...}}',
+            )
+        reason = message.get("refused")
+        if isinstance(reason, dict):
             raise BaselineRefusedError(
                 f"{name}: {reason.get('message')}",
                 found=str(reason.get("found") or ""),
                 expected=str(reason.get("expected") or ""),
                 next_step=str(reason.get("next_step") or ""),
             )
-        if not isinstance(message.get("provenance"), dict):
+        environment = message.get("environment", {})
+        if not isinstance(message.get("provenance"), dict) or not isinstance(environment, dict):
             raise BaselineFailedError(
                 f"the baseline {name} does not say what it runs",
                 found=f"a first line with {', '.join(sorted(message)) or 'nothing'}",
-                expected='{"provenance": {...}}',
+                expected='{"provenance": {...}, "environment": {...}}',
             )
-        self._environment = dict(message.get("environment") or {})
+        self._environment = environment
         self._begin(message["provenance"])
 
-    def _answered(self, message: Message) -> Record:
-        image = self._pending.pop(message["image_id"])
-        source = {
-            "photo_sha256": sha256_of_file(self._photos[image.id]),
-            "environment": self._environment,
-        }
+    def _waited_for(self, image_ids: Any) -> list[int]:
+        """Those of the ids a process wrote down that still have no record."""
+        ids = image_ids if isinstance(image_ids, list) else []
+        return [i for i in ids if type(i) is int and i in self._pending]
+
+    def _answered(self, image_id: int, message: Message) -> Record:
+        image = self._pending.pop(image_id)
+        path = self._photos[image.id]
+        try:
+            photo_sha256 = sha256_of_file(path)
+        except OSError as error:
+            gone = PhotoMissingError(
+                "the photo went away while it was predicted",
+                found=f"{path.name}: {error.strerror}",
+                expected="photos that stay for as long as the run",
+            )
+            return failed_record(image, gone)
+        source = {"photo_sha256": photo_sha256, "environment": self._environment}
         return answered_record(image, message, self._request.rules, source)
+
+    def _unusable(self, line: Unreadable, working: list[int]) -> Iterator[Record]:
+        """A line that is no message fails the image it names, or those that are worked on."""
+        failed = working if line.image_id is None else self._waited_for([line.image_id])
+        self._log(f"legoworld: a line of the baseline cannot be used: {line.reason}")
+        error = AnswerInvalidError(
+            "the baseline's answer cannot be used", found=line.reason, expected="one line of JSON"
+        )
+        yield from self._fail(failed, error)
 
     def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[Record]:
         """Name the images it died of; those that were tried before are given up."""

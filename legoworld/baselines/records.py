@@ -93,6 +93,7 @@ def answered_record(
     try:
         if "failed" in answer:
             raise ImageFailedError(str(answer["failed"]))
+        counts = _counts(answer)
         if rules.protocol is None:
             depth = answer.get("depth")
             record = depth_record(image, rules.run, source)
@@ -101,8 +102,22 @@ def answered_record(
             record = detection_record(image, _checked(image, answer, rules), source)
     except LegoWorldError as error:
         return failed_record(image, error)
-    record["row"]["counts"] = dict(answer.get("counts") or {})
+    record["row"]["counts"] = counts
     return record
+
+
+def _counts(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """What the baseline counted; summary.json adds these up over the images."""
+    counts = answer.get("counts")
+    if counts is None:
+        return {}
+    if not isinstance(counts, dict) or any(type(n) is not int for n in counts.values()):
+        raise AnswerInvalidError(
+            "the baseline's counts cannot be used",
+            found=repr(counts)[:80],
+            expected='{"what": whole number}',
+        )
+    return counts
 
 
 def detection_record(image: TrackImage, predictions: Predictions, source: dict[str, Any]) -> Record:

@@ -16,6 +16,7 @@ from legoworld import cli
 FAKE = Path(__file__).parent / "fake"
 FAKE_BATCHED = Path(__file__).parent / "fake_batched"
 CATEGORIES = [{"id": 18, "name": "dog"}, {"id": 17, "name": "cat"}]
+NAMES_OF_TWO = ["001.jpg", "002.jpg"]
 SIZE_WH = (64, 48)
 
 

@@ -157,7 +157,7 @@ def _answer(channel: TextIO, image_id: int, result: Result) -> None:
     """One image's line; a result that is no JSON (NaN, a tensor) is that image's failure."""
     try:
         _say(channel, {"image_id": image_id, **result})
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         _say(channel, {"image_id": image_id, "failed": failure_line(error)})
 
 

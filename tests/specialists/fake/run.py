@@ -76,7 +76,13 @@ def predict(request: Request, image: dict[str, Any]) -> dict[str, Any]:
     ids = (request["prompts"] or {}).get(str(image["image_id"])) or [
         c["id"] for c in request["categories"]
     ]
-    found = [entry(request, image, brightness, ids[k % len(ids)], k) for k in range(3)]
+    found: list[Any] = [entry(request, image, brightness, ids[k % len(ids)], k) for k in range(3)]
+    if wrong(request, image, "surrogate"):
+        return {"failed": "\ud800"}
+    for how, levels in (("deep", 200), ("too_deep", 100_000)):
+        if wrong(request, image, how):
+            for _ in range(levels):
+                found = [found]
     return {"predictions": found, "counts": {"considered": 3}}
 
 

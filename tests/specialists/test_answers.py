@@ -1,0 +1,254 @@
+"""Whatever a baseline writes down, each image gets one row that every file of a run can hold."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from specialists.tracks import FAKE, NAMES_OF_TWO, make_photos, make_track
+
+from legoworld.baselines import conversation
+from legoworld.baselines.answers import MOST_LEVELS, Unreadable, read_line
+from legoworld.baselines.baseline_run import summarise
+from legoworld.baselines.cards import chosen_options, load_baseline
+from legoworld.baselines.child import BaselineFailedError
+from legoworld.baselines.conversation import BaselineRefusedError, Conversation
+from legoworld.baselines.request import BaselineRequest, configuration_of
+from legoworld.files import canonical_json, readable_json
+from legoworld.readouts.tasks import protocol
+from legoworld.track import load_track
+
+HELLO = '{"provenance": {}, "environment": {}}\n'
+DONE = '{"done": true}\n'
+
+
+def line(**message: Any) -> str:
+    return json.dumps(message) + "\n"
+
+
+def nested(levels: int) -> str:
+    return "[" * levels + "]" * levels
+
+
+@pytest.fixture(scope="module")
+def request_of(tmp_path_factory: pytest.TempPathFactory):
+    """A request of a task about two photos."""
+    folder = tmp_path_factory.mktemp("answers")
+    photos = make_photos(folder / "photos", NAMES_OF_TWO)
+    track = load_track(make_track(folder / "track.json", NAMES_OF_TWO))
+
+    def made(task: str) -> BaselineRequest:
+        card = load_baseline(str(FAKE))
+        return BaselineRequest(
+            card=card,
+            protocol=protocol(task, track.vocabulary),
+            track=track,
+            photos=photos,
+            weights="weights.bin",
+            run=folder / "run",
+            python=Path("python"),
+            device="cpu",
+            dtype="float32",
+            batch_size=1,
+            options=chosen_options(card, []),
+            labels={},
+            prompts=None,
+            offline=True,
+            overwrite=False,
+            limit=None,
+            image_ids=(),
+            time_limit_s=None,
+        )
+
+    return made
+
+
+class Scripted:
+    """A process that says these lines and ends."""
+
+    lines: tuple[str, ...] = ()
+
+    def __init__(self, *_given: Any) -> None:
+        self.left = [m for m in map(read_line, self.lines) if m is not None]
+
+    def __enter__(self) -> Scripted:
+        return self
+
+    def __exit__(self, *_how: object) -> None:
+        pass
+
+    def next_message(self, _limit: float | None) -> Any:
+        return self.left.pop(0) if self.left else None
+
+    def how_it_ended(self) -> str:
+        return "exit code 0"
+
+
+def records_of(request: BaselineRequest, *lines: str) -> dict[int, dict[str, Any]]:
+    """The row of each image after these lines, as the files of the run hold it."""
+    images = list(request.track.images)
+    photos = {i.id: request.photos / i.file_name for i in images}
+    began: list[dict[str, Any]] = []
+    script = type("Script", (Scripted,), {"lines": lines})
+    before = conversation.BaselineProcess
+    conversation.BaselineProcess = script  # type: ignore[misc]
+    try:
+        talk = Conversation(request, photos, dict.fromkeys(photos, 0), began.append, str)
+        records = list(talk.records(images, images))
+    finally:
+        conversation.BaselineProcess = before  # type: ignore[misc]
+    for record in records:
+        canonical_json(record).encode("utf-8")
+    for provenance in began:
+        readable_json({"configuration": provenance}).encode("utf-8")
+    rows = [record["row"] for record in records]
+    summary = summarise(configuration_of(request, images), rows)
+    readable_json(summary).encode("utf-8")
+    assert sorted(row["image_id"] for row in rows) == [1, 2]
+    return {row["image_id"]: row for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ('{"image_id": 1, "predictions": [{"score": NaN}]}\n', "not JSON compliant"),
+        ('{"image_id": 1, "predictions": [], "counts": {"n": 1e999}}\n', "not JSON compliant"),
+        (line(image_id=1, failed="\ud800"), "lone surrogate"),
+        (line(image_id=1, predictions=[], counts={"\udfff": 1}), "lone surrogate"),
+        (f'{{"image_id": 1, "predictions": {nested(200)}}}\n', "levels deep"),
+        (f'{{"image_id": 1, "predictions": [{10**30}]}}\n', "more than 64 bits"),
+        (f'{{"image_id": 1, "predictions": {nested(100_000)}}}\n', "nested too deep"),
+        (line(image_id=1, predictions=[], counts=["a"]), "counts cannot be used"),
+        (line(image_id=1, predictions=[], counts={"a": "b"}), "counts cannot be used"),
+        (line(image_id=1, predictions={"a": 1}), "no list of predictions"),
+    ],
+)
+def test_an_unusable_answer_is_one_row(request_of, bad, words):
+    good = line(image_id=2, predictions=[])
+    found = records_of(request_of("coco"), HELLO, line(working_on=[1]), bad, good, DONE)
+    assert (found[1]["status"], found[1]["code"]) == ("failed", "baseline_answer")
+    assert words in found[1]["reason"]
+    assert len(found[1]["reason"].splitlines()) == 1
+    assert found[2]["status"] == "ok"
+
+
+@pytest.mark.parametrize(
+    "strange",
+    [line(working_on=3), line(working_on=[[1], None, True, "1"]), line(image_id=[1]), "{}\n"],
+)
+def test_a_strange_line_costs_no_image(request_of, strange):
+    answers = [line(image_id=i, predictions=[]) for i in (1, 2)]
+    found = records_of(request_of("coco"), HELLO, strange, *answers, DONE)
+    assert [found[i]["status"] for i in (1, 2)] == ["ok", "ok"]
+
+
+@pytest.mark.parametrize(
+    ("first", "words"),
+    [
+        ('{"provenance": {"seed": NaN}}\n', "first line .* cannot be used.*not JSON compliant"),
+        (f'{{"provenance": {nested(100_000)}}}\n', "first line .* nested too deep"),
+        (line(provenance={"model": "\ud800"}), "first line .* lone surrogate"),
+        (line(provenance=[]), "does not say what it runs"),
+        (line(provenance={}, environment=[]), "does not say what it runs"),
+        (line(refused="no"), "does not say what it runs"),
+        (line(image_id=1), "does not say what it runs"),
+    ],
+)
+def test_an_unusable_beginning_is_the_runs_error(request_of, first, words):
+    with pytest.raises(BaselineFailedError, match=words):
+        records_of(request_of("coco"), first)
+
+
+def test_a_photo_that_goes_away_is_that_images_row(request_of, tmp_path):
+    own = dataclasses.replace(request_of("coco"), photos=make_photos(tmp_path, NAMES_OF_TWO))
+    (tmp_path / NAMES_OF_TWO[0]).unlink()
+    answers = [line(image_id=i, predictions=[]) for i in (1, 2)]
+    found = records_of(own, HELLO, *answers, DONE)
+    assert (found[1]["status"], found[1]["code"]) == ("missing", "missing_photo")
+    assert found[2]["status"] == "ok"
+
+
+NUMBERS = (
+    st.integers()
+    | st.floats()
+    | st.sampled_from([1, 2, 17, 18, 0.5, 2**63 - 1, -(2**63), 1e308, -1e308, 10**400])
+)
+TEXTS = st.text(st.characters(), max_size=4) | st.sampled_from(["\ud800", "depth", "1", "\x1b]0;"])
+KEYS = TEXTS | st.sampled_from(
+    ["image_id", "category_id", "bbox", "score", "segmentation", "size", "counts", "predictions"]
+)
+VALUES = st.recursive(
+    st.none() | st.booleans() | NUMBERS | TEXTS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS, inner, max_size=4),
+    max_leaves=12,
+)
+MASKS = st.fixed_dictionaries(
+    {
+        "size": st.just([48, 64]) | VALUES,
+        "counts": st.lists(NUMBERS, max_size=4) | st.text(max_size=6) | VALUES,
+    }
+)
+ENTRIES = st.fixed_dictionaries(
+    {
+        "image_id": st.sampled_from([1, 2]) | VALUES,
+        "category_id": st.sampled_from([17, 18]) | VALUES,
+        "score": NUMBERS | VALUES,
+        "bbox": st.lists(NUMBERS, min_size=4, max_size=4) | VALUES,
+        "segmentation": MASKS | VALUES,
+    }
+)
+ANSWERS = st.fixed_dictionaries(
+    {"image_id": st.sampled_from([1, 2]) | VALUES},
+    optional={
+        "predictions": st.lists(ENTRIES, max_size=3) | VALUES,
+        "counts": VALUES,
+        "failed": VALUES,
+        "depth": VALUES,
+        "working_on": VALUES,
+        "provenance": VALUES,
+    },
+)
+FIRST = st.fixed_dictionaries({}, optional=dict.fromkeys(("provenance", "refused", "x"), VALUES))
+LINES = st.lists((ANSWERS | VALUES).map(lambda v: json.dumps(v) + "\n"), max_size=6)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(task=st.sampled_from(["coco", "lvis", "eth3d"]), lines=LINES)
+@example(task="coco", lines=[line(image_id=True, predictions=[])])
+@example(task="lvis", lines=[line(working_on=[1, 2]), f'{{"a": {nested(5000)}}}\n'])
+def test_any_answers_end_in_rows(request_of, task, lines):
+    records_of(request_of(task), HELLO, *lines, DONE)
+
+
+@settings(max_examples=100, deadline=None)
+@given(first=FIRST.map(lambda v: json.dumps(v) + "\n"))
+def test_any_beginning_is_one_line_or_a_run(request_of, first):
+    said = ""
+    try:
+        records_of(request_of("coco"), first, DONE)
+    except (BaselineFailedError, BaselineRefusedError) as error:
+        said = str(error)
+    assert len(said.encode("utf-8").splitlines()) <= 1
+
+
+@settings(max_examples=200, deadline=None)
+@given(VALUES)
+def test_a_message_is_what_every_file_can_hold(value):
+    found = read_line(json.dumps({"a": value}) + "\n")
+    assert isinstance(found, dict | Unreadable)
+    if isinstance(found, dict):
+        again = canonical_json({"row": {"counts": [found]}}).encode("utf-8")
+        assert json.loads(again)["row"]["counts"][0] == found
+
+
+def test_nesting_is_bounded_where_it_says():
+    def levels(n: int) -> str:  # the object is the first level
+        return '{"a": ' + nested(n - 1) + "}\n"
+
+    assert isinstance(read_line(levels(MOST_LEVELS)), dict)
+    assert isinstance(read_line(levels(MOST_LEVELS + 1)), Unreadable)
