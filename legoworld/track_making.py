@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -17,6 +18,11 @@ import numpy as np
 from legoworld import catalog
 from legoworld.dataset_versions import dataset_version
 from legoworld.errors import CatalogError, LegoWorldError, UsageError
+from legoworld.evaluation.truth_checks import (
+    check_annotations,
+    check_image_values,
+    check_images,
+)
 from legoworld.files import canonical_json, readable_json, sha256_of_file, write_text
 from legoworld.track import TrackImage, load_track
 from legoworld.vocabulary import from_json
@@ -119,7 +125,10 @@ def _names_of(image: dict[str, Any]) -> list[str]:
 
 
 def annotation_source(task: str, path: Path) -> Source:
-    """The public half of a COCO-style annotation file."""
+    """The public half of a COCO-style annotation file.
+
+    Its annotations, where it has any, get the checks that scoring makes: TruthInvalidError.
+    """
     if path.is_dir():
         raise UsageError(
             "the truth is a folder", found=path.name, expected="a COCO or LVIS annotation file"
@@ -127,23 +136,36 @@ def annotation_source(task: str, path: Path) -> Source:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         entries, categories = document["images"], document["categories"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise CatalogError(
             f"{path.name} cannot be read",
             found=f"{type(error).__name__}: {error}",
             expected="COCO or LVIS JSON with images and categories",
         ) from error
     vocabulary = from_json(categories, path.name)
-    if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+    if not isinstance(entries, list):
         raise CatalogError(
             f"{path.name} lists no images", found=type(entries).__name__, expected="a list"
         )
-    _check_dataset(task, path, entries)
+    images = check_images(path.name, entries, Counter())
+    _check_dataset(task, path, list(images.values()))
+    annotations = document.get("annotations")
+    if isinstance(annotations, list):
+        check_image_values(path.name, list(images.values()), federated=task == "lvis")
+        check_annotations(
+            path.name,
+            annotations,
+            images=images,
+            wanted=images,
+            category_ids=(c.id for c in vocabulary.categories),
+            masks=task != "coco",
+            repairs=Counter(),
+        )
     return Source(
         name=path.name,
         version=dataset_version(vocabulary, task),
         sha256=sha256_of_file(path),
-        images=[_public(e, PUBLIC_IMAGE_KEYS) for e in entries],
+        images=[_public(e, PUBLIC_IMAGE_KEYS) for e in images.values()],
         categories=[_public(c, PUBLIC_CATEGORY_KEYS) for c in categories],
     )
 

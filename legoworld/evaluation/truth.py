@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeGuard
+from typing import Any
 
 from legoworld.dataset_versions import dataset_version
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run, RunImage
+from legoworld.evaluation.truth_checks import (
+    TruthInvalidError,
+    check_annotations,
+    check_boxes,
+    check_image_values,
+    check_images,
+)
 from legoworld.vocabulary import Vocabulary, from_json
-
-_FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
-
-
-class TruthInvalidError(LegoWorldError):
-    """A truth file cannot be scored against."""
-
-    code = "truth_invalid"
 
 
 class TruthMismatchError(LegoWorldError):
@@ -66,31 +64,37 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
     vocabulary = from_json(document["categories"], path.name)
     version = dataset_version(vocabulary, protocol.task)
     _check_vocabulary(path, vocabulary, version, run)
-    images = _images_of_run(path, document["images"], run, protocol)
-    wanted = {image["id"] for image in images}
-    annotations, warnings = _annotations(
-        path,
-        [a for a in document["annotations"] if isinstance(a, dict) and a.get("image_id") in wanted],
-        {i["id"]: i for i in images},
-        vocabulary,
-        protocol,
+    repairs: Counter[str] = Counter()
+    all_images = check_images(path.name, document["images"], repairs)
+    images = _images_of_run(path, all_images, run)
+    check_image_values(path.name, images, federated=protocol.federated)
+    annotations = check_annotations(
+        path.name,
+        document["annotations"],
+        images=all_images,
+        wanted=(image["id"] for image in images),
+        category_ids=(c.id for c in vocabulary.categories),
+        masks=protocol.iou_type == "segm",
+        repairs=repairs,
     )
+    if protocol.iou_type == "bbox":
+        check_boxes(path.name, annotations, all_images, repairs)
     if protocol.federated:
         _check_frequencies(path, document["categories"])
     return Truth(
         images=tuple(images),
-        annotations=tuple(annotations),
+        annotations=tuple(_numbered(annotations, protocol, repairs)),
         categories=tuple(sorted(document["categories"], key=lambda c: int(c["id"]))),
         vocabulary=vocabulary,
         version=version,
-        warnings=tuple(warnings),
+        warnings=tuple(f"{count} {what}" for what, count in sorted(repairs.items())),
     )
 
 
 def _document(path: Path) -> dict[str, Any]:
     try:
         document: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise TruthInvalidError(
             f"the truth {path.name} cannot be read",
             found=str(error),
@@ -121,11 +125,8 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
     )
 
 
-def _images_of_run(
-    path: Path, entries: list[Any], run: Run, protocol: DetectionProtocol
-) -> list[dict[str, Any]]:
+def _images_of_run(path: Path, by_id: dict[int, dict[str, Any]], run: Run) -> list[dict[str, Any]]:
     """The truth's entries of the run's images, ascending id."""
-    by_id = {e["id"]: e for e in entries if isinstance(e, dict) and "id" in e}
     unknown = [i for i in run.images if i.id not in by_id]
     if unknown:
         raise TruthMismatchError(
@@ -136,14 +137,6 @@ def _images_of_run(
         )
     for image in run.images:
         _check_same_photo(path, image, by_id[image.id])
-        if protocol.federated and not all(
-            isinstance(by_id[image.id].get(k), list) for k in _FEDERATED_KEYS
-        ):
-            raise TruthInvalidError(
-                f"image {image.id} of {path.name} lacks LVIS's verified categories",
-                found=f"keys {sorted(by_id[image.id])}",
-                expected=" and ".join(_FEDERATED_KEYS),
-            )
     return [by_id[image.id] for image in run.images]
 
 
@@ -165,67 +158,20 @@ def _check_same_photo(path: Path, image: RunImage, entry: dict[str, Any]) -> Non
         )
 
 
-def _annotations(
-    path: Path,
-    entries: Sequence[dict[str, Any]],
-    images: dict[int, dict[str, Any]],
-    vocabulary: Vocabulary,
-    protocol: DetectionProtocol,
-) -> tuple[list[dict[str, Any]], list[str]]:
-    """Checked copies numbered from 1 in file order, and what was repaired."""
-    known = {c.id for c in vocabulary.categories}
-    repairs: Counter[str] = Counter()
-    if len({a.get("id") for a in entries}) != len(entries):
-        raise TruthInvalidError(
-            f"annotation ids repeat in {path.name}",
-            found=f"{len(entries)} annotations, {len({a.get('id') for a in entries})} ids",
-            expected="distinct ids",
-        )
-    checked = []
-    for number, entry in enumerate(entries, start=1):
-        problem = _annotation_problem(entry, images[entry["image_id"]], known, protocol)
-        if problem:
-            raise TruthInvalidError(
-                f"annotation {entry.get('id')!r} of {path.name} cannot be scored against",
-                found=problem,
-                expected="a known category, a bbox of 4 numbers, an area, a segmentation in masks",
-            )
+def _numbered(
+    annotations: Sequence[dict[str, Any]], protocol: DetectionProtocol, repairs: Counter[str]
+) -> list[dict[str, Any]]:
+    """Annotations numbered from 1 in file order: the official evaluator takes 0 for unmatched."""
+    numbered = []
+    for number, entry in enumerate(annotations, start=1):
         if entry["id"] == 0:
             repairs["annotation id 0, which the official evaluator takes for unmatched"] += 1
         copy = {**entry, "id": number}
         if not protocol.federated and "iscrowd" not in entry:
             repairs["annotations without iscrowd, taken as 0"] += 1
             copy["iscrowd"] = 0
-        checked.append(copy)
-    return checked, [f"{count} {what}" for what, count in sorted(repairs.items())]
-
-
-def _annotation_problem(
-    entry: dict[str, Any],
-    image: dict[str, Any],
-    known: set[int],
-    protocol: DetectionProtocol,
-) -> str | None:
-    if entry.get("category_id") not in known:
-        return f"category {entry.get('category_id')!r}"
-    box, area = entry.get("bbox"), entry.get("area")
-    if not isinstance(box, list) or len(box) != 4 or not all(map(_is_number, box)):
-        return f"bbox {box!r}"
-    if not _is_number(area) or area < 0:
-        return f"area {area!r}"
-    if entry.get("iscrowd", 0) not in (0, 1):
-        return f"iscrowd {entry['iscrowd']!r}"
-    mask = entry.get("segmentation")
-    if protocol.iou_type == "segm":
-        if not mask or not isinstance(mask, list | dict):
-            return "no segmentation"
-        if isinstance(mask, dict) and mask.get("size") != [image["height"], image["width"]]:
-            return f"RLE size {mask.get('size')}, image {[image['height'], image['width']]}"
-    return None
-
-
-def _is_number(value: Any) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        numbered.append(copy)
+    return numbered
 
 
 def _check_frequencies(path: Path, categories: list[dict[str, Any]]) -> None:

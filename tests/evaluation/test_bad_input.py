@@ -208,7 +208,7 @@ TRUTH_FAULTS = {
     "another photo": (lambda t: t["images"][2].update(file_name="x.jpg"), "another photo"),
     "other categories": (lambda t: t["categories"][0].update(name="x"), "different categories"),
     "another version": (lambda t: t["categories"].pop(), "different categories"),
-    "an unknown category": (lambda t: t["annotations"][1].update(category_id=1), "category 1"),
+    "an unknown category": (lambda t: t["annotations"][1].update(category_id=1), "category_id 1;"),
     "no box": (lambda t: t["annotations"][1].update(bbox=[1, 2]), "bbox"),
     "no area": (lambda t: t["annotations"][1].pop("area"), "area"),
     "ids twice": (lambda t: t["annotations"][1].update(id=1), "repeat"),

@@ -1,0 +1,300 @@
+"""Checks of a truth file: as strict as those of predictions, counted, the first offender named.
+
+The official evaluators ask nothing: pycocotools leaves an annotation of an unknown image out and
+scores a box of negative width.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.box_formats import BoxFormatError, check_box_format, is_finite
+from legoworld.evaluation.masks import covers, pixels_covered, rle_problem
+
+Entry = dict[str, Any]
+Fault = Callable[[Entry], str | None]
+
+_FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
+_CORRECT = "correct the file, or use the dataset's own"
+#: Numbers of the smallest polygon, a triangle; pycocotools takes four numbers for a box.
+_POLYGON_NUMBERS = 6
+_MAX_COORDINATE = 1e9
+
+
+class TruthInvalidError(LegoWorldError):
+    """A truth file cannot be scored against."""
+
+    code = "truth_invalid"
+
+
+def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> dict[int, Entry]:
+    """Copies of a truth's image entries by id, in the file's order.
+
+    name: the file's, for messages. TruthInvalidError for an entry without a usable id, and for ids
+    that repeat.
+    """
+    _refuse(name, "images", entries, _object_fault)
+    _refuse(name, "images", entries, _key_fault("id"), "an integer id")
+    found: dict[int, Entry] = {}
+    twice: list[int] = []
+    for entry in entries:
+        image_id = _whole(entry["id"], "image ids", repairs)
+        if image_id in found:
+            twice.append(image_id)
+        found[image_id] = {**entry, "id": image_id}
+    if twice:
+        raise TruthInvalidError(
+            f"image ids repeat in {name}",
+            found=f"{len(twice)} of {len(entries)} images, such as image {twice[0]}",
+            expected="distinct ids",
+            next_step=_CORRECT,
+        )
+    return found
+
+
+def check_image_values(name: str, images: Sequence[Entry], *, federated: bool) -> None:
+    """What scoring reads of the images it is about; whole numbers become integers in place.
+
+    TruthInvalidError for a width or height that is none, and in LVIS (federated) for missing
+    lists of verified categories.
+    """
+    _refuse(name, "images", images, _size_fault, "a width and height of at least 1 pixel")
+    for entry in images:
+        entry |= {"width": int(entry["width"]), "height": int(entry["height"])}
+    if federated:
+        lists = " and ".join(_FEDERATED_KEYS)
+        expected = f"LVIS's verified categories: {lists}, lists of ids"
+        _refuse(name, "images", images, _federated_fault, expected)
+
+
+def check_annotations(
+    name: str,
+    entries: Sequence[Any],
+    *,
+    images: Mapping[int, Entry],
+    wanted: Iterable[int],
+    category_ids: Iterable[int],
+    masks: bool,
+    repairs: Counter[str],
+) -> list[Entry]:
+    """Copies of the annotations of the wanted images, in the file's order.
+
+    images: all of the file's, as `check_images` returns them: an annotation of none of them is
+    refused, one of an image that is not wanted is left out. masks: whether segmentations are
+    scored. repairs counts what was taken in spite of its form. TruthInvalidError otherwise.
+    """
+    _refuse(name, "annotations", entries, _object_fault)
+    _refuse(name, "annotations", entries, _key_fault("id"), "an integer id")
+    _refuse_repeats(name, entries)
+    _refuse(name, "annotations", entries, _key_fault("image_id"), "the integer id of its image")
+    _refuse(
+        name,
+        "annotations",
+        entries,
+        lambda a: None if a["image_id"] in images else "no such image",
+        f"the id of one of the file's {len(images)} images",
+        "correct the image_id; where images were cut out of the file, cut their annotations, too",
+    )
+    ids = frozenset(wanted)
+    own = [
+        {**a, "image_id": _whole(a["image_id"], "image ids", repairs)}
+        for a in entries
+        if a["image_id"] in ids
+    ]
+    _check_values(name, own, frozenset(category_ids))
+    for entry in own:
+        entry["category_id"] = _whole(entry["category_id"], "category ids", repairs)
+    if masks:
+        _check_masks(name, own, images)
+    return own
+
+
+def check_boxes(
+    name: str, annotations: Sequence[Entry], images: Mapping[int, Entry], repairs: Counter[str]
+) -> None:
+    """Hold checked boxes to their images, as a results list's. TruthInvalidError names a format."""
+    ids = {a["image_id"] for a in annotations}
+    sizes_wh = {i: (images[i]["width"], images[i]["height"]) for i in ids}
+    try:
+        odd = check_box_format(annotations, sizes_wh)
+    except BoxFormatError as error:
+        raise TruthInvalidError(
+            f"the boxes of {name} are not x, y, width, height in pixels",
+            found=error.found,
+            expected=error.expected,
+            next_step=error.next_step.replace("pass ", "write "),
+        ) from error
+    repairs.update({f"truth {what}": count for what, count in odd.items()})
+
+
+def _check_values(name: str, own: Sequence[Entry], category_ids: frozenset[int]) -> None:
+    """What both kinds of scoring read of an annotation, besides its mask."""
+    rules: list[tuple[Fault, str, str]] = [
+        (_key_fault("category_id"), "the integer id of its category", _CORRECT),
+        (
+            lambda a: None if a["category_id"] in category_ids else _shown(a, "category_id"),
+            f"one of the file's {len(category_ids)} category ids",
+            _CORRECT,
+        ),
+        (
+            _box_fault,
+            "x, y, width, height: four finite numbers, width and height of at least 0",
+            _CORRECT,
+        ),
+        (
+            lambda a: None if is_finite(a.get("area")) and a["area"] >= 0 else _shown(a, "area"),
+            "a finite number of at least 0",
+            "write the area in pixels of the mask, or width x height where there is none",
+        ),
+        (lambda a: None if a.get("iscrowd", 0) in (0, 1) else _shown(a, "iscrowd"), "0 or 1", ""),
+    ]
+    for fault, expected, next_step in rules:
+        _refuse(name, "annotations", own, fault, expected, next_step or _CORRECT)
+
+
+def _check_masks(name: str, own: Sequence[Entry], images: Mapping[int, Entry]) -> None:
+    """Polygons of three points and more, or RLE that covers its image."""
+
+    def fault(entry: Entry) -> str | None:
+        mask, image = entry.get("segmentation"), images[entry["image_id"]]
+        if isinstance(mask, list) and mask:
+            return _polygon_fault(mask)
+        if not isinstance(mask, dict):
+            return "no segmentation" if not mask else f"segmentation {mask!r}"[:80]
+        problem = rle_problem(mask, (image["width"], image["height"]))
+        return f"RLE {problem}" if problem else None
+
+    expected = "polygons [x, y, ...] of at least 3 points, or RLE of the image's [height, width]"
+    _refuse(name, "annotations", own, fault, expected)
+    for entry in own:
+        if isinstance(entry["segmentation"], dict):  # a size of whole floats becomes integers
+            size = [images[entry["image_id"]][key] for key in ("height", "width")]
+            entry["segmentation"] = {**entry["segmentation"], "size": size}
+    texts = [a for a in own if isinstance(a["segmentation"], dict)]
+    texts = [a for a in texts if isinstance(a["segmentation"]["counts"], str)]
+    covered = pixels_covered([a["segmentation"]["counts"] for a in texts])
+    sizes = [(images[a["image_id"]]["width"], images[a["image_id"]]["height"]) for a in texts]
+    wrong = {
+        id(texts[k]): f"RLE {covers(int(covered[k]), sizes[k])}"
+        for k in np.flatnonzero(covered != [w * h for w, h in sizes])
+    }
+    _refuse(name, "annotations", own, lambda a: wrong.get(id(a)), expected)
+
+
+def _refuse(
+    name: str,
+    kind: str,
+    entries: Iterable[Any],
+    fault: Fault,
+    expected: str = "an object",
+    next_step: str = _CORRECT,
+) -> None:
+    """TruthInvalidError with how many entries have a fault, and the first of them."""
+    first, bad, of = "", 0, 0
+    for of, entry in enumerate(entries, start=1):
+        found = fault(entry)
+        if found:
+            first = first or _named(kind, entry, of, found)
+            bad += 1
+    if bad:
+        raise TruthInvalidError(
+            f"{bad} of {of} {kind} of {name} cannot be scored against",
+            found=first,
+            expected=expected,
+            next_step=next_step,
+        )
+
+
+def _named(kind: str, entry: Any, number: int, found: str) -> str:
+    """The first offender: by its id where it has one, else by its place in the file."""
+    what = kind.removesuffix("s")
+    if not isinstance(entry, dict) or not _is_whole(entry.get("id")):
+        return f"{what} number {number} of the list: {found}"
+    of_image = f" (image {entry['image_id']!r})" if "image_id" in entry else ""
+    return f"{what} {entry['id']}{of_image}: {found}"
+
+
+def _refuse_repeats(name: str, entries: Sequence[Entry]) -> None:
+    ids = Counter(a["id"] for a in entries)
+    if len(ids) == len(entries):
+        return
+    twice, times = next((i, n) for i, n in ids.items() if n > 1)
+    raise TruthInvalidError(
+        f"annotation ids repeat in {name}",
+        found=f"{len(entries)} annotations, {len(ids)} ids: annotation {twice} {times} times",
+        expected="distinct ids",
+        next_step=_CORRECT,
+    )
+
+
+def _object_fault(entry: Any) -> str | None:
+    return None if isinstance(entry, dict) else repr(entry)[:60]
+
+
+def _key_fault(key: str) -> Fault:
+    """No integer under the key; a float of a whole number is one, as it is to pycocotools."""
+
+    def fault(entry: Entry) -> str | None:
+        if key not in entry:
+            return f"no {key}"
+        return None if _is_whole(entry[key]) else _shown(entry, key)
+
+    return fault
+
+
+def _shown(entry: Entry, key: str) -> str:
+    return f"{key} {entry[key]!r}"[:100] if key in entry else f"no {key}"
+
+
+def _is_whole(value: Any) -> bool:
+    return type(value) is int or (type(value) is float and value.is_integer())
+
+
+def _whole(value: float, what: str, repairs: Counter[str]) -> int:
+    if type(value) is float:
+        repairs[f"{what} written as decimals, taken as integers"] += 1
+    return int(value)
+
+
+def _size_fault(entry: Entry) -> str | None:
+    size: list[Any] = [entry.get(key) for key in ("width", "height")]
+    fine = all(_is_whole(value) and value >= 1 for value in size)
+    return None if fine else f"width {size[0]!r}, height {size[1]!r}"
+
+
+def _federated_fault(entry: Entry) -> str | None:
+    for key in _FEDERATED_KEYS:
+        value = entry.get(key)
+        if not isinstance(value, list) or not all(type(c) is int for c in value):
+            return _shown(entry, key)
+    return None
+
+
+def _box_fault(entry: Entry) -> str | None:
+    box: Any = entry.get("bbox")
+    fine = isinstance(box, list) and len(box) == 4 and all(map(is_finite, box))
+    return None if fine and min(box[2:]) >= 0 else _shown(entry, "bbox")
+
+
+def _polygon_fault(polygons: list[Any]) -> str | None:
+    for polygon in polygons:
+        if not isinstance(polygon, list) or len(polygon) < _POLYGON_NUMBERS or len(polygon) % 2:
+            size = f" of {len(polygon)} numbers" if isinstance(polygon, list) else ""
+            return f"a polygon{size}: {polygon!r}"[:80]
+        if not _are_coordinates(polygon):
+            return "a polygon with a value that is no finite number"
+    return None
+
+
+def _are_coordinates(values: list[Any]) -> bool:
+    """Whether all are finite numbers; a truth has millions, so without a call for each."""
+    if not set(map(type, values)) <= {int, float}:
+        return False
+    in_range = min(values) > -_MAX_COORDINATE and max(values) < _MAX_COORDINATE
+    return in_range and math.isfinite(sum(values))  # the sum finds a NaN that min and max pass over
