@@ -95,6 +95,12 @@ class SceneInvalidError(LegoWorldError):
     status = "invalid"
 
 
+class SideFileInvalidError(SceneInvalidError):
+    """A JSON file beside the scene cannot be read, or is not a file of the scene folder."""
+
+    code = "invalid_side_file"
+
+
 class LabelsInvalidError(SceneInvalidError):
     """labels.json cannot be read or does not follow its schema."""
 

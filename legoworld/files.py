@@ -2,23 +2,74 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
+import stat
 import threading
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, Final
 
 TEMPORARY_SUFFIX: Final = ".tmp"
+_MACHINE: Final = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EDQUOT,
+                   errno.EROFS, errno.EFBIG)  # fmt: skip
+_KINDS: Final = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a FIFO"), (stat.S_ISSOCK, "a socket"),
+                 (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"))  # fmt: skip
 
 
 def sha256_of_file(path: Path) -> str:
     """Hex sha256 of a file's bytes."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def refused_by_machine(error: OSError) -> bool:
+    """Whether this machine lacks something (disk, memory, open files), whatever the file is."""
+    return error.errno in _MACHINE
+
+
+def kind_of_file(mode: int) -> str:
+    """What stands for a name, from its `st_mode`."""
+    return next((kind for matches, kind in _KINDS if matches(mode)), "a regular file")
+
+
+@contextmanager
+def open_regular(path: Path) -> Iterator[BufferedReader]:
+    """A file to read that others have made: links are followed, and opening never waits.
+
+    Raises NotRegularError for a folder, FIFO, socket or device.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno == errno.ENXIO:  # a socket, or a device without a driver
+            raise NotRegularError(errno.EINVAL, "it is a socket", str(path)) from error
+        raise
+    try:
+        mode = os.fstat(descriptor).st_mode
+        if not stat.S_ISREG(mode):
+            raise NotRegularError(errno.EINVAL, f"it is {kind_of_file(mode)}", str(path))
+        with os.fdopen(descriptor, "rb", closefd=False) as stream:
+            yield stream
+    finally:
+        os.close(descriptor)
+
+
+class NotRegularError(OSError):
+    """A name stands for something that is no regular file; strerror says what."""
+
+
+def is_unicode(text: str) -> bool:
+    """Whether a text can be written as UTF-8: Python's may hold halves of surrogate pairs."""
+    try:
+        return text.isascii() or bool(text.encode("utf-8"))
+    except UnicodeEncodeError:
+        return False
 
 
 def sha256_of_text(text: str) -> str:

@@ -26,12 +26,14 @@ from legoworld.scene.folder import (
     GLB,
     LABELS,
     PICTURE,
+    PROVENANCE,
     SceneFolder,
     find_scene,
 )
-from legoworld.scene.freeze import FrozenFiles, Hashes, hash_files, write_frozen
+from legoworld.scene.freeze import FileHash, FrozenFiles, Hashes, hash_files, write_frozen
 from legoworld.scene.labels import read_labels_file
 from legoworld.scene.reading import read_scene
+from legoworld.scene.side_files import provenance_in, read_side_file
 from legoworld.track import track_of_folder
 
 _OK: Final = {"status": "ok", "code": "ok", "reason": None}
@@ -89,19 +91,34 @@ def freeze_scene(
     """Check one scene's artefacts and write its frozen.json; returns the row of the table."""
     for leftover in folder.path.glob(f".{FROZEN}.*{TEMPORARY_SUFFIX}"):  # of a killed freeze
         leftover.unlink(missing_ok=True)
-    artefacts = hash_files(folder.path, folder.artefacts())
+    artefacts, unusable = _hashed(folder)
     files = FrozenFiles(artefacts=artefacts, dependencies={}, frozen="at_readout")
     checks, dependencies = _check_blend(folder, files, blender, cache)
+    checks |= unusable
     if GLB in artefacts:
         checks[GLB] = _check(lambda: check_glb(folder.file(GLB)))
     if PICTURE in artefacts:
         checks[PICTURE] = _check(lambda: check_picture(folder.file(PICTURE)))
     if LABELS in artefacts:
         checks[LABELS] = _check(lambda: _read_labels(folder))
+    if PROVENANCE in artefacts:
+        checks[PROVENANCE] = _check(lambda: _read_provenance(folder))
     if checks[BLEND]["code"] not in _NOT_THE_SCENES_FAULT:
         write_frozen(folder, artefacts, dependencies, checks)
     good = all(check["status"] == "ok" for check in checks.values())
     return {"scene": folder.name, "status": "ok" if good else "invalid", "checks": checks}
+
+
+def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, dict[str, Any]]]:
+    """The artefacts' hashes, and a complaint for each that cannot be read."""
+    hashes: dict[str, FileHash | None] = {}
+    complaints = {}
+    for name in folder.artefacts():
+        try:
+            hashes |= hash_files(folder.path, [name])
+        except SceneInvalidError as error:
+            complaints[name] = _complaint(error)
+    return hashes, complaints
 
 
 def _check_blend(
@@ -117,6 +134,10 @@ def _check_blend(
 
 def _read_labels(folder: SceneFolder) -> None:
     read_labels_file(folder.file(LABELS))
+
+
+def _read_provenance(folder: SceneFolder) -> None:
+    provenance_in(read_side_file(folder.path, PROVENANCE))
 
 
 def _check(check: Callable[[], None]) -> dict[str, Any]:

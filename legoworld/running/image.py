@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -22,9 +21,10 @@ from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source, find_scene
 from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
 from legoworld.scene.instances import Grouping, Instance, group
-from legoworld.scene.labels import Labels, read_labels_file, resolve_labels
-from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.scene.labels import Labels, labels_in, resolve_labels
+from legoworld.scene.reading import ReadScene, read_hashed_side_file, read_scene
 from legoworld.scene.scratch import scratch_folder
+from legoworld.scene.side_files import provenance_in
 from legoworld.track import TrackImage
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.view import View, unseen_reasons, view
@@ -88,7 +88,8 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
             folder, source=options.source, blender=blender, cache=options.cache, files=files
         )
         labels = _labels(folder, scene, options.protocol)
-        return _record(row, image, folder, scene, labels, options)
+        provenance = provenance_in(read_hashed_side_file(folder, PROVENANCE, scene.files))
+        return _record(row, image, folder, scene, labels, provenance, options)
     except LegoWorldError as error:
         return _verdict(row, error)
 
@@ -150,8 +151,6 @@ def _unchanged(record: Record, image: TrackImage, options: ImageOptions) -> bool
         return False
     if _hashes(hash_files(folder.path, scene["dependencies"])) != scene["dependencies"]:
         return False
-    if _provenance(folder) != scene["provenance"]:
-        return False
     if "depth" not in row:
         return bool(row["predictions_sha256"] == _predictions_sha256(record["predictions"]))
     path: Path = options.run / row["depth"]["file"]
@@ -194,9 +193,10 @@ def _predictions_sha256(predictions: list[dict[str, Any]]) -> str:
 def _labels(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:
     if protocol.vocabulary is None:
         return Labels(objects={}, collections={}, warnings=())
+    document = read_hashed_side_file(folder, LABELS, scene.files)
     return resolve_labels(
         scene.snapshot,
-        read_labels_file(folder.file(LABELS)),
+        labels_in(document.value) if document else (),
         protocol.vocabulary,
         protocol.override_property,
     )
@@ -208,6 +208,7 @@ def _record(
     folder: SceneFolder,
     scene: ReadScene,
     labels: Labels,
+    provenance: Any,
     options: ImageOptions,
 ) -> Record:
     snapshot = scene.snapshot
@@ -250,7 +251,7 @@ def _record(
     return {
         "row": row,
         "predictions": predictions,
-        "scene": _scene_entry(folder, scene, seen),
+        "scene": _scene_entry(folder, scene, seen, provenance),
     }
 
 
@@ -330,7 +331,9 @@ def _matched_names(labelled: list[Instance]) -> dict[str, str]:
     )
 
 
-def _scene_entry(folder: SceneFolder, scene: ReadScene, seen: View) -> dict[str, Any]:
+def _scene_entry(
+    folder: SceneFolder, scene: ReadScene, seen: View, provenance: Any
+) -> dict[str, Any]:
     """What run.json records of a scene."""
     snapshot = scene.snapshot
     return {
@@ -342,21 +345,9 @@ def _scene_entry(folder: SceneFolder, scene: ReadScene, seen: View) -> dict[str,
         "camera": dict(vars(snapshot.camera)),
         "projection": dict(vars(seen.projection)),
         "render": dict(vars(snapshot.render)),
-        "provenance": _provenance(folder),
+        "provenance": provenance,
     }
 
 
 def _hashes(files: Any) -> dict[str, str | None]:
     return {name: found.sha256 if found else None for name, found in sorted(files.items())}
-
-
-def _provenance(folder: SceneFolder) -> Any:
-    path = folder.file(PROVENANCE)
-    if not path.is_file():
-        return "not recorded"
-    try:
-        provenance = json.loads(path.read_text(encoding="utf-8"))
-        canonical_json(provenance)  # NaN and infinity have no place in a result
-    except (OSError, ValueError) as error:
-        return f"unreadable: {error}"
-    return provenance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -17,9 +18,12 @@ PROGRAM: Final = "scene.py"
 LABELS: Final = "labels.json"
 FROZEN: Final = "frozen.json"
 PROVENANCE: Final = "provenance.json"
+EXECUTION: Final = "execution.json"
 
 #: The files a frozen scene consists of, besides what the .blend reads.
-ARTEFACTS: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS)
+ARTEFACTS: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS, PROVENANCE)
+#: Those that are read as they are, so that a name that is there is judged, whatever it stands for.
+JUDGED: Final = (LABELS, PROVENANCE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +39,11 @@ class SceneFolder:
 
     def artefacts(self) -> tuple[str, ...]:
         """The artefacts that are there, in a fixed order."""
-        return tuple(name for name in ARTEFACTS if self.file(name).is_file())
+        return tuple(
+            name
+            for name in ARTEFACTS
+            if (os.path.lexists if name in JUDGED else os.path.exists)(self.file(name))
+        )
 
 
 def find_scene(scenes: Path, name: str) -> SceneFolder:
@@ -48,7 +56,7 @@ def find_scene(scenes: Path, name: str) -> SceneFolder:
             expected=f"{name}/{BLEND} below the folder of scenes",
             next_step="run the scene program with `legoworld execute`, or leave it missing",
         )
-    if not folder.file(BLEND).is_file() and not folder.file(GLB).is_file():
+    if not folder.file(BLEND).exists() and not folder.file(GLB).exists():
         names = sorted(p.name for p in folder.path.iterdir())[:5]
         raise SceneMissingError(
             f"the scene folder {name!r} holds no scene",

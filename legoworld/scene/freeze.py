@@ -2,26 +2,41 @@
 
 from __future__ import annotations
 
-import json
+import hashlib
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
 from legoworld.files import (
     canonical_json,
+    open_regular,
     readable_json,
-    sha256_of_file,
+    refused_by_machine,
     sha256_of_text,
     write_text,
 )
-from legoworld.scene.folder import FROZEN, SceneFolder
+from legoworld.scene.folder import (
+    ARTEFACTS,
+    BLEND,
+    FROZEN,
+    GLB,
+    LABELS,
+    PICTURE,
+    PROGRAM,
+    SceneFolder,
+)
+from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, invalid, read_side_file
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.
 Hashes = Mapping[str, "FileHash | None"]
+#: A file without blocks on the disk may claim any size, and hashing it would not end.
+LARGEST_BYTES: Final = 64 << 30
+_COVERED_AT_FIRST: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,16 +62,40 @@ class FrozenFiles:
 
 
 def hash_files(folder: Path, names: Iterable[str]) -> dict[str, FileHash | None]:
-    """The content of each file, None for one that is not there."""
-    hashes: dict[str, FileHash | None] = {}
-    for name in sorted(names):
-        path = folder / name
-        hashes[name] = (
-            FileHash(sha256=sha256_of_file(path), bytes=path.stat().st_size)
-            if path.is_file()
-            else None
-        )
-    return hashes
+    """The content of each file, None for one that is not there.
+
+    Raises SceneInvalidError for one that is not a regular file, cannot be read, or is too large.
+    """
+    return {name: _file_hash(folder, name) for name in sorted(names)}
+
+
+def _file_hash(folder: Path, name: str) -> FileHash | None:
+    if name in SIZE_LIMITS:
+        found = hash_side_file(folder, name)
+        return FileHash(sha256=found[0], bytes=found[1]) if found else None
+    try:
+        with open_regular(folder / name) as stream:
+            size = os.fstat(stream.fileno()).st_size
+            if size > LARGEST_BYTES:
+                raise _unusable(name, f"{size:,} bytes, and {LARGEST_BYTES:,} are the most")
+            return FileHash(sha256=hashlib.file_digest(stream, "sha256").hexdigest(), bytes=size)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        if refused_by_machine(error):
+            raise
+        raise _unusable(name, error.strerror or type(error).__name__) from error
+    except ValueError as error:  # a name with a null character
+        raise _unusable(name, str(error)) from error
+
+
+def _unusable(name: str, found: str) -> SceneInvalidError:
+    return SceneInvalidError(
+        f"{name} cannot be read",
+        found=found,
+        expected="a regular file that may be read",
+        next_step="deliver the file, correct its permissions, or leave it out of the scene",
+    )
 
 
 def write_frozen(
@@ -72,27 +111,39 @@ def write_frozen(
         "legoworld": __version__,
         "status": "ok" if good else "invalid",
         "checks": dict(checks),
+        "covers": list(ARTEFACTS),
         "files": _plain(artefacts),
         "dependencies": _plain(dependencies),
     }
     write_text(scene.file(FROZEN), readable_json(document))
 
 
-def read_frozen(scene: SceneFolder) -> tuple[Hashes, Hashes, str] | None:
-    """Artefact and dependency hashes on record, and its status; None without a frozen.json."""
-    path = scene.file(FROZEN)
-    if not path.is_file():
+@dataclass(frozen=True, kw_only=True)
+class FrozenRecord:
+    """What a frozen.json says. covers: the artefacts it was made with, there or not."""
+
+    artefacts: Hashes
+    dependencies: Hashes
+    status: str
+    covers: tuple[str, ...]
+
+
+def read_frozen(scene: SceneFolder) -> FrozenRecord | None:
+    """The record of a frozen scene; None without a frozen.json. Raises SideFileInvalidError."""
+    found = read_side_file(scene.path, FROZEN)
+    if found is None:
         return None
+    document = found.value
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        return _typed(document["files"]), _typed(document["dependencies"]), document["status"]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise SceneInvalidError(
-            f"{FROZEN} cannot be read",
-            found=f"{type(error).__name__}: {error}",
-            expected="the file that `legoworld freeze` writes",
-            next_step="freeze the scene again",
-        ) from error
+        return FrozenRecord(
+            artefacts=_typed(document["files"]),
+            dependencies=_typed(document["dependencies"]),
+            status=_text(document["status"]),
+            # A record that does not say was made when provenance.json was not part of it.
+            covers=(*_COVERED_AT_FIRST, *map(_text, document.get("covers", ()))),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise invalid(FROZEN, f"{type(error).__name__}: {error}") from error
 
 
 def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFiles:
@@ -112,17 +163,17 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
                 next_step="run `legoworld freeze` on the scenes first",
             )
         return FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout")
-    files, dependencies, status = record
-    if require_frozen and status != "ok":
+    if require_frozen and record.status != "ok":
         raise NotFrozenError(
             "the scene was frozen with a complaint",
-            found=f"{FROZEN} says {status}",
+            found=f"{FROZEN} says {record.status}",
             expected="a scene whose artefacts all passed their check",
             next_step="see its checks, correct the scene and freeze it again",
         )
-    _refuse_changes(files, now)
-    _refuse_changes(dependencies, hash_files(scene.path, dependencies))
-    return FrozenFiles(artefacts=now, dependencies=dependencies, frozen="frozen.json")
+    covered = {n: now.get(n) for n in {*now, *record.artefacts} if n in record.covers}
+    _refuse_changes(record.artefacts, covered)
+    _refuse_changes(record.dependencies, hash_files(scene.path, record.dependencies))
+    return FrozenFiles(artefacts=now, dependencies=record.dependencies, frozen="frozen.json")
 
 
 def _refuse_changes(recorded: Hashes, now: Hashes) -> None:
@@ -146,6 +197,12 @@ def _plain(hashes: Hashes) -> dict[str, dict[str, str | int] | None]:
 
 def _typed(hashes: dict[str, Any]) -> dict[str, FileHash | None]:
     return {
-        name: FileHash(sha256=h["sha256"], bytes=h["bytes"]) if h else None
+        name: FileHash(sha256=_text(h["sha256"]), bytes=int(h["bytes"])) if h else None
         for name, h in hashes.items()
     }
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{type(value).__name__} instead of a text")
+    return value

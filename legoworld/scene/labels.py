@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from legoworld.conventions import CATEGORY_KEY
-from legoworld.errors import LabelsInvalidError, one_line
+from legoworld.errors import LabelsInvalidError, SideFileInvalidError, one_line
 from legoworld.scene.folder import LABELS
+from legoworld.scene.side_files import invalid, read_side_file
 from legoworld.scene.snapshot import Snapshot
 from legoworld.vocabulary import Category, Vocabulary
 
@@ -48,14 +49,12 @@ class Labels:
 
 def read_labels_file(path: Path) -> tuple[OutsideLabel, ...]:
     """The entries of a labels.json; none when there is no such file. Raises LabelsInvalidError."""
-    if not path.exists():
-        return ()
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise _invalid(f"it cannot be opened: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise _invalid(f"it is not JSON: {error}") from error
+    found = read_side_file(path.parent, path.name)
+    return () if found is None else labels_in(found.value)
+
+
+def labels_in(document: Any) -> tuple[OutsideLabel, ...]:
+    """The entries of a labels.json's value. Raises LabelsInvalidError."""
     if not isinstance(document, dict):
         raise _invalid(f"it holds a {type(document).__name__}")
     version = document.get("version")
@@ -160,10 +159,5 @@ def _outside_label(entry: Any, place: int) -> OutsideLabel:
     return OutsideLabel(kind=kind, name=entry[kind], categories=categories)
 
 
-def _invalid(found: str) -> LabelsInvalidError:
-    return LabelsInvalidError(
-        f"{LABELS} cannot be used",
-        found=found,
-        expected='{"version": 1, "labels": [{"object" or "collection": name, "category": name}]}',
-        next_step=f"correct {LABELS}, or delete it to use the scene's own labels",
-    )
+def _invalid(found: str) -> LabelsInvalidError | SideFileInvalidError:
+    return invalid(LABELS, found)

@@ -12,6 +12,7 @@ from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source
 from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
 from legoworld.scene.scratch import scratch_folder
+from legoworld.scene.side_files import SideFile, read_side_file
 from legoworld.scene.snapshot import Snapshot, load, save
 
 
@@ -170,6 +171,17 @@ def _refuse_unlisted(name: str, names: list[str], files: FrozenFiles) -> None:
             expected="a record of every file the scene consists of",
             next_step="freeze the scene again; a .glb must have everything embedded",
         )
+
+
+def read_hashed_side_file(scene: SceneFolder, name: str, files: FrozenFiles) -> SideFile | None:
+    """A side file that is among the hashed artefacts; None where there is none.
+
+    Raises as `read_side_file` does, and SceneInvalidError when it is no longer what was hashed.
+    """
+    found, hashed = read_side_file(scene.path, name), files.artefacts.get(name)
+    if (found and found.sha256) != (hashed and hashed.sha256):
+        raise _changed(scene, name)
+    return found
 
 
 def _changed(scene: SceneFolder, name: str) -> SceneInvalidError:

@@ -169,4 +169,4 @@ def test_a_changed_scene_can_be_looked_at_and_not_read_out(re_executed, tmp_path
 def test_a_change_that_is_not_of_the_files_is_never_allowed(re_executed, capsys):
     (re_executed / "frozen.json").write_text("{")
     assert cli.run(["inspect", str(re_executed), "--allow-changed"]) == 1
-    assert "frozen.json cannot be read" in capsys.readouterr().err
+    assert "frozen.json cannot be used" in capsys.readouterr().err

@@ -193,5 +193,5 @@ def test_a_broken_labels_json_is_refused_with_what_was_found(tmp_path, content):
 
 def test_a_labels_json_that_is_a_folder_is_refused(tmp_path):
     (tmp_path / "labels.json").mkdir()
-    with pytest.raises(LabelsInvalidError, match="cannot be opened"):
+    with pytest.raises(LabelsInvalidError, match="it is a folder"):
         read_labels_file(tmp_path / "labels.json")
