@@ -13,6 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "legoworld"
 ROOMS = [
     ("errors", "conventions", "files", "catalog", "system_libraries", "places", "wording"),
     ("cards", "vocabulary", "track", "dataset_versions"),
+    ("workers",),
     ("scene",),
     ("visibility",),
     ("readouts", "pictures"),

@@ -25,6 +25,7 @@ from legoworld.readouts.depth import depth_file
 from legoworld.running import run_folder
 from legoworld.track import TrackImage
 from legoworld.track_making import find_photo
+from legoworld.workers.environment import passed
 
 PROVENANCE = "provenance"
 
@@ -88,6 +89,8 @@ def run_baseline(
                 "title": request.card.title,
                 "licence": request.card.licence,
                 "label_map": request.labels,
+                # Names only. They are no part of the configuration: a run resumes without them.
+                "variables": passed(request.variables),
             },
         )
 

@@ -37,7 +37,10 @@ class Option:
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineCard:
-    """One baseline. folder: with its run.py; prompts_from_truth: whether it can be given them."""
+    """One baseline. folder: with its run.py; prompts_from_truth: whether it can be given them.
+
+    variables: names of the caller's environment variables that its process needs to see.
+    """
 
     name: str
     title: str
@@ -46,6 +49,7 @@ class BaselineCard:
     tasks: tuple[str, ...]
     options: tuple[Option, ...]
     prompts_from_truth: bool
+    variables: tuple[str, ...]
     folder: Path
     sha256: str
 
@@ -111,11 +115,15 @@ def read_card(path: Path) -> BaselineCard:
     if not (path.parent / PROGRAM).is_file():
         raise _error(path, f"no {PROGRAM} beside it", f"{PROGRAM}, the program that is started")
     options = values.get("options", {})
+    variables = values.get("variables", [])
+    if not isinstance(variables, list) or not all(isinstance(v, str) and v for v in variables):
+        raise _error(path, f"variables = {variables!r}", 'a list of names, such as ["HF_TOKEN"]')
     return BaselineCard(
         **{key: str(text) for key, text in texts.items()},
         tasks=tuple(tasks),
         options=tuple(_option(key, entry, path) for key, entry in sorted(options.items())),
         prompts_from_truth=values.get("prompts_from_truth") is True,
+        variables=tuple(variables),
         folder=path.parent,
         sha256=sha256_of_file(path),
     )

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Final, Self
@@ -20,6 +20,8 @@ from typing import IO, Final, Self
 from legoworld.baselines.answers import Message, Unreadable, read_line
 from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import LegoWorldError, one_line
+from legoworld.scene.scratch import ScratchFolder
+from legoworld.workers.environment import ChildKind, child_environment
 
 _KEPT_LOG_LINES: Final = 60
 _WAIT_FOR_END_S: Final = 5.0
@@ -42,14 +44,22 @@ class TooSlowError(Exception):
 class BaselineProcess:
     """One process of a baseline.
 
+    declared: names of the caller's variables that it gets besides those every model gets.
     Lines on its standard output that are no messages, and its standard error, are its log and go
     to `log`; the last lines of standard error are kept for `last_words`.
     """
 
     def __init__(
-        self, card: BaselineCard, python: Path, request: Message, log: Callable[[str], None]
+        self,
+        card: BaselineCard,
+        python: Path,
+        request: Message,
+        log: Callable[[str], None],
+        *,
+        declared: Sequence[str] = (),
     ) -> None:
         self._log = log
+        self._home = ScratchFolder("legoworld-baseline-")
         self._tail: deque[str] = deque(maxlen=_KEPT_LOG_LINES)
         self._messages: queue.Queue[Message | Unreadable | None] = queue.Queue()
         try:
@@ -62,9 +72,11 @@ class BaselineProcess:
                 encoding="utf-8",
                 errors="replace",
                 start_new_session=True,  # Ctrl-C is for the command, which ends the whole group
-                env=_environment(card, offline=bool(request["offline"])),
+                env=_environment(card, self._home.path, declared, offline=bool(request["offline"])),
+                pass_fds=(self._home.owner_fd,),
             )
         except OSError as error:
+            self._home.close()
             raise BaselineFailedError(
                 f"the baseline {card.name} cannot be started",
                 found=f"{python}: {error.strerror}",
@@ -137,6 +149,7 @@ class BaselineProcess:
         """End the process and everything it started."""
         self._kill()
         self._process.wait()
+        self._home.close()
         for reader in self._readers:
             reader.join(_WAIT_FOR_END_S)
         if any(reader.is_alive() for reader in self._readers):
@@ -179,9 +192,18 @@ def _lines(stream: IO[str], longest: int) -> Iterator[str]:
     return iter(lambda: stream.readline(longest), "")
 
 
-def _environment(card: BaselineCard, *, offline: bool) -> dict[str, str]:
-    """The process's environment: the shared package alone on its path, no files left behind."""
-    environment = dict(os.environ)
+def _environment(
+    card: BaselineCard, home: Path, declared: Sequence[str], *, offline: bool
+) -> dict[str, str]:
+    """The process's environment: the shared package alone on its path, no files left behind.
+
+    declared: the caller's variables it may see besides those every model may.
+    """
+    temporary = home / "temporary"
+    temporary.mkdir()
+    environment = child_environment(
+        ChildKind.MODEL, home=home, temporary=temporary, declared=declared
+    )
     environment["PYTHONPATH"] = str(card.shared)
     environment["PYTHONHASHSEED"] = "0"
     environment["PYTHONDONTWRITEBYTECODE"] = "1"

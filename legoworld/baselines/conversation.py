@@ -78,7 +78,11 @@ class Conversation:
             ]
             request = child_request(self._request, sent)
             with BaselineProcess(
-                self._request.card, self._request.python, request, self._log
+                self._request.card,
+                self._request.python,
+                request,
+                self._log,
+                declared=self._request.variables,
             ) as process:
                 yield from self._listen(process)
 

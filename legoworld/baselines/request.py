@@ -25,7 +25,8 @@ class BaselineRequest:
     """Everything a run of a baseline is asked for.
 
     python, offline, overwrite and time_limit_s never change its results. device: such as "cpu" or
-    "cuda:1"; time_limit_s: for one image or batch, None for no limit.
+    "cuda:1"; time_limit_s: for one image or batch, None for no limit; pass_variables: of the
+    caller's environment, besides those the card names.
     """
 
     card: BaselineCard
@@ -46,6 +47,12 @@ class BaselineRequest:
     limit: int | None
     image_ids: tuple[int, ...]
     time_limit_s: float | None
+    pass_variables: tuple[str, ...] = ()
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The caller's variables that the baseline's process gets by name."""
+        return (*self.card.variables, *self.pass_variables)
 
     @property
     def rules(self) -> AnswerRules:

@@ -49,6 +49,13 @@ from legoworld.commands import baseline_output, options
     help="LVIS only: prompt with each image's verified categories; the run says it used truth.",
 )
 @click.option("--offline", is_flag=True, help="Load what is on this machine, download nothing.")
+@click.option(
+    "--pass-env",
+    "variables",
+    multiple=True,
+    metavar="NAME",
+    help="Pass this environment variable to the baseline; repeat. Others stay hidden from it.",
+)
 @click.option("--limit", type=click.IntRange(min=1), help="Only the first N images (partial run).")
 @click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
 @click.option(
@@ -72,6 +79,7 @@ def run_command(
     label_map: Path | None,
     prompts_from_truth: Path | None,
     offline: bool,
+    variables: tuple[str, ...],
     limit: int | None,
     image_ids: tuple[int, ...],
     time_limit: float | None,
@@ -133,6 +141,7 @@ def run_command(
         limit=limit,
         image_ids=image_ids,
         time_limit_s=time_limit,
+        pass_variables=variables,
     )
     total = len(selected_images(images, image_ids, limit))
     result = baseline_output.with_progress(

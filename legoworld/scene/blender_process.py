@@ -24,6 +24,7 @@ from legoworld.errors import (
     one_line,
 )
 from legoworld.scene.scratch import ScratchFolder
+from legoworld.workers.environment import ChildKind, child_environment, python_path
 
 _POLL_S: Final = 0.02
 #: A worker that has read this many files is replaced: Blender's memory grows slowly with each.
@@ -249,25 +250,21 @@ def resident_bytes(pid: int) -> int:
         return 0
 
 
-def _made(folder: Path, name: str) -> str:
+def _made(folder: Path, name: str) -> Path:
     path = folder / name
     path.mkdir()
-    return str(path)
+    return path
 
 
-def _environment(home: str, temporary: str) -> dict[str, str]:
+def _environment(home: Path, temporary: Path) -> dict[str, str]:
     """The worker's environment: no user preferences, no start-up files, this legoworld.
 
     Blender makes a folder for temporary files and one for thumbnails, and a killed Blender leaves
     them: they lie where they are removed with the process.
     """
-    environment = dict(os.environ)
-    package_root = str(Path(__file__).parents[2])
-    old = environment.get("PYTHONPATH")
-    environment["PYTHONPATH"] = os.pathsep.join([package_root, old] if old else [package_root])
-    environment["PYTHONHASHSEED"] = "0"
-    environment["BLENDER_USER_RESOURCES"] = home
-    environment["BLENDER_USER_CONFIG"] = home
-    environment |= {"TMPDIR": temporary, "TEMP": temporary, "TMP": temporary}
-    environment["XDG_CACHE_HOME"] = home
-    return environment
+    return child_environment(ChildKind.BLENDER, home=home, temporary=temporary) | {
+        "PYTHONPATH": python_path(Path(__file__).parents[2]),
+        "PYTHONHASHSEED": "0",
+        "BLENDER_USER_RESOURCES": str(home),
+        "BLENDER_USER_CONFIG": str(home),
+    }

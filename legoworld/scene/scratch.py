@@ -33,11 +33,14 @@ class ScratchFolder:
             raise
 
     def close(self) -> None:
-        """Remove the folder with everything in it."""
+        """Remove the folder with everything in it; once closed, do nothing."""
+        if self.owner_fd < 0:
+            return
         try:
             shutil.rmtree(self.path, ignore_errors=True)
         finally:
             os.close(self.owner_fd)
+            self.owner_fd = -1
 
 
 @contextmanager

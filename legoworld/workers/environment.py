@@ -1,0 +1,169 @@
+"""The one place that decides which of the caller's variables a child process gets.
+
+A child starts from nothing: what is not named here does not reach it, so a credential in the
+caller's environment (AWS_*, HF_TOKEN, *_KEY, a proxy's password) stays with the caller.
+"""
+
+from __future__ import annotations
+
+import os
+import site
+from collections.abc import Iterable, Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Final
+from urllib.parse import urlsplit
+
+#: Where programs and libraries are, the language, the clock, and how many threads to use.
+_EVERY_CHILD: Final = (
+    "PATH",
+    "LD_LIBRARY_PATH",
+    "DYLD_LIBRARY_PATH",
+    "DYLD_FALLBACK_LIBRARY_PATH",
+    "LANG",
+    "LANGUAGE",
+    "TZ",
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "MALLOC_ARENA_MAX",
+)
+_EVERY_CHILD_PREFIXES: Final = ("LC_",)
+#: Which accelerator to use, and how.
+_ACCELERATOR: Final = (
+    "CUDA_VISIBLE_DEVICES",
+    "CUDA_DEVICE_ORDER",
+    "CUDA_HOME",
+    "CUDA_PATH",
+    "CUDA_CACHE_DISABLE",
+    "CUDA_LAUNCH_BLOCKING",
+    "CUDA_MODULE_LOADING",
+    "CUBLAS_WORKSPACE_CONFIG",
+    "NVIDIA_VISIBLE_DEVICES",
+    "NVIDIA_DRIVER_CAPABILITIES",
+    "NVIDIA_TF32_OVERRIDE",
+    "ROCR_VISIBLE_DEVICES",
+    "HIP_VISIBLE_DEVICES",
+    "HSA_OVERRIDE_GFX_VERSION",
+    "PYTORCH_ALLOC_CONF",
+    "PYTORCH_CUDA_ALLOC_CONF",
+    "TOKENIZERS_PARALLELISM",
+)
+#: Which certificates to trust, and how to behave while weights are downloaded.
+_DOWNLOAD: Final = (
+    "SSL_CERT_FILE",
+    "SSL_CERT_DIR",
+    "REQUESTS_CA_BUNDLE",
+    "CURL_CA_BUNDLE",
+    "HF_HUB_OFFLINE",
+    "TRANSFORMERS_OFFLINE",
+    "HF_HUB_DOWNLOAD_TIMEOUT",
+    "HF_HUB_DISABLE_PROGRESS_BARS",
+    "HF_HUB_DISABLE_SYMLINKS_WARNING",
+    "HF_HUB_DISABLE_XET",
+    "NO_PROXY",
+    "no_proxy",
+)
+#: Addresses that may carry a user and a password; passed when they carry neither.
+_ADDRESSES: Final = (
+    "HTTP_PROXY",
+    "HTTPS_PROXY",
+    "ALL_PROXY",
+    "http_proxy",
+    "https_proxy",
+    "all_proxy",
+    "HF_ENDPOINT",
+)
+
+
+class ChildKind(Enum):
+    """What a child is for. BLENDER: scenes and scene programs; MODEL: a baseline's own process."""
+
+    BLENDER = "blender"
+    MODEL = "model"
+
+
+def child_environment(
+    kind: ChildKind,
+    *,
+    home: Path,
+    temporary: Path,
+    declared: Iterable[str] = (),
+    caller: Mapping[str, str] | None = None,
+) -> dict[str, str]:
+    """A child's whole environment, from the allow-list of its kind.
+
+    home, temporary: private folders of the child. declared: names of further variables of the
+    caller's that somebody asked for; they win over the private folders. caller: os.environ.
+    """
+    caller = os.environ if caller is None else caller
+    environment = {
+        "HOME": str(home),
+        "XDG_CACHE_HOME": str(home),
+        "XDG_CONFIG_HOME": str(home),
+        "XDG_DATA_HOME": str(home),
+        "TMPDIR": str(temporary),
+        "TEMP": str(temporary),
+        "TMP": str(temporary),
+        # Packages installed with `pip --user` lie below the caller's home.
+        "PYTHONUSERBASE": _user_base(caller),
+    }
+    environment |= {name: value for name, value in caller.items() if _allowed(kind, name, value)}
+    if kind is ChildKind.MODEL:
+        environment |= _model_caches(caller)
+    environment |= {name: caller[name] for name in declared if name in caller}
+    return environment
+
+
+def passed(declared: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
+    """The declared names that the caller has: what a record of the run can say, never a value."""
+    caller = os.environ if caller is None else caller
+    return sorted({name for name in declared if name in caller})
+
+
+def _allowed(kind: ChildKind, name: str, value: str) -> bool:
+    if name in _EVERY_CHILD or name.startswith(_EVERY_CHILD_PREFIXES):
+        return True
+    if kind is not ChildKind.MODEL:
+        return False
+    return name in _ACCELERATOR or name in _DOWNLOAD or (name in _ADDRESSES and _bare(value))
+
+
+def _bare(address: str) -> bool:
+    """Whether an address has neither user nor password; one that cannot be parsed may have."""
+    try:
+        parts = urlsplit(address if "//" in address else f"//{address}")
+        return parts.username is None and parts.password is None and not parts.query
+    except ValueError:
+        return False
+
+
+def _model_caches(caller: Mapping[str, str]) -> dict[str, str]:
+    """Where weights and compiled kernels were kept before: the private home has none of them.
+
+    The folder of the hub's cache is named, not its parent: that one holds the hub's token, too.
+    """
+    user = Path(caller.get("HOME") or Path.home())
+    cache = Path(caller.get("XDG_CACHE_HOME") or user / ".cache")
+    hub_home = Path(caller.get("HF_HOME") or cache / "huggingface")
+    kept = {
+        "HF_HUB_CACHE": caller.get("HF_HUB_CACHE")
+        or caller.get("HUGGINGFACE_HUB_CACHE")
+        or str(hub_home / "hub"),
+        "TORCH_HOME": caller.get("TORCH_HOME") or str(cache / "torch"),
+        "CUDA_CACHE_PATH": caller.get("CUDA_CACHE_PATH") or str(user / ".nv" / "ComputeCache"),
+        "TRITON_CACHE_DIR": caller.get("TRITON_CACHE_DIR") or str(user / ".triton" / "cache"),
+    }
+    return {name: os.path.expanduser(path) for name, path in kept.items()}  # noqa: PTH111
+
+
+def _user_base(caller: Mapping[str, str]) -> str:
+    return caller.get("PYTHONUSERBASE") or site.getuserbase()
+
+
+def python_path(*first: Path) -> str:
+    """A PYTHONPATH of these folders, then the caller's own entries: bpy may be on them."""
+    old = os.environ.get("PYTHONPATH")
+    return os.pathsep.join([*map(str, first), *([old] if old else [])])
