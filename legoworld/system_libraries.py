@@ -1,7 +1,8 @@
 """The shared libraries bpy links and its wheel does not carry; a bare server lacks them.
 
 Also a program of its own, for checking before anything is installed:
-`python legoworld/system_libraries.py` prints what is missing and how to get it.
+`python legoworld/system_libraries.py` prints what is missing and how to get it; with `--packages`
+it prints the Debian packages that hold all of them.
 """
 
 from __future__ import annotations
@@ -43,6 +44,9 @@ def install_line(missing: list[str]) -> str:
 
 def main() -> int:
     """Say what is missing; exit code 1 when something is."""
+    if sys.argv[1:] == ["--packages"]:
+        print(*NEEDED.values())
+        return 0
     missing = missing_libraries()
     if missing:
         print(

@@ -8,7 +8,7 @@ import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -16,6 +16,9 @@ from legoworld.commands import options
 
 if TYPE_CHECKING:
     from legoworld.baselines.cards import BaselineCard
+
+#: The bpy release of each Python that has one; the same pairs as in pyproject.toml.
+BPY_OF_PYTHON: Final = {(3, 11): "5.0.1", (3, 13): "5.2.3"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +68,12 @@ def _state(finding: Finding) -> str:
 
 
 def _python() -> Finding:
-    good = sys.version_info[:2] == (3, 11)
     return Finding(
         name="Python",
-        good=good,
+        good=sys.version_info[:2] in BPY_OF_PYTHON,
         found=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
-        next_step="bpy 5.0 is built for Python 3.11 only: make the environment with python3.11",
+        next_step="Blender's Python module exists for Python 3.11 and 3.13 only: make the "
+        "environment with python3.11",
     )
 
 
@@ -105,7 +108,8 @@ def _blender() -> Finding:
             name="Blender",
             good=False,
             found=f"bpy {bpy_version()} does not start: {error.found}",
-            next_step="pip install bpy==5.0.1, and the system libraries above",
+            next_step=f"pip install bpy=={BPY_OF_PYTHON.get(sys.version_info[:2], '5.0.1')}, "
+            "and the system libraries above",
         )
 
 
