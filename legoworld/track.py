@@ -12,7 +12,7 @@ from typing import Any
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.places import Place, folders_holding
-from legoworld.vocabulary import Vocabulary, from_json
+from legoworld.vocabulary import LARGEST_ID, Vocabulary, from_json
 
 _SCENE_FILES = ("scene.blend", "scene.glb")
 _PRIVATE_KEYS = ("annotations", "segmentation", "bbox", "area", "iscrowd")
@@ -127,6 +127,7 @@ def _image(entry: Any, source: str) -> TrackImage:
     parts = PurePosixPath(str(name)).parts
     if (
         type(image_id) is not int
+        or not 0 <= image_id <= LARGEST_ID
         or any(type(x) is not int or x < 1 for x in size)
         or not isinstance(name, str)
         or ".." in parts
@@ -136,7 +137,8 @@ def _image(entry: Any, source: str) -> TrackImage:
         raise CatalogError(
             f"the track {source} has an image that cannot be used",
             found=f"id {image_id!r}, file_name {name!r}, size {size}",
-            expected="an integer id, a relative file_name, a width and height of at least 1",
+            expected="an integer id of 0 to 2**53, a relative file_name, a width and height of at "
+            "least 1",
         )
     return TrackImage(id=image_id, file_name=name, size_wh=size, scene=scene_name(name))
 

@@ -6,9 +6,13 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import canonical_json, sha256_of_text
+
+#: Ids above this lose digits where JSON numbers are read as doubles.
+LARGEST_ID: Final = 2**53
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +99,12 @@ def from_json(entries: object, source: str) -> Vocabulary:
                 f"{source} has a category that cannot be used",
                 found=repr(entry)[:80],
                 expected='an integer "id" and a text "name"',
+            )
+        if not 0 <= entry["id"] <= LARGEST_ID:
+            raise CatalogError(
+                f"{source} has a category id that cannot be used",
+                found=f"{entry['id']} ({entry['name']!r:.60})",
+                expected="0 to 2**53, the integers that every JSON reader keeps",
             )
         synonyms = entry.get("synonyms") or ()
         categories.append(

@@ -106,6 +106,7 @@ def _checked(
             sizes_wh=sizes_wh,
             vocabulary=request.protocol.vocabulary,
             protocol=detection_protocol(request.protocol.task.name),
+            order="given",
         )
     except BoxFormatError as error:
         others = other_formats(as_given, sizes_wh, box_format)

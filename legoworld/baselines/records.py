@@ -211,6 +211,7 @@ def _checked(image: TrackImage, answer: Mapping[str, Any], rules: AnswerRules) -
         sizes_wh={image.id: image.size_wh},
         vocabulary=rules.vocabulary,
         protocol=rules.protocol,
+        order="given",
         check_boxes=check_box_values,
     )
 

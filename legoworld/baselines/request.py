@@ -14,6 +14,7 @@ from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
+from legoworld.evaluation.prediction_order import ORDER
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.tasks import Protocol
@@ -96,6 +97,7 @@ def common_configuration(
         "attempted": len(images),
         "partial": partial,
         "legoworld": __version__,
+        **({ORDER: "given"} if protocol.vocabulary else {}),
     }
 
 

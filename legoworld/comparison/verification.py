@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -89,7 +90,10 @@ def _agrees(what: str, found: Any, recorded: Any) -> Check:
 def _largest_difference(found: Any, recorded: Any, where: str) -> tuple[float, str]:
     """The largest difference of two numbers; infinite where anything else differs."""
     if type(found) in (int, float) and type(recorded) in (int, float):
-        return abs(found - recorded), where if found != recorded else ""
+        difference = abs(found - recorded)
+        if math.isnan(difference):  # which no comparison below would find the largest
+            return float("inf"), where
+        return difference, where if found != recorded else ""
     pairs: list[tuple[Any, Any, str]] = []
     if isinstance(found, dict) and isinstance(recorded, dict) and found.keys() == recorded.keys():
         pairs = [(found[k], recorded[k], f"{where}.{k}") for k in found]

@@ -243,6 +243,7 @@ def _evidence(
         "raw": {
             "official": list(own.scores.official),
             "lines": list(own.scores.lines),
+            "prediction_order": predictions.order,
             "canonical_predictions_sha256": predictions.sha256,
         },
         "equal_confidence": {

@@ -25,6 +25,7 @@ from legoworld.evaluation.folder import (
     read_summary,
 )
 from legoworld.evaluation.matched_metrics import matched_document
+from legoworld.evaluation.prediction_order import in_order
 from legoworld.evaluation.predictions import sha256_of_entries
 from legoworld.evaluation.protocols import PROTOCOLS, detection_protocol
 from legoworld.evaluation.scoring import AGREEMENT
@@ -162,9 +163,10 @@ def _numbers(folder: Path, evidence: dict[str, Any], summary: dict[str, Any]) ->
 def _export_sha256(predictions: list[Row], *, equal: bool) -> str:
     """Hash of the results that view/predictions.json shows, as `Predictions.sha256` makes it."""
     keys = ("image_id", "category_id", "bbox", "segmentation", "score")
-    entries = ({k: shown[k] for k in keys if k in shown} for shown in predictions)
+    entries = [{k: shown[k] for k in keys if k in shown} for shown in predictions]
     if equal:
-        entries = ({**entry, "score": EQUAL_CONFIDENCE} for entry in entries)
+        entries = [{**entry, "score": EQUAL_CONFIDENCE} for entry in entries]
+        entries = in_order(entries, "canonical")
     return sha256_of_entries(entries)
 
 

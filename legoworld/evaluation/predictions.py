@@ -1,4 +1,4 @@
-"""Predictions checked entry by entry and put into canonical order before anything scores them."""
+"""Predictions checked entry by entry and put into their order before anything scores them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import check_box_format, is_finite
+from legoworld.evaluation.caps import without_empty
 from legoworld.evaluation.mask_parts import MaskParts, decode_masks
 from legoworld.evaluation.masks import compressed, covers, rle_problem
+from legoworld.evaluation.prediction_order import PredictionOrder, in_order, order_of
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.evaluation.truth import Truth
@@ -34,7 +36,7 @@ class PredictionsInvalidError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class Predictions:
-    """Checked results in canonical order: image id, category id, payload.
+    """Checked results by ascending image id, and inside an image in their `order`.
 
     entries: {"image_id", "category_id", "score"} and "bbox" or "segmentation", nothing else.
     warnings: counted repairs. n_dropped_empty: masks without a pixel, dropped.
@@ -43,6 +45,7 @@ class Predictions:
     entries: tuple[dict[str, Any], ...]
     warnings: tuple[str, ...]
     n_dropped_empty: int
+    order: PredictionOrder = "canonical"
 
     def results(self) -> list[dict[str, Any]]:
         """A list an evaluator may write into: nothing in it is shared."""
@@ -62,12 +65,16 @@ class Predictions:
     @property
     def sha256_equally_confident(self) -> str:
         """The same of `with_equal_confidence`."""
-        return sha256_of_entries({**e, "score": EQUAL_CONFIDENCE} for e in self.entries)
+        return sha256_of_entries(with_equal_confidence(self).entries)
 
     @property
     def equally_confident(self) -> bool:
-        """Whether no entry is ranked above another."""
-        return len({e["score"] for e in self.entries}) <= 1
+        """Whether no entry is ranked above another, and their order is canonical."""
+        if len({e["score"] for e in self.entries}) > 1:
+            return False
+        return self.order == "canonical" or list(self.entries) == in_order(
+            self.entries, "canonical"
+        )
 
 
 def check_predictions(
@@ -88,6 +95,7 @@ def check_predictions(
         sizes_wh={i["id"]: (i["width"], i["height"]) for i in truth.images},
         vocabulary=truth.vocabulary,
         protocol=protocol,
+        order=order_of(run.configuration),
         crew=crew,
     )
 
@@ -99,32 +107,39 @@ def check_results(
     sizes_wh: Mapping[int, tuple[int, int]],
     vocabulary: Vocabulary,
     protocol: DetectionProtocol,
+    order: PredictionOrder = "canonical",
     check_boxes: CheckBoxes = check_box_format,
     crew: Crew = ALONE,
 ) -> Predictions:
     """Check a results list against the images of a run and a vocabulary; needs no truth.
 
-    check_boxes: `check_box_values` for a part of a run, where too few boxes tell their format.
+    order: what the predictions are put into. check_boxes: `check_box_values` for a part of a run,
+    where too few boxes tell their format.
     PredictionsInvalidError names the first offender and how many there are.
     """
     payload = "bbox" if protocol.iou_type == "bbox" else "segmentation"
     _check_keys(entries, payload)
     _check_ids(entries, status_by_image, vocabulary)
     warnings: Counter[str] = Counter()
+    n_empty = 0
     if payload == "bbox":
         warnings.update(check_boxes(entries, sizes_wh))
-        kept = [_box_entry(e) for e in entries]
+        kept = in_order(map(_box_entry, entries), order)
     else:
         kept = [_mask_entry(e, sizes_wh[e["image_id"]], warnings) for e in entries]
+        kept = in_order(kept, order)
         areas = _decoded_areas(kept, sizes_wh, crew)
         boxed = sum("bbox" in e for e in entries)
         if boxed:  # lvis would take the box's area for the mask's
             warnings["masks with a bbox, which was left out"] = boxed
-        kept = [e for e, area in zip(kept, areas, strict=True) if area > 0]
+        n_empty = int((areas == 0).sum())
+        if n_empty:
+            kept = without_empty(kept, areas == 0, protocol.per_image_cap, warnings)
     return Predictions(
-        entries=tuple(sorted(kept, key=canonical_key)),
+        entries=tuple(kept),
         warnings=tuple(f"{count} {what}" for what, count in sorted(warnings.items())),
-        n_dropped_empty=len(entries) - len(kept),
+        n_dropped_empty=n_empty,
+        order=order,
     )
 
 
@@ -136,18 +151,15 @@ def sha256_of_entries(entries: Iterable[dict[str, Any]]) -> str:
     return digest.hexdigest()
 
 
-def canonical_key(entry: dict[str, Any]) -> tuple[Any, ...]:
-    """Image id, category id, payload (box numbers or RLE characters), higher score first."""
-    payload = entry.get("bbox") or entry["segmentation"]["counts"]
-    return entry["image_id"], entry["category_id"], payload, -entry["score"]
-
-
 def with_equal_confidence(predictions: Predictions) -> Predictions:
-    """The same predictions, none ranked above another."""
-    return replace(
-        predictions,
-        entries=tuple({**e, "score": EQUAL_CONFIDENCE} for e in predictions.entries),
-    )
+    """The same predictions, none ranked above another, in canonical order.
+
+    Files mostly list higher scores first: in their own order the ranking would still be there.
+    """
+    entries = [{**e, "score": EQUAL_CONFIDENCE} for e in predictions.entries]
+    if predictions.order != "canonical":
+        entries = in_order(entries, "canonical")
+    return replace(predictions, entries=tuple(entries), order="canonical")
 
 
 def _refuse(

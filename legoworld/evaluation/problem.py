@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.caps import rank_in_group
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.truth import Truth
@@ -20,7 +21,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class Detections:
-    """Kept detections, ordered by image, category, falling score, canonical order.
+    """Kept detections, ordered by image, category, falling score, place in the predictions.
 
     image, category: (D,) positions in Problem.image_ids and .category_ids; rank: (D,) place in
     its image and category, from 0; entry: (D,) position in the predictions; verified: the
@@ -128,10 +129,10 @@ def _detections(
     kept = np.ones(len(entries), bool)
     if protocol.per_image_cap is not None:
         by_image = np.lexsort((place, -score, image))
-        kept[by_image] = _rank(image[by_image]) < protocol.per_image_cap
+        kept[by_image] = rank_in_group(image[by_image]) < protocol.per_image_cap
     order = np.lexsort((place, -score, category, image))
     order = order[kept[order]]
-    rank = _rank(image[order] * len(category_ids) + category[order])
+    rank = rank_in_group(image[order] * len(category_ids) + category[order])
     if protocol.per_category_cap is not None:
         within = rank < protocol.per_category_cap
         order, rank = order[within], rank[within]
@@ -179,12 +180,3 @@ def _cells(truth: Truth, key: str, category_ids: Ints) -> Ints:
 def _positions(sorted_ids: Ints, ids: Any) -> Ints:
     found: Ints = np.searchsorted(sorted_ids, np.asarray(ids, np.int64)).astype(np.int64)
     return found
-
-
-def _rank(sorted_groups: Ints) -> Ints:
-    """Place inside its run of equal values, from 0."""
-    if not len(sorted_groups):
-        return np.empty(0, np.int64)
-    starts = np.flatnonzero(np.diff(sorted_groups, prepend=sorted_groups[0] - 1))
-    sizes = np.diff(starts, append=len(sorted_groups))
-    return np.arange(len(sorted_groups)) - np.repeat(starts, sizes)

@@ -252,6 +252,14 @@ def test_forged_comparisons_are_seen(pair, tmp_path, capsys):
     assert cli.run(["evidence", "verify", str(out)]) == 1
     assert ".pairs[0].rows[0].scene.value" in capsys.readouterr().out
     fresh()
+
+    def no_number(document):
+        for place in (0, 3):
+            document["pairs"][0]["rows"][place]["scene"]["value"] = float("nan")
+
+    forge(out, "comparison.json", lambda p: change_json(p, no_number))
+    assert "numbers from the evaluations" in [c.what for c in bad(verify_comparison(out, None))]
+    fresh()
     change_json(out / "evidence.json", lambda e: e["pairs"][0]["paired_image_ids"].pop())
     assert [c.what for c in bad(verify_comparison(out, None))] == ["paired images and numbers"]
     fresh()

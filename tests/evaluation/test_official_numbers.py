@@ -24,7 +24,7 @@ from legoworld.evaluation import lvis_package
 from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.detections import evaluate_detections
 from legoworld.evaluation.evaluators import EvaluatorDisagreesError, run_evaluator
-from legoworld.evaluation.predictions import canonical_key
+from legoworld.evaluation.prediction_order import canonical_key
 from legoworld.evaluation.scoring import check_agreement, frequencies_of
 from legoworld.evaluation.text import official_lines
 
@@ -115,8 +115,15 @@ def test_an_evaluator_that_disagrees_is_an_error(tmp_path):
     curves = accumulate(table, protocol)
     check_agreement(scores, curves, read, protocol)
     off = replace(scores, official=(scores.official[0] + 1e-9, *scores.official[1:]))
-    with pytest.raises(EvaluatorDisagreesError):
-        check_agreement(off, curves, read, protocol)
+    no_precision = np.where(scores.precision < 0, np.nan, scores.precision)
+    for wrong in (
+        off,
+        replace(scores, official=(float("nan"), *scores.official[1:])),
+        replace(scores, precision=no_precision),
+        replace(scores, precision=scores.precision + 1e-9),
+    ):
+        with pytest.raises(EvaluatorDisagreesError):
+            check_agreement(wrong, curves, read, protocol)
 
 
 REAL = [

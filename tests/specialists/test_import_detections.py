@@ -47,25 +47,28 @@ def box(image_id=1, category_id=18, bbox=BOX, score=0.5, **more) -> dict:
     }  # fmt: skip
 
 
-def test_results_come_back_as_they_were_in_canonical_order(bring):
+def test_results_come_back_as_they_were_image_by_image_in_their_own_order(bring):
     given = [box(2), box(1, 63), box(1, 18, score=0.123456789012345), box(1, 18, score=0.9)]
     code, folder, _ = bring(given)
     assert code == 0
-    assert predictions(folder) == [given[3], given[2], given[1], given[0]]
+    assert predictions(folder) == [given[1], given[2], given[3], given[0]]
     found = rows(folder)
     assert [found[i]["n_predictions"] for i in (1, 2, 3)] == [3, 1, 0]
     assert {row["status"] for row in found.values()} == {"ok"}
     document = run_document(folder)
+    assert document["configuration"]["prediction_order"] == "given"
     assert document["configuration"]["kind"] == "baseline"
     assert document["configuration"]["baseline"] == "results"
     assert len(document["configuration"]["imported"]["sha256"]) == 64
 
 
-def test_a_shuffled_file_is_the_same_run_but_for_its_hash(bring):
+def test_images_in_another_order_are_the_same_run_but_for_its_hash(bring):
     given = [box(i, c, [x, 4.0, 5.0, 6.0]) for i in (1, 2) for c in (18, 63) for x in (1.5, 9.25)]
     _, one, _ = bring(given, name="one")
-    _, two, _ = bring(given[::-1], name="two")
+    _, two, _ = bring([*given[4:], *given[:4]], name="two")
+    _, three, _ = bring(given[::-1], name="three")
     assert results(one) == results(two)
+    assert results(one) != results(three)  # equal scores: their order in the file is their rank
 
 
 @pytest.mark.parametrize(
@@ -174,7 +177,7 @@ def named(name: str, **more) -> dict:
 
 def test_names_win_over_ids(bring):
     _, folder, _ = bring([named("Potted_Plant", category_id=18), named("motorbike")])
-    assert [p["category_id"] for p in predictions(folder)] == [4, 64]
+    assert [p["category_id"] for p in predictions(folder)] == [64, 4]
 
 
 def test_the_six_old_names_are_known(bring):

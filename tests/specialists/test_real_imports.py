@@ -122,3 +122,11 @@ def test_real_ray_distance_is_undone_and_matters(kinect, tmp_path):
     scores = [evaluated(run, truth, tmp_path)["metrics"]["abs_rel"] for run in (right, wrong)]
     assert scores[0]["error_1"] < 1e-9
     assert scores[1]["error_1"] > 0.01
+
+
+def test_cocoapis_own_sample_has_its_published_ap(real_data, tmp_path):
+    """Its file has equal scores inside images and categories, in an order of its own."""
+    truth = real_data / "evaluators/instances_val2014_100.json"
+    source = real_data / "evaluators/instances_val2014_fakebbox100_results.json"
+    summary = evaluated(imported(source, truth, "coco", tmp_path), truth, tmp_path)
+    assert round(summary["metrics"]["AP"], 6) == 0.504581
