@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).parents[1] / "legoworld"
 #: From the ground up: a room may import rooms before it, and itself.
 ROOMS = [
     ("errors", "conventions", "files", "catalog", "system_libraries", "places", "wording"),
+    ("colmap",),
     ("cards", "vocabulary", "track", "dataset_versions"),
     ("workers",),
     ("scene",),

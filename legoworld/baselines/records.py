@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import check_box_values
 from legoworld.evaluation.depth.arrays import DepthArray
@@ -165,9 +163,7 @@ def predicted_px(array: DepthArray, image: TrackImage) -> int:
     """
     assert image.size_wh is not None
     check_size(array.size_wh, image.size_wh)
-    predicted = np.isfinite(array.values)
-    if array.space != "disparity":
-        predicted &= array.values > 0
+    predicted = array.predicted(array.values)
     if not predicted.any():
         raise DepthPredictionError(
             "the depth has no prediction at any pixel",

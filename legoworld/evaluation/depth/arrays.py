@@ -15,6 +15,17 @@ Space = Literal["depth", "disparity", "ray_distance"]
 SPACES: Final[tuple[Space, ...]] = get_args(Space)
 Intrinsics = tuple[float, float, float, float]
 Index = NDArray[np.intp]
+#: The sum of a picture's squares of this is still finite in float64.
+_LARGEST: Final = 1e150
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stored:
+    """How a file holds an array. array: its name in an .npz or an EXR, None in other formats."""
+
+    array: str | None
+    dtype: str
+    shape: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +42,7 @@ class DepthArray:
     space: Space
     unit: str | None
     intrinsics_px: Intrinsics | None
+    stored: Stored | None = None
 
     @property
     def size_wh(self) -> tuple[int, int]:
@@ -41,23 +53,39 @@ class DepthArray:
         """Disparity at pixels (n,), 0 where there is no prediction, and where there is one.
 
         A depth or distance is a prediction when finite and positive. A disparity is one when
-        finite: it is fitted with a free shift, so its sign has no meaning.
+        finite: it is fitted with a free shift, so its sign has no meaning. Neither is one where its
+        square, or its inverse's, is more than float64 holds.
         """
         values = self.values[rows, cols].astype(np.float64)
-        predicted = np.isfinite(values)
+        predicted = self.predicted(values)
         if self.space == "disparity":
             return np.where(predicted, values, 0.0), predicted
-        predicted &= values > 0
         disparity = np.zeros_like(values)
         np.divide(1.0, values, out=disparity, where=predicted)
         if self.space == "ray_distance":
             disparity *= self._ray_lengths(rows, cols)
         return disparity, predicted
 
+    def predicted(self, values: NDArray[Any]) -> NDArray[np.bool_]:
+        """Which of some values of this array are predictions, of their shape."""
+        return in_range(values, signed=self.space == "disparity")
+
     def _ray_lengths(self, rows: Index, cols: Index) -> F64:
         """Ray distance over planar z at pixel centres."""
         assert self.intrinsics_px is not None
         return ray_lengths(self.intrinsics_px, rows, cols)
+
+
+def in_range(values: NDArray[Any], *, signed: bool) -> NDArray[np.bool_]:
+    """Where values are finite, positive unless signed, and can be squared in float64."""
+    usable: NDArray[np.bool_] = np.isfinite(values)
+    with np.errstate(invalid="ignore"):
+        if not signed:
+            usable &= values > 0
+        if values.dtype.itemsize > 4:  # float32 ends far below: its numbers and inverses all fit
+            size = np.abs(values)
+            usable &= (size <= _LARGEST) & (signed | (size >= 1.0 / _LARGEST))
+    return usable
 
 
 def ray_lengths(intrinsics_px: Intrinsics, rows: Index, cols: Index) -> F64:
@@ -76,6 +104,7 @@ def checked_array(
     unit: str | None,
     intrinsics_px: Intrinsics | None,
     source: str,
+    stored: Stored | None = None,
 ) -> DepthArray:
     """A depth array after every check that needs no other file. DepthFileError otherwise."""
     if space not in SPACES:
@@ -110,7 +139,9 @@ def checked_array(
             found=str(intrinsics_px),
             expected="finite fx, fy, cx, cy with positive focal lengths",
         )
-    return DepthArray(values=values, space=space, unit=unit, intrinsics_px=intrinsics_px)
+    return DepthArray(
+        values=values, space=space, unit=unit, intrinsics_px=intrinsics_px, stored=stored
+    )
 
 
 def _usable(intrinsics_px: Intrinsics) -> bool:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from legoworld.colmap import Camera
 from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.errors import CameraModelError
 
@@ -17,15 +17,6 @@ PARAMETERS: Final = {"PINHOLE": 4, "THIN_PRISM_FISHEYE": 12}
 _MAX_STEPS: Final = 50
 #: In normalised image coordinates: 1e-12 is some 4e-9 pixels of a 6048 px wide photo.
 _CONVERGED: Final = 1e-12
-
-
-@dataclass(frozen=True, kw_only=True)
-class Camera:
-    """A line of cameras.txt. params: in COLMAP's order, pixels from the top left corner."""
-
-    model: str
-    size_wh: tuple[int, int]
-    params: tuple[float, ...]
 
 
 def pinhole_from_distorted(camera: Camera, distorted_xy_px: F64) -> F64:

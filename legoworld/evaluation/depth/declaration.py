@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -17,10 +18,11 @@ DECLARATION: Final = "depth.toml"
 class Declaration:
     """What a truth folder's files hold; None where nothing is declared.
 
-    space: depth | ray_distance | disparity; unit: "m" or "mm" of floats, one of INTEGER_UNITS of
-    16-bit integers, "px" of a disparity; array: the name inside an .npz; intrinsics_px: fx, fy,
-    cx, cy for ray_distance; focal_px, baseline_m, doffs_px: z = focal * baseline / (d + doffs) of
-    a disparity; invalid_value: the integer that means "nothing measured", besides 0.
+    space: depth | ray_distance | disparity; unit: m, mm or m/N of floats, mm, m/N, sun_rgbd or
+    nyu_raw of 16-bit integers, px of a disparity; array: the name inside an .npz or .exr;
+    intrinsics_px: fx, fy, cx, cy for ray_distance; focal_px, baseline_m, doffs_px: z = focal *
+    baseline / (d + doffs) of a disparity; invalid_value: the integer that means "nothing
+    measured", besides 0.
     """
 
     space: str | None = None
@@ -40,7 +42,7 @@ def read_declaration(folder: Path) -> Declaration:
         return Declaration()
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DepthTruthError(f"{DECLARATION} cannot be read", found=str(error)) from error
     known = {f.name for f in fields(Declaration)}
     wrong = [key for key in values if key not in known]
@@ -69,4 +71,7 @@ def _fits(key: str, value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    return type(value) in (int, float)
+    try:
+        return type(value) in (int, float) and math.isfinite(value)
+    except OverflowError:  # an integer that no float holds
+        return False

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld.evaluation.depth.cameras import Camera
+from legoworld.colmap import Calibration, Camera, calibration_files
 from legoworld.evaluation.depth.errors import DepthTruthError
 
-_FILE_NAME: Final = re.compile(r"(?P<scene>[^/]+)/images/dslr_images/(?P<name>[^/]+)")
+#: The folder of a scene's photos, below images/ and in images.txt.
+PHOTOS: Final = "dslr_images"
+_FILE_NAME: Final = re.compile(rf"(?P<scene>[^/]+)/images/{PHOTOS}/(?P<name>[^/]+)")
 #: The dataset's own tree, then Marigold's (depth beside rgb); {scene} and {name} are filled in.
 _DEPTH: Final = (
     "{scene}/ground_truth_depth/dslr_images/{name}",
@@ -25,7 +27,7 @@ _CALIBRATION: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class Eth3dFiles:
-    """One photo's files. calibration: the folder of cameras.txt, None where there is none."""
+    """One photo's files. calibration: the folder of the cameras' file, None without one."""
 
     scene: str
     name: str
@@ -49,72 +51,31 @@ def find_files(truth: Path, file_name: str) -> Eth3dFiles | None:
     depth = next((path for path in depths if path.is_file()), None)
     if depth is None:
         return None
-    folders = [truth / pattern.format(**parts) for pattern in _CALIBRATION]
-    calibration = next((f for f in folders if (f / "cameras.txt").is_file()), None)
-    return Eth3dFiles(**parts, depth=depth, calibration=calibration)
+    return Eth3dFiles(**parts, depth=depth, calibration=find_calibration(truth, parts["scene"]))
 
 
-def photo_camera(calibration: Path, name: str) -> Camera:
-    """The camera of a photo, by images.txt and cameras.txt. DepthTruthError when unclear."""
-    cameras = read_cameras(calibration / "cameras.txt")
-    images = calibration / "images.txt"
-    if not images.is_file() and len(cameras) == 1:
+def find_calibration(truth: Path, scene: str) -> Path | None:
+    """The folder of a scene's calibration below the truth folder, in either tree."""
+    folders = [truth / pattern.format(scene=scene) for pattern in _CALIBRATION]
+    return next((folder for folder in folders if calibration_files(folder)), None)
+
+
+def scenes_below(truth: Path) -> list[str]:
+    """The names of the scenes that have a calibration below the truth folder, sorted."""
+    below = [path.parent.name for p in _CALIBRATION for path in truth.glob(p.format(scene="*"))]
+    return sorted({scene for scene in below if find_calibration(truth, scene)})
+
+
+def photo_camera(calibration: Calibration, name: str) -> Camera:
+    """The camera that took a photo. DepthTruthError when the calibration does not say."""
+    cameras, camera_ids = calibration.cameras, calibration.camera_ids
+    if len(calibration.files) == 1 and len(cameras) == 1:
         return next(iter(cameras.values()))
-    camera_ids = read_image_cameras(images) if images.is_file() else {}
-    camera_id = camera_ids.get(f"dslr_images/{name}", camera_ids.get(name))
+    camera_id = camera_ids.get(f"{PHOTOS}/{name}", camera_ids.get(name))
     if camera_id not in cameras:
         raise DepthTruthError(
             f"the calibration does not say which camera took {name}",
             found=f"{len(camera_ids)} photos in images.txt, {len(cameras)} in cameras.txt",
-            expected=f"dslr_images/{name} in images.txt and its camera in cameras.txt",
+            expected=f"{PHOTOS}/{name} in images.txt and its camera in cameras.txt",
         )
     return cameras[camera_id]
-
-
-def read_cameras(path: Path) -> dict[int, Camera]:
-    """cameras.txt: ID MODEL WIDTH HEIGHT PARAMS... by id. DepthTruthError for another line."""
-    cameras: dict[int, Camera] = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            camera = Camera(
-                model=words[1],
-                size_wh=(int(words[2]), int(words[3])),
-                params=tuple(float(x) for x in words[4:]),
-            )
-            cameras[int(words[0])] = camera
-        except (IndexError, ValueError) as error:
-            raise DepthTruthError(
-                "cameras.txt has a line that cannot be read",
-                found=line[:100],
-                expected="ID MODEL WIDTH HEIGHT PARAMS",
-            ) from error
-        if min(camera.size_wh) < 1:
-            raise DepthTruthError("cameras.txt has a camera without a size", found=line[:100])
-    return cameras
-
-
-def read_image_cameras(path: Path) -> dict[str, int]:
-    """images.txt: the camera id of every photo, by name.
-
-    A photo has two lines, ID QW QX QY QZ TX TY TZ CAMERA_ID NAME and its points (X Y ID)..., and
-    the second may be blank or lost with the blank lines. So a photo's line is told by its words:
-    at least ten, the tenth no number.
-    """
-    camera_ids: dict[str, int] = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        words = line.split()
-        if len(words) < 10 or words[0].startswith("#") or _is_number(words[9]):
-            continue
-        camera_ids[" ".join(words[9:])] = int(words[8])
-    return camera_ids
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

@@ -135,8 +135,6 @@ def _inputs(run: DepthRun, truth: Path, files: Sequence[TruthFile]) -> list[Inpu
     paths += [("truth", file.path) for file in files]
     if (truth / DECLARATION).is_file():
         paths.append(("truth_declaration", truth / DECLARATION))
-    folders = sorted({file.calibration for file in files if file.calibration})
-    for folder in folders:
-        names = ("cameras.txt", "images.txt")
-        paths += [("calibration", folder / name) for name in names if (folder / name).is_file()]
+    calibration = sorted({path for file in files for path in file.calibration})
+    paths += [("calibration", path) for path in calibration]
     return [input_file(role, path) for role, path in paths]

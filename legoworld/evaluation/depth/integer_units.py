@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -12,10 +13,6 @@ from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.errors import DepthFileError
 
 _SATURATED: Final = 65535
-
-
-def _per_metre(count: float) -> Callable[[NDArray[np.uint16]], F64]:
-    return lambda stored: stored.astype(np.float64) / count
 
 
 def _sun_rgbd(stored: NDArray[np.uint16]) -> F64:
@@ -33,15 +30,35 @@ def _nyu_raw(stored: NDArray[np.uint16]) -> F64:
     return 351.3 / (1092.5 - stored.byteswap().astype(np.float64))
 
 
-#: Declared unit -> metres. 0 is "no depth" in all of them but nyu_raw, where a depth
-#: that is not positive is.
-INTEGER_UNITS: Final[dict[str, Callable[[NDArray[np.uint16]], F64]]] = {
-    "mm": _per_metre(1000.0),
-    "m/256": _per_metre(256.0),
-    "m/5000": _per_metre(5000.0),
+#: Units that are written 1 / N of a metre, such as m/5000.
+_PARTS: Final = "m/"
+
+
+def per_metre(unit: str | None) -> float | None:
+    """How many of a unit make a metre: m, mm, or m/N for any N; None for other units."""
+    if unit in ("m", "mm"):
+        return 1.0 if unit == "m" else 1000.0
+    try:
+        count = float(unit.removeprefix(_PARTS)) if unit and unit.startswith(_PARTS) else 0.0
+    except ValueError:
+        return None
+    return count if count > 0 and math.isfinite(count) else None
+
+
+#: Units that are more than a scale -> metres. 0 is "no depth" in all units but nyu_raw, where a
+#: depth that is not positive is.
+_CODED: Final[dict[str, Callable[[NDArray[np.uint16]], F64]]] = {
     "sun_rgbd": _sun_rgbd,
     "nyu_raw": _nyu_raw,
 }
+
+#: The units of a depth, for messages: the last two are of integers only.
+UNITS: Final = "m | mm | m/N, such as m/5000 | sun_rgbd | nyu_raw"
+
+
+def is_unit(unit: str) -> bool:
+    """Whether a text is the unit of a depth."""
+    return per_metre(unit) is not None or unit in _CODED
 
 
 def metres(
@@ -60,11 +77,12 @@ def metres(
             expected="one channel of uint16",
             next_step="8-bit and colour pictures are for viewing; use the measured depth",
         )
-    if unit not in INTEGER_UNITS:
+    count = per_metre(unit) if unit != "m" else None  # whole metres are m/1: say so
+    if unit not in _CODED and count is None:
         raise DepthFileError(
             f"{source} holds integers of no declared unit",
             found=f"unit {unit!r}",
-            expected=" | ".join(INTEGER_UNITS),
+            expected=UNITS,
             next_step='declare it in depth.toml, such as unit = "mm"',
         )
     unknown = stored == invalid_value if invalid_value is not None else np.zeros(1, np.bool_)
@@ -76,7 +94,7 @@ def metres(
             expected=f"values below {_SATURATED}",
             next_step=f"store float32, or declare invalid_value = {_SATURATED} if it means none",
         )
-    depth_m = INTEGER_UNITS[unit](stored)
+    depth_m = stored.astype(np.float64) / count if count else _CODED[str(unit)](stored)
     if invalid_value is not None:
         depth_m[unknown] = np.inf
     return depth_m

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, checked_array
+from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, Stored, checked_array
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.evaluation.depth.headers import SizeCheck, picture_shape
 from legoworld.evaluation.depth.integer_units import metres
-from legoworld.evaluation.depth.pictures import read_npz, read_picture
+from legoworld.evaluation.depth.pictures import (
+    Npz,
+    npz_contents,
+    read_npz_array,
+    read_picture,
+)
 
 #: A readout's array: planar z in metres by its name.
 DEPTH_Z_M: Final = "depth_z_m"
@@ -20,52 +27,101 @@ VALUES: Final = "values"
 _LABELS: Final = ("space", "unit", "intrinsics_px")
 
 
-def read_labelled(path: Path, declared: Declaration) -> DepthArray:
+def read_labelled(
+    path: Path,
+    declared: Declaration,
+    *,
+    check_size: SizeCheck | None = None,
+    accept_float16: bool = False,
+) -> DepthArray:
     """A depth file of any accepted format. DepthFileError says why it cannot be used.
 
     An .npz carries its own labels: an array `depth_z_m` with space "depth" (a readout's), or
     `values` with `space`, `unit` (absent or "" when unknown) and, for ray_distance,
-    `intrinsics_px` = fx, fy, cx, cy. Every other format has what was declared of it.
+    `intrinsics_px` = fx, fy, cx, cy. Every other format has what was declared of it. Axes of length
+    1 around the picture's two are dropped. check_size: told of the size that the header claims,
+    before the array is read. accept_float16: such numbers become float32.
     """
-    if path.suffix.lower() == ".npz":
-        return _read_npz(path, declared)
-    values = read_picture(path)
-    return _array(values, declared.space, declared.unit, declared.intrinsics_px, declared, path)
+    try:
+        if path.suffix.lower() == ".npz":
+            return _read_npz(path, declared, check_size, accept_float16)
+        values, channel = read_picture(path, channel=declared.array, check_size=check_size)
+        return _array(_Labels.of(declared), values, channel, declared, path, accept_float16)
+    except MemoryError as error:
+        raise DepthFileError(
+            f"{path.name} does not fit into memory",
+            found=f"a file of {path.stat().st_size} bytes",
+            expected="an array that this process can hold",
+        ) from error
 
 
-def _read_npz(path: Path, declared: Declaration) -> DepthArray:
-    candidates = (declared.array,) if declared.array else (DEPTH_Z_M, VALUES)
-    arrays, names = read_npz(path, {*candidates, *_LABELS})
-    found = [name for name in candidates if name in arrays]
+@dataclass(frozen=True, kw_only=True)
+class _Labels:
+    space: str | None
+    unit: str | None
+    intrinsics_px: Intrinsics | None
+
+    @classmethod
+    def of(cls, declared: Declaration) -> _Labels:
+        return cls(space=declared.space, unit=declared.unit, intrinsics_px=declared.intrinsics_px)
+
+
+def _read_npz(
+    path: Path, declared: Declaration, check_size: SizeCheck | None, accept_float16: bool
+) -> DepthArray:
+    contents = npz_contents(path, _LABELS)
+    name = _picture_name(path, contents, declared.array)
+    own = contents.labels
+    space = _agreed("space", _text(own, "space", path), declared.space, path)
+    unit = _agreed("unit", _text(own, "unit", path), declared.unit, path)
+    if name == DEPTH_Z_M:
+        _agreed("space", space or None, "depth" if space else None, path)
+        unit = _agreed("unit", unit, "m", path)
+    intrinsics = _intrinsics(own, path) or declared.intrinsics_px
+    values = read_npz_array(path, name, check_size)
+    labels = _Labels(space=space, unit=unit, intrinsics_px=intrinsics)
+    return _array(labels, values, name, declared, path, accept_float16)
+
+
+def _picture_name(path: Path, contents: Npz, declared: str | None) -> str:
+    """The depth array's name: the declared one, else depth_z_m or values, else the only one."""
+    candidates = (declared,) if declared else (DEPTH_Z_M, VALUES)
+    found = [name for name in candidates if name in contents.names]
+    if not found and not declared and len(contents.pictures) == 1:
+        return contents.pictures[0]
     if len(found) != 1:
         raise DepthFileError(
             f"{path.name} does not have one depth array",
-            found=", ".join(names) or "no arrays",
+            found=", ".join(contents.names) or "no arrays",
             expected=" or ".join(str(c) for c in candidates),
             next_step=f'name it in {DECLARATION}: array = "..."',
         )
-    space = _agreed("space", _text(arrays, "space", path), declared.space, path)
-    unit = _agreed("unit", _text(arrays, "unit", path), declared.unit, path)
-    if found[0] == DEPTH_Z_M:
-        _agreed("space", space or None, "depth" if space else None, path)
-        unit = _agreed("unit", unit, "m", path)
-    intrinsics = _intrinsics(arrays, path) or declared.intrinsics_px
-    return _array(arrays[found[0]], space, unit, intrinsics, declared, path)
+    return found[0]
 
 
 def _array(
+    labels: _Labels,
     values: NDArray[Any],
-    space: str | None,
-    unit: str | None,
-    intrinsics_px: Intrinsics | None,
+    name: str | None,
     declared: Declaration,
     path: Path,
+    accept_float16: bool,
 ) -> DepthArray:
+    stored = Stored(array=name, dtype=str(values.dtype), shape=values.shape)
+    values = values.reshape(picture_shape(values.shape))
+    unit = labels.unit
     if values.dtype.kind in "iu":
         values = metres(values, unit, invalid_value=declared.invalid_value, source=path.name)
         unit = "m"
+    if accept_float16 and values.dtype == np.float16:
+        values = values.astype(np.float32)
     return checked_array(
-        values, space=space, unit=unit, intrinsics_px=intrinsics_px, source=path.name
+        values,
+        space=labels.space,
+        unit=unit,
+        intrinsics_px=labels.intrinsics_px,
+        source=path.name,
+        stored=stored,
     )
 
 

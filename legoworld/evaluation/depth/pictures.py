@@ -1,20 +1,34 @@
-"""Arrays out of the file formats depth comes in: .npy, .npz, PFM, 16-bit PNG or PGM, EXR, raw."""
+"""Arrays out of the file formats depth comes in; see `SUFFIXES`, and ETH3D's raw float32."""
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Container
+import zipfile
+import zlib
+from collections.abc import Callable, Container, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
-from zipfile import BadZipFile
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.evaluation.depth.exr import read_exr
+from legoworld.evaluation.depth.headers import (
+    SizeCheck,
+    check_claim,
+    npy_claim,
+    pfm_claim,
+    pgm_claim,
+    png_claim,
+    tiff_claim,
+)
 
 #: Suffixes in the order they are looked for.
-SUFFIXES: Final = (".npz", ".npy", ".pfm", ".exr", ".png", ".pgm")
+SUFFIXES: Final = (".npz", ".npy", ".pfm", ".exr", ".png", ".pgm", ".tiff", ".tif")
+#: Bytes of an .npz member that is a label, at most.
+_LABEL_BYTES: Final = 4096
 _JPEG: Final = b"\xff\xd8\xff"
 
 
@@ -31,37 +45,86 @@ def refuse_photo(path: Path) -> None:
         )
 
 
-def read_picture(path: Path) -> NDArray[Any]:
-    """The (H, W) array of a one-array file (every suffix but .npz), numbers as stored."""
+@dataclass(frozen=True, kw_only=True)
+class Npz:
+    """What an .npz holds. names: of all arrays; labels: the small ones that were asked for."""
+
+    names: tuple[str, ...]
+    pictures: tuple[str, ...]
+    labels: dict[str, NDArray[Any]]
+
+
+def files_named(stem: Path) -> list[Path]:
+    """The depth files of a path without suffix, whose suffix may be in capitals."""
+    found = []
+    for suffix in SUFFIXES:
+        small, capital = (stem.with_name(stem.name + s) for s in (suffix, suffix.upper()))
+        found += [small] if small.is_file() else [capital] if capital.is_file() else []
+    return found
+
+
+def read_picture(
+    path: Path, *, channel: str | None = None, check_size: SizeCheck | None = None
+) -> tuple[NDArray[Any], str | None]:
+    """The array of a one-array file (every suffix but .npz), numbers as stored.
+
+    channel: an EXR's, None to find it. check_size: told of the size before the array is read.
+    Returns the array, not necessarily of two axes, and the EXR channel's name.
+    """
     refuse_photo(path)
-    readers = {
+    suffix = path.suffix.lower()
+    if suffix == ".exr":
+        return read_exr(path, channel, check_size)
+    readers: dict[str, Callable[[Path, SizeCheck | None], NDArray[Any]]] = {
         ".npy": _read_npy,
         ".pfm": read_pfm,
-        ".exr": read_exr,
-        ".png": _read_integers,
-        ".pgm": _read_integers,
+        ".png": _read_png,
+        ".pgm": _read_pgm,
+        ".tiff": _read_tiff,
+        ".tif": _read_tiff,
     }
-    if path.suffix.lower() not in readers:
+    if suffix not in readers:
         raise DepthFileError(
             f"{path.name} has no depth format", found=path.suffix, expected=", ".join(SUFFIXES)
         )
-    return readers[path.suffix.lower()](path)
+    return readers[suffix](path, check_size), None
 
 
-def read_npz(path: Path, wanted: Container[str]) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """The wanted arrays of an .npz, and the names of all it has.
+def npz_contents(path: Path, labels: Container[str]) -> Npz:
+    """Names of what an .npz holds, and its labels; no picture is read.
 
-    DepthFileError when it is no .npz, is damaged, or holds pickled objects.
+    DepthFileError when it is no .npz, is damaged, or holds two arrays of one name.
     """
     refuse_photo(path)
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            names = list(archive.files)
-            return {name: archive[name] for name in names if name in wanted}, names
-    except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile) as error:
-        raise DepthFileError(
-            f"{path.name} cannot be read", found=str(error), expected="an .npz of plain arrays"
-        ) from error
+    with _npz_errors(path), zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        names = [member.filename.removesuffix(".npy") for member in members]
+        if len(set(names)) != len(names):
+            raise ValueError("two arrays of one name")
+        found, pictures = {}, []
+        for name, member in zip(names, members, strict=True):
+            if name in labels:
+                found[name] = _label(path, archive, member)
+                continue
+            with _member(archive, member) as stream:
+                shape, dtype = npy_claim(path, stream, member.file_size)
+            if dtype.kind in "fiu" and len(shape) >= 2:
+                pictures.append(name)
+    return Npz(names=tuple(names), pictures=tuple(pictures), labels=found)
+
+
+def read_npz_array(path: Path, name: str, check_size: SizeCheck | None) -> NDArray[Any]:
+    """One array of an .npz; its claimed size is checked before it is read."""
+    with _npz_errors(path), zipfile.ZipFile(path) as archive:
+        member = {m.filename.removesuffix(".npy"): m for m in archive.infolist()}[name]
+        with _member(archive, member) as stream:
+            shape, _ = npy_claim(path, stream, member.file_size)
+        check_claim(path, shape, check_size)
+        with _member(archive, member) as stream:
+            values = _plain_numbers(stream)
+            if stream.read(1):
+                raise ValueError(f"more bytes than the header of {name} says")
+    return values
 
 
 def read_raw_float32(path: Path, size_wh: tuple[int, int]) -> NDArray[np.float32]:
@@ -88,83 +151,104 @@ def check_raw_float32(path: Path, size_wh: tuple[int, int]) -> None:
         )
 
 
-def read_pfm(path: Path) -> NDArray[np.float32]:
+def read_pfm(path: Path, check_size: SizeCheck | None = None) -> NDArray[np.float32]:
     """A one-channel PFM, either byte order, first row on top (the file's rows go upwards)."""
-    with path.open("rb") as stream:
-        magic = stream.readline(16).strip()
-        header = [stream.readline(64)]
-        while header[-1].startswith(b"#"):
-            header[-1] = stream.readline(64)
-        header.append(stream.readline(64))
-        data = stream.read()
-    try:
-        width, height = (int(x) for x in header[0].split())
-        scale = float(header[1])
-    except ValueError:
-        width = height = 0
-        scale = 0.0
-    if magic != b"Pf" or min(width, height) < 1 or not np.isfinite(scale) or scale == 0:
-        raise DepthFileError(
-            f"{path.name} is no one-channel PFM",
-            found=repr(b" ".join([magic, *(h.strip() for h in header)]))[:100],
-            expected="Pf, width and height, a scale whose sign is the byte order",
-        )
-    if len(data) != 4 * width * height:
+    shape, scale, place = pfm_claim(path)
+    height, width = shape
+    found = path.stat().st_size - place
+    if found != 4 * width * height:
         raise DepthFileError(
             f"{path.name} is cut or has more than its header says",
-            found=f"{len(data)} bytes of pixels",
+            found=f"{found} bytes of pixels",
             expected=f"{4 * width * height} = 4 x {width} x {height}",
         )
-    values = np.frombuffer(data, "<f4" if scale < 0 else ">f4").reshape(height, width)
+    check_claim(path, shape, check_size)
+    kind = "<f4" if scale < 0 else ">f4"
+    values = np.fromfile(path, kind, offset=place).reshape(shape)
     return np.ascontiguousarray(values[::-1]).astype(np.float32, copy=False)
 
 
-def read_exr(path: Path) -> NDArray[np.float32]:
-    """Channel Z of an EXR, float32 (needs the OpenEXR package, version 3 or later)."""
-    try:
-        openexr = importlib.import_module("OpenEXR")
-    except ImportError as error:
-        raise DepthFileError(
-            f"{path.name} needs a reader of EXR",
-            found="the package OpenEXR is not installed",
-            expected="OpenEXR 3",
-            next_step='pip install "legoworld[exr]"',
-        ) from error
-    try:
-        with openexr.File(str(path)) as file:
-            # A single channel keeps its own name only when channels are not grouped into RGB(A).
-            channels = {name: c.pixels for name, c in file.channels().items()}
-    except (RuntimeError, ValueError, OSError) as error:
-        raise DepthFileError(f"{path.name} cannot be read", found=str(error)) from error
-    names = [n for n in channels if n == "Z" or n.endswith(".Z")]
-    if len(names) != 1 or channels[names[0]].dtype != np.float32:
-        found = ", ".join(f"{n} {c.dtype}" for n, c in sorted(channels.items()))
-        raise DepthFileError(
-            f"{path.name} has no single float32 depth channel",
-            found=found,
-            expected="one channel Z (or <layer>.Z), float32",
-        )
-    values: NDArray[np.float32] = channels[names[0]]
-    return values
-
-
-def _read_npy(path: Path) -> NDArray[Any]:
+def _read_npy(path: Path, check_size: SizeCheck | None) -> NDArray[Any]:
+    with path.open("rb") as stream:
+        shape, _ = npy_claim(path, stream, path.stat().st_size)
+    check_claim(path, shape, check_size)
     try:
         with path.open("rb") as stream:
-            values = np.load(stream, allow_pickle=False)
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
+            values = _plain_numbers(stream)
+    except (OSError, ValueError, EOFError) as error:
         raise DepthFileError(
             f"{path.name} cannot be read", found=str(error), expected="an .npy of plain numbers"
         ) from error
-    if not isinstance(values, np.ndarray):
-        raise DepthFileError(f"{path.name} is an .npz by its content", expected="one array")
     return values
 
 
-def _read_integers(path: Path) -> NDArray[Any]:
+def _read_png(path: Path, check_size: SizeCheck | None) -> NDArray[Any]:
+    check_claim(path, png_claim(path), check_size)
+    return _decoded(path, "a 16-bit PNG")
+
+
+def _read_pgm(path: Path, check_size: SizeCheck | None) -> NDArray[Any]:
+    check_claim(path, pgm_claim(path), check_size)
+    return _decoded(path, "a 16-bit PGM")
+
+
+def _read_tiff(path: Path, check_size: SizeCheck | None) -> NDArray[Any]:
+    check_claim(path, tiff_claim(path), check_size)
+    return _decoded(path, "a TIFF of floating-point numbers or 16-bit integers")
+
+
+def _plain_numbers(stream: IO[bytes]) -> NDArray[Any]:
+    values: NDArray[Any] = np.lib.format.read_array(  # type: ignore[no-untyped-call]
+        stream, allow_pickle=False
+    )
+    return values
+
+
+def _decoded(path: Path, expected: str) -> NDArray[Any]:
     import cv2
 
-    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    try:
+        values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise DepthFileError(
+            f"{path.name} cannot be read", found=error.err, expected=expected
+        ) from error
     if values is None:
-        raise DepthFileError(f"{path.name} cannot be read", expected="a 16-bit PNG or PGM")
+        raise DepthFileError(f"{path.name} cannot be read", expected=expected)
     return values
+
+
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> IO[bytes]:
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"{member.filename} is compressed in a way that numpy does not write")
+    return archive.open(member)
+
+
+def _label(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    if member.file_size > _LABEL_BYTES:
+        raise ValueError(f"{member.filename} has {member.file_size} bytes and is no label")
+    with _member(archive, member) as stream:
+        npy_claim(path, stream, member.file_size)
+    with _member(archive, member) as stream:
+        return _plain_numbers(stream)
+
+
+@contextmanager
+def _npz_errors(path: Path) -> Iterator[None]:
+    """What zipfile, zlib and numpy say of a damaged .npz, as one error."""
+    try:
+        yield
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        RuntimeError,  # encrypted, or a compression method zipfile does not know
+        KeyError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
+        raise DepthFileError(
+            f"{path.name} cannot be read",
+            found=str(error) or type(error).__name__,
+            expected="an .npz of plain arrays",
+        ) from error

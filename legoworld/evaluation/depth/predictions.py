@@ -10,6 +10,7 @@ from legoworld.errors import UsageError
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
+from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.folder import read_rows
 from legoworld.evaluation.run import Run, RunImage, read_run
@@ -66,8 +67,8 @@ def read_depth_run(folder: Path) -> DepthRun:
     )
 
 
-def load_prediction(image: DepthImage) -> DepthArray:
-    """The image's prediction.
+def load_prediction(image: DepthImage, check_size: SizeCheck | None = None) -> DepthArray:
+    """The image's prediction. check_size: told of its claimed size before it is read.
 
     DepthMissingError when there is no file; DepthPredictionError or DepthFileError when there is
     one that cannot be used: its bytes are not those the run recorded, it does not say what it
@@ -84,7 +85,7 @@ def load_prediction(image: DepthImage) -> DepthArray:
             expected=image.sha256,
             next_step="run the readout again",
         )
-    array = read_labelled(image.path, Declaration())
+    array = read_labelled(image.path, Declaration(), check_size=check_size)
     if image.rendered_wh is not None and array.size_wh != image.rendered_wh:
         raise DepthPredictionError(
             "the depth file is not of the size the run recorded",

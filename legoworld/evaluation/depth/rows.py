@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any, Final
 
-from legoworld.evaluation.depth.cameras import Camera
+from legoworld.colmap import Camera
 from legoworld.evaluation.depth.errors import (
     DepthFileError,
     DepthMissingError,
@@ -15,7 +16,7 @@ from legoworld.evaluation.depth.eth3d import scene_of
 from legoworld.evaluation.depth.metrics import Metrics
 from legoworld.evaluation.depth.predictions import DepthImage, load_prediction
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, DepthProtocol
-from legoworld.evaluation.depth.resampling import Sample, sampler
+from legoworld.evaluation.depth.resampling import Sample, check_size, sampler
 from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
 from legoworld.evaluation.depth.truth import DepthTruth, TruthFile, load_truth
 from legoworld.evaluation.depth.view import small_view
@@ -58,7 +59,7 @@ def score_row(
         left = {"status": image.image.status, "reason": image.reason}
         return ImageResult(row={**row, **left}, view=None)
     try:
-        prediction = load_prediction(image)
+        prediction = load_prediction(image, partial(check_size, truth_wh=truth.size_wh))
         sample = sampler(prediction, truth.size_wh, camera)
     except (DepthMissingError, DepthPredictionError, DepthFileError) as error:
         left = {"status": error.status, "code": error.code, "reason": str(error)}

@@ -18,6 +18,7 @@ from legoworld.evaluation.depth.alignment import (
     moments_of,
     solve,
 )
+from legoworld.evaluation.depth.arrays import in_range
 from legoworld.evaluation.depth.metrics import ErrorSums, Metrics, error_sums, metrics_of
 from legoworld.evaluation.depth.protocol import DepthProtocol
 from legoworld.evaluation.depth.resampling import Sample, Sampled
@@ -96,9 +97,7 @@ def score_image(truth_z_m: NDArray[Any], sample: Sample, protocol: DepthProtocol
 
 def valid_truth(z_m: NDArray[Any]) -> NDArray[np.bool_]:
     """Where truth is finite and positive, of z_m's shape."""
-    with np.errstate(invalid="ignore"):
-        valid: NDArray[np.bool_] = np.isfinite(z_m) & (z_m > 0)
-    return valid
+    return in_range(z_m, signed=False)
 
 
 def _first_pass(truth_z_m: NDArray[Any], sample: Sample) -> _FirstPass:

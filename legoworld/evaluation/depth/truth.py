@@ -10,15 +10,17 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.colmap import Calibration, Camera, read_calibration
 from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
-from legoworld.evaluation.depth.cameras import Camera
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
+from legoworld.evaluation.depth.integer_units import per_metre
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.pictures import (
     SUFFIXES,
     check_raw_float32,
+    files_named,
     read_raw_float32,
     refuse_photo,
 )
@@ -26,12 +28,14 @@ from legoworld.evaluation.depth.predictions import photo_stem
 from legoworld.evaluation.run import RunImage
 
 _BAND_ROWS: Final = 64
-_METRES: Final = {"m": 1.0, "mm": 1000.0}
 
 
 @dataclass(frozen=True, kw_only=True)
 class TruthFile:
-    """One image's truth. size_wh, camera: of ETH3D's calibration, None for other folders."""
+    """One image's truth. size_wh, camera: of ETH3D's calibration, None for other folders.
+
+    calibration: the files these two were read from.
+    """
 
     kind: Literal["eth3d_raw", "array"]
     path: Path
@@ -39,7 +43,7 @@ class TruthFile:
     size_wh: tuple[int, int] | None
     size_from: Literal["cameras.txt", "track", "file"]
     camera: Camera | None
-    calibration: Path | None
+    calibration: tuple[Path, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,8 +70,9 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
     declared = read_declaration(truth)
     found: list[TruthFile] = []
     absent: list[RunImage] = []
+    calibrations: dict[Path, Calibration] = {}
     for image in images:
-        file = _eth3d(truth, image) or _array(truth, image, declared)
+        file = _eth3d(truth, image, calibrations) or _array(truth, image, declared)
         if file is None:
             absent.append(image)
         else:
@@ -106,11 +111,12 @@ def planar_metres(array: DepthArray, declared: Declaration, source: str) -> NDAr
     """
     if array.space == "disparity":
         return _from_disparity(array, declared, source)
-    if array.unit not in _METRES:
+    count = per_metre(array.unit)
+    if count is None:
         raise DepthTruthError(
             f"{source} is a truth without a unit",
             found=f"unit {array.unit!r}",
-            expected=" or ".join(_METRES),
+            expected="m, mm or m/N",
             next_step=f'declare it in {DECLARATION}: unit = "m"',
         )
     if array.space == "depth" and array.unit == "m":
@@ -118,7 +124,7 @@ def planar_metres(array: DepthArray, declared: Declaration, source: str) -> NDAr
     z_m = np.empty(array.values.shape, np.float64)
     cols = np.arange(z_m.shape[1])[None, :]
     for start in range(0, len(z_m), _BAND_ROWS):
-        band = array.values[start : start + _BAND_ROWS].astype(np.float64) / _METRES[array.unit]
+        band = array.values[start : start + _BAND_ROWS].astype(np.float64) / count
         if array.space == "ray_distance":
             assert array.intrinsics_px is not None
             rows = np.arange(start, start + len(band))[:, None]
@@ -145,11 +151,16 @@ def _from_disparity(array: DepthArray, declared: Declaration, source: str) -> ND
     return z_m
 
 
-def _eth3d(truth: Path, image: RunImage) -> TruthFile | None:
+def _eth3d(truth: Path, image: RunImage, calibrations: dict[Path, Calibration]) -> TruthFile | None:
+    """An image's raw depth. calibrations: those read so far, by folder; gains the image's own."""
     files = find_files(truth, image.file_name)
     if files is None:
         return None
-    camera = photo_camera(files.calibration, files.name) if files.calibration else None
+    folder = files.calibration
+    if folder is not None and folder not in calibrations:
+        calibrations[folder] = read_calibration(folder)
+    calibration = calibrations[folder] if folder is not None else None
+    camera = photo_camera(calibration, files.name) if calibration else None
     size_wh = camera.size_wh if camera else image.size_wh
     if size_wh is None:
         raise _unknown_size(files)
@@ -168,13 +179,12 @@ def _eth3d(truth: Path, image: RunImage) -> TruthFile | None:
         size_wh=size_wh,
         size_from="cameras.txt" if camera else "track",
         camera=camera,
-        calibration=files.calibration,
+        calibration=calibration.files if calibration else (),
     )
 
 
 def _array(truth: Path, image: RunImage, declared: Declaration) -> TruthFile | None:
-    stem = truth / photo_stem(image.file_name)
-    found = [p for p in (stem.with_name(stem.name + s) for s in SUFFIXES) if p.is_file()]
+    found = files_named(truth / photo_stem(image.file_name))
     if len(found) > 1:
         raise DepthTruthError(
             f"{image.file_name} has more than one truth",
@@ -191,7 +201,7 @@ def _array(truth: Path, image: RunImage, declared: Declaration) -> TruthFile | N
         size_wh=None,
         size_from="file",
         camera=None,
-        calibration=None,
+        calibration=(),
     )
 
 

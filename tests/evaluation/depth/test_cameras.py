@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from evaluation.depth.folders import COURTYARD
 
+from legoworld.colmap import Camera
 from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.cameras import Camera, pinhole_from_distorted
+from legoworld.evaluation.depth.cameras import pinhole_from_distorted
 from legoworld.evaluation.depth.errors import CameraModelError
 from legoworld.evaluation.depth.resampling import sampler
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from legoworld.colmap import Camera
 from legoworld.errors import ShapeError
 from legoworld.evaluation.depth.arrays import DepthArray, Space
-from legoworld.evaluation.depth.cameras import Camera
 from legoworld.evaluation.depth.errors import DepthPredictionError
 from legoworld.evaluation.depth.resampling import bilinear, check_size, sampler
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from evaluation.depth.folders import plane, write_arrays, write_eth3d
 
+from legoworld.colmap import read_calibration
 from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
 from legoworld.evaluation.depth.eth3d import (
     photo_camera,
-    read_cameras,
-    read_image_cameras,
     scene_of,
 )
 from legoworld.evaluation.depth.truth import find_truth, load_truth
@@ -106,45 +105,15 @@ def test_declared_arrays(tmp_path: Path) -> None:
     )
 
 
-def test_images_txt_with_blank_lost_and_full_point_lines(tmp_path: Path) -> None:
-    path = tmp_path / "images.txt"
-    pose = "0.1 0.2 0.3 0.4 1 2 3"
-    path.write_text(
-        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, ID)\n"
-        f"4 {pose} 0 dslr_images/A.JPG\n\n"
-        f"5 {pose} 1 dslr_images/B.JPG\n10.5 20.5 -1 30 40 7 1 2 3 4 5 6\n"
-        f"6 {pose} 0 dslr_images/C.JPG\n"
-        f"7 {pose} 1 dslr_images/with space.JPG\n\n"
-    )
-    assert read_image_cameras(path) == {
-        "dslr_images/A.JPG": 0,
-        "dslr_images/B.JPG": 1,
-        "dslr_images/C.JPG": 0,
-        "dslr_images/with space.JPG": 1,
-    }
-
-
 def test_the_photo_s_own_camera_among_several(tmp_path: Path) -> None:
-    (tmp_path / "cameras.txt").write_text(
-        "# x\n0 PINHOLE 10 20 1 2 3 4\n\n1 PINHOLE 20 10 1 2 3 4\n"
-    )
-    assert [c.size_wh for c in read_cameras(tmp_path / "cameras.txt").values()] == [
-        (10, 20),
-        (20, 10),
-    ]
+    cameras = "# x\n0 PINHOLE 10 20 1 2 3 4\n\n1 PINHOLE 20 10 1 2 3 4\n"
+    (tmp_path / "cameras.txt").write_text(cameras)
     with pytest.raises(DepthTruthError, match=r"which camera took B\.JPG"):
-        photo_camera(tmp_path, "B.JPG")
+        photo_camera(read_calibration(tmp_path), "B.JPG")
     (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 0 1 dslr_images/B.JPG\n\n")
-    assert photo_camera(tmp_path, "B.JPG").size_wh == (20, 10)
+    assert photo_camera(read_calibration(tmp_path), "B.JPG").size_wh == (20, 10)
     with pytest.raises(DepthTruthError, match=r"which camera took C\.JPG"):
-        photo_camera(tmp_path, "C.JPG")
-
-
-@pytest.mark.parametrize("line", ["0 PINHOLE", "x PINHOLE 1 2 3", "0 PINHOLE 4 0 1 1 1 1"])
-def test_cameras_txt_with_a_mistake(tmp_path: Path, line: str) -> None:
-    (tmp_path / "cameras.txt").write_text(line + "\n")
-    with pytest.raises(DepthTruthError, match=r"cameras\.txt"):
-        read_cameras(tmp_path / "cameras.txt")
+        photo_camera(read_calibration(tmp_path), "C.JPG")
 
 
 def test_scene_of() -> None:

@@ -1,0 +1,250 @@
+"""COLMAP's calibration of photos: cameras.{txt,bin} and images.{txt,bin}, read in one way.
+
+The formats are those of COLMAP's documentation, "Output Format"; points3D is not read.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from legoworld.errors import LegoWorldError
+
+#: Model number of cameras.bin -> name and number of parameters (COLMAP, sensor/models.h).
+BINARY_MODELS: Final = {
+    0: ("SIMPLE_PINHOLE", 3),
+    1: ("PINHOLE", 4),
+    2: ("SIMPLE_RADIAL", 4),
+    3: ("RADIAL", 5),
+    4: ("OPENCV", 8),
+    5: ("OPENCV_FISHEYE", 8),
+    6: ("FULL_OPENCV", 12),
+    7: ("FOV", 5),
+    8: ("SIMPLE_RADIAL_FISHEYE", 4),
+    9: ("RADIAL_FISHEYE", 5),
+    10: ("THIN_PRISM_FISHEYE", 12),
+    11: ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+}
+#: Words of a photo's line before its name: ID QW QX QY QZ TX TY TZ CAMERA_ID.
+_WORDS_BEFORE_NAME: Final = 9
+#: Bytes of one point of images.bin: x and y as doubles, the 3D point's id.
+_POINT_BYTES: Final = 24
+
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class CalibrationError(LegoWorldError):
+    """A COLMAP calibration cannot be read."""
+
+    code = "calibration"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A camera. params: in COLMAP's order for its model, pixels from the top left corner."""
+
+    model: str
+    size_wh: tuple[int, int]
+    params: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """A folder's cameras by id, each photo's camera id by the photo's name, and the files read."""
+
+    cameras: dict[int, Camera]
+    camera_ids: dict[str, int]
+    files: tuple[Path, ...]
+
+
+def calibration_files(folder: Path) -> tuple[Path, ...]:
+    """The calibration files of a folder: the cameras', then the photos' where there is one.
+
+    Empty without a cameras file. Two binary files come before text, as in COLMAP.
+    """
+    binary = folder / "cameras.bin", folder / "images.bin"
+    if all(path.is_file() for path in binary):
+        return binary
+    text = folder / "cameras.txt", folder / "images.txt"
+    return tuple(path for path in text if path.is_file()) if text[0].is_file() else ()
+
+
+def read_calibration(folder: Path) -> Calibration:
+    """The cameras and photos of a folder; CalibrationError when a file cannot be understood."""
+    files = calibration_files(folder)
+    if not files:
+        raise CalibrationError(
+            f"there is no calibration in {folder.parent.name}/{folder.name}",
+            found="no cameras.txt",
+            expected="COLMAP's cameras.txt and images.txt, or cameras.bin and images.bin",
+        )
+    binary = files[0].suffix == ".bin"
+    of_cameras = _binary_cameras if binary else _text_cameras
+    of_images = _binary_images if binary else _text_images
+    cameras = _unique(of_cameras(files[0]), "camera", files[0])
+    camera_ids = _unique(of_images(files[1]), "photo", files[1]) if len(files) > 1 else {}
+    return Calibration(cameras=cameras, camera_ids=camera_ids, files=files)
+
+
+def _unique(entries: Iterator[tuple[K, V]], what: str, path: Path) -> dict[K, V]:
+    """The entries by key; one that is said twice must say the same."""
+    found: dict[K, V] = {}
+    for key, value in entries:
+        if found.setdefault(key, value) != value:
+            raise CalibrationError(
+                f"{path.name} has two entries for {what} {key}",
+                found=f"{found[key]} and {value}",
+                expected="one",
+            )
+    return found
+
+
+def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
+    """Lines CAMERA_ID MODEL WIDTH HEIGHT PARAMS..."""
+    for line in _lines(path):
+        words = line.split()
+        try:
+            size_wh = int(words[2]), int(words[3])
+            params = tuple(float(x) for x in words[4:])
+            camera_id, model = int(words[0]), words[1]
+        except (IndexError, ValueError) as error:
+            raise _unreadable(path, line, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS") from error
+        yield camera_id, _checked(Camera(model=model, size_wh=size_wh, params=params), path)
+
+
+def _text_images(path: Path) -> Iterator[tuple[str, int]]:
+    """Each photo's name and camera id.
+
+    A photo has a line ID QW QX QY QZ TX TY TZ CAMERA_ID NAME and one of its points (X Y ID)...,
+    which is blank without any. Editors and scripts drop or double blank lines, so a photo's line
+    is told by its words instead of its place. What is neither is an error, and so are two lines of
+    points in a row, since one of them must have been a photo's.
+    """
+    points_may_follow = False
+    for line in _lines(path):
+        words = line.split(None, _WORDS_BEFORE_NAME)
+        if _is_photo(words):
+            yield words[_WORDS_BEFORE_NAME], int(words[_WORDS_BEFORE_NAME - 1])
+            points_may_follow = True
+        elif points_may_follow and _are_points(words):
+            points_may_follow = False
+        else:
+            raise _unreadable(path, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME")
+
+
+def _is_photo(words: list[str]) -> bool:
+    """Whether words are a photo's, the last being its whole name; a name may hold spaces."""
+    if len(words) <= _WORDS_BEFORE_NAME or not _is_integer(words[0]) or not _is_integer(words[8]):
+        return False
+    return all(map(_is_number, words[1:8])) and not _are_points(words)
+
+
+def _are_points(words: list[str]) -> bool:
+    """Whether words are numbers in threes; the last may hold any number of words."""
+    rest = words[-1].split()
+    if (len(words) - 1 + len(rest)) % 3:
+        return False
+    return all(map(_is_number, words[:-1])) and all(map(_is_number, rest))
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """The lines of a text file that are neither blank nor comments, without surrounding spaces."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CalibrationError(
+            f"{path.name} cannot be read",
+            found=getattr(error, "strerror", None) or str(error),
+            expected="a UTF-8 text file",
+        ) from error
+    # Python has turned \r\n into \n; splitlines would also cut names at rarer separators.
+    stripped = (line.strip() for line in text.split("\n"))
+    return (line for line in stripped if line and not line.startswith("#"))
+
+
+def _binary_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
+    """Count (uint64), then id, model (int32), width, height (uint64) and doubles for each."""
+    take = _reader(path)
+    for _ in range(*take("<Q")):
+        camera_id, model_id, width, height = take("<iiQQ")
+        if model_id not in BINARY_MODELS:
+            raise CalibrationError(
+                f"{path.name} has a camera of an unknown model",
+                found=f"model {model_id}",
+                expected=", ".join(name for name, _ in BINARY_MODELS.values()),
+            )
+        model, count = BINARY_MODELS[model_id]
+        camera = Camera(model=model, size_wh=(width, height), params=take(f"<{count}d"))
+        yield camera_id, _checked(camera, path)
+
+
+def _binary_images(path: Path) -> Iterator[tuple[str, int]]:
+    """Count (uint64), then id, pose (7 doubles), camera id, a name that ends in 0, and points."""
+    take = _reader(path)
+    for _ in range(*take("<Q")):
+        camera_id = take("<I7dI")[-1]
+        name = bytearray()
+        while (letter := take("<c")[0]) != b"\0":
+            name += letter
+        (points,) = take("<Q")
+        take(f"<{points * _POINT_BYTES}x")
+        try:
+            yield name.decode("utf-8"), camera_id
+        except UnicodeDecodeError as error:
+            raise CalibrationError(
+                f"{path.name} has a name that cannot be read", found=str(error), expected="UTF-8"
+            ) from error
+
+
+def _reader(path: Path) -> Callable[[str], tuple[Any, ...]]:
+    """A function that takes the next values off a binary file, by struct's format."""
+    data = path.read_bytes()
+    place = 0
+
+    def take(layout: str) -> tuple[Any, ...]:
+        nonlocal place
+        try:
+            values = struct.unpack_from(layout, data, place)
+        except (struct.error, OverflowError, MemoryError) as error:
+            raise CalibrationError(
+                f"{path.name} is cut, or is no COLMAP file",
+                found=f"{len(data)} bytes",
+                expected="as many entries as it announces",
+            ) from error
+        place += struct.calcsize(layout)
+        return values
+
+    return take
+
+
+def _checked(camera: Camera, path: Path) -> Camera:
+    if min(camera.size_wh) < 1 or not all(map(math.isfinite, camera.params)):
+        raise CalibrationError(
+            f"{path.name} has a camera that cannot be used",
+            found=f"{camera.model}, {camera.size_wh[0]}x{camera.size_wh[1]}, {camera.params}",
+            expected="a size of at least 1x1 and finite parameters",
+        )
+    return camera
+
+
+def _unreadable(path: Path, line: str, expected: str) -> CalibrationError:
+    return CalibrationError(
+        f"{path.name} has a line that cannot be read", found=line[:100], expected=expected
+    )
+
+
+def _is_integer(word: str) -> bool:
+    return word.isascii() and word.removeprefix("-").isdigit()
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False

@@ -1,0 +1,77 @@
+"""Depth out of OpenEXR files: which channel it is, and its numbers."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.evaluation.depth.headers import SizeCheck, check_claim
+
+#: Last parts of channel names that hold a depth, the surest first; `<layer>.Z` counts as Z.
+_DEPTH_NAMES: Final = (("Z",), ("DEPTH",), ("Y", "V"))
+_GREY: Final = ("R", "G", "B")
+
+
+def read_exr(
+    path: Path, channel: str | None, check_size: SizeCheck | None
+) -> tuple[NDArray[Any], str]:
+    """A channel of an EXR, float32 or float16, and its name (needs OpenEXR 3).
+
+    channel: its name; None takes the only Z, else the only depth, else the only Y or V, else the
+    only channel, else R where G and B hold the same. DepthFileError where that is not clear.
+    """
+    openexr = _openexr(path)
+    try:
+        with openexr.File(str(path), separate_channels=True, header_only=True) as file:
+            (x0, y0), (x1, y1) = file.header()["dataWindow"]
+            n_parts = len(file.parts)
+        shape = (int(y1) - int(y0) + 1, int(x1) - int(x0) + 1)
+        check_claim(path, shape, check_size)
+        with openexr.File(str(path), separate_channels=True) as file:
+            channels = {name: c.pixels for name, c in file.channels().items()}
+    except (RuntimeError, ValueError, TypeError, KeyError, OSError) as error:
+        raise DepthFileError(f"{path.name} cannot be read", found=str(error)) from error
+    if n_parts != 1:
+        raise DepthFileError(
+            f"{path.name} is not one depth image", found=f"{n_parts} parts", expected="one part"
+        )
+    name = channel if channel is not None else _depth_channel(channels)
+    values = channels.get(name) if name is not None else None
+    if name is None or values is None or values.dtype not in (np.float32, np.float16):
+        raise DepthFileError(
+            f"{path.name} has no single depth channel of floating-point numbers",
+            found=", ".join(f"{n} {c.dtype}" for n, c in sorted(channels.items())) or "no channel",
+            expected=f"channel {channel}" if channel else "one channel Z (or <layer>.Z), Y, V or R",
+            next_step="name the channel: --array NAME in an import, array in depth.toml",
+        )
+    return values, name
+
+
+def _depth_channel(channels: dict[str, NDArray[Any]]) -> str | None:
+    """The channel that is the depth; None when several could be, or none."""
+    for names in _DEPTH_NAMES:
+        fitting = [name for name in channels if name.rpartition(".")[2].upper() in names]
+        if fitting:
+            return fitting[0] if len(fitting) == 1 else None
+    if len(channels) == 1:
+        return next(iter(channels))
+    greys = [channels[name] for name in _GREY if name in channels]
+    same = len(greys) == 3 and all(np.array_equal(greys[0], g, equal_nan=True) for g in greys[1:])
+    return "R" if same else None
+
+
+def _openexr(path: Path) -> Any:
+    try:
+        return importlib.import_module("OpenEXR")
+    except ImportError as error:
+        raise DepthFileError(
+            f"{path.name} needs a reader of EXR",
+            found="the package OpenEXR is not installed",
+            expected="OpenEXR 3",
+            next_step='pip install "legoworld[exr]"',
+        ) from error
