@@ -5,7 +5,6 @@ Truth goes in and is never written: what comes out is built from a list of allow
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -15,9 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from legoworld import catalog
 from legoworld.dataset_versions import dataset_version
+from legoworld.depth_folder_tracks import depth_folder_source
 from legoworld.errors import CatalogError, LegoWorldError, UsageError
+from legoworld.eth3d_tracks import eth3d_source
 from legoworld.evaluation.truth_checks import (
     check_annotations,
     check_image_values,
@@ -25,6 +25,7 @@ from legoworld.evaluation.truth_checks import (
 )
 from legoworld.files import canonical_json, readable_json, sha256_of_file, write_text
 from legoworld.track import TrackImage, load_track
+from legoworld.track_source import Source
 from legoworld.vocabulary import from_json
 
 #: Everything a track may say about an image or a category. LVIS's lists of verified categories,
@@ -33,17 +34,6 @@ PUBLIC_IMAGE_KEYS: Final = ("id", "file_name", "coco_url", "width", "height")
 PUBLIC_CATEGORY_KEYS: Final = ("id", "name", "supercategory", "synset", "synonyms", "frequency")
 
 _PHOTO_FOLDERS: Final = ("", "train2017", "val2017")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Source:
-    """The public half of a whole dataset: what it may write, and the hash of where it is from."""
-
-    name: str
-    version: str
-    sha256: str
-    images: list[dict[str, Any]]
-    categories: list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -63,14 +53,20 @@ def make_track(
     sample: int | None,
     seed: int,
     chosen: Sequence[str] | None = None,
+    depth: DepthChoice | None = None,
+    notice: Callable[[str], None] = lambda _text: None,
 ) -> dict[str, Any]:
     """Write a track of all, of `sample` seeded, or of the `chosen` images of a truth.
 
-    truth: COCO or LVIS JSON, or ETH3D's folder. Images are drawn from all that the truth lists,
-    with annotations or without; chosen: their ids or file names. Returns the document.
-    CatalogError when the truth cannot be used, UsageError when it has not the images asked for.
+    truth: COCO or LVIS JSON, or a folder of measured depth. Images are drawn from all that the
+    truth lists, with annotations or without; chosen: their ids or file names; depth: what is said
+    of the folder; notice: told what is left out. Returns the document. CatalogError when the truth
+    cannot be used, UsageError when it has not the images asked for.
     """
-    source = eth3d_source(truth) if task == "eth3d" else annotation_source(task, truth)
+    if task == "eth3d":
+        source = depth_source(truth, depth or DepthChoice())
+    else:
+        source = annotation_source(task, truth)
     images = sorted(source.images, key=lambda i: int(i["id"]))
     if sample is not None:
         if sample > len(images):
@@ -94,12 +90,15 @@ def make_track(
             "sample": sample,
             "seed": None if sample is None else seed,
             "chosen": chosen is not None,
+            **source.about,
         },
         "images": images,
         "categories": source.categories,
     }
     write_text(output, _readable(document))
     load_track(output)  # what was written is what every other step will accept
+    for text in source.notices:
+        notice(text)
     return document
 
 
@@ -122,6 +121,36 @@ def _names_of(image: dict[str, Any]) -> list[str]:
     """What a list may call an image; LVIS v1 names photos by their URL alone."""
     url = [PurePosixPath(image["coco_url"]).name] if image.get("coco_url") else []
     return [str(image["id"]), *([image["file_name"]] if "file_name" in image else []), *url]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthChoice:
+    """What a command says of a folder of depth.
+
+    scenes: those to take of ETH3D's layout, None for all; dataset: the name of one that is not
+    ETH3D; photos: the photos of a folder of depth files, None in ETH3D's layout.
+    """
+
+    scenes: Sequence[str] | None = None
+    dataset: str | None = None
+    photos: Path | None = None
+
+
+def depth_source(folder: Path, choice: DepthChoice) -> Source:
+    """The public half of a folder of measured depth: ETH3D's layout, or files named like photos."""
+    if not folder.is_dir():
+        raise UsageError(
+            "the truth of depth is a folder", found=folder.name, expected="a folder of depth files"
+        )
+    if choice.photos is None:
+        return eth3d_source(folder, scenes=choice.scenes, dataset=choice.dataset)
+    if choice.scenes is not None:
+        raise UsageError(
+            "--scenes and --photos do not go together",
+            found="both",
+            expected="--scenes for ETH3D's layout, --photos for depth files named like the photos",
+        )
+    return depth_folder_source(folder, choice.photos, dataset=choice.dataset)
 
 
 def annotation_source(task: str, path: Path) -> Source:
@@ -167,49 +196,6 @@ def annotation_source(task: str, path: Path) -> Source:
         sha256=sha256_of_file(path),
         images=[_public(e, PUBLIC_IMAGE_KEYS) for e in images.values()],
         categories=[_public(c, PUBLIC_CATEGORY_KEYS) for c in categories],
-    )
-
-
-def eth3d_source(folder: Path) -> Source:
-    """ETH3D's images by its calibration files alone; ids are those of the shipped list."""
-    if not folder.is_dir():
-        raise UsageError("ETH3D is a folder", found=folder.name, expected="the folder of scenes")
-    shipped = json.loads(
-        (catalog.folder("datasets") / "eth3d" / "images.json").read_text(encoding="utf-8")
-    )
-    calibration = hashlib.sha256()
-    images = []
-    scenes = sorted({entry["file_name"].split("/")[0] for entry in shipped})
-    for scene in (s for s in scenes if (folder / s).is_dir()):
-        tables = folder / scene / "dslr_calibration_jpg"
-        sizes = _calibrated_sizes(tables)
-        for name in ("cameras.txt", "images.txt"):
-            line = canonical_json([scene, name, sha256_of_file(tables / name)])
-            calibration.update(f"{line}\n".encode())
-        for entry in shipped:
-            place, _, photo = entry["file_name"].partition("/images/")
-            if place != scene:
-                continue
-            if photo not in sizes:
-                raise CatalogError(
-                    f"{scene}/dslr_calibration_jpg/images.txt lacks a photo",
-                    found=f"no {photo}",
-                    expected="every photo of the training set",
-                )
-            width, height = sizes[photo]
-            images.append({**entry, "width": width, "height": height})
-    if not images:
-        raise CatalogError(
-            f"{folder.name} holds no ETH3D scene",
-            found="none of " + ", ".join(scenes[:4]) + ", ...",
-            expected="<scene>/dslr_calibration_jpg/{cameras,images}.txt",
-        )
-    return Source(
-        name=folder.resolve().name,
-        version="training-dslr",
-        sha256=calibration.hexdigest(),
-        images=images,
-        categories=[],
     )
 
 
@@ -262,28 +248,6 @@ def _check_dataset(task: str, path: Path, entries: list[dict[str, Any]]) -> None
 
 def _public(entry: dict[str, Any], keys: Sequence[str]) -> dict[str, Any]:
     return {key: entry[key] for key in keys if key in entry}
-
-
-def _calibrated_sizes(folder: Path) -> dict[str, tuple[int, int]]:
-    """Photo to (width, height), from COLMAP's cameras.txt and images.txt."""
-    try:
-        cameras = {
-            row[0]: (int(row[2]), int(row[3]))
-            for row in map(str.split, (folder / "cameras.txt").read_text().splitlines())
-            if row and row[0] != "#"
-        }
-        lines = [
-            x for x in (folder / "images.txt").read_text().splitlines() if not x.startswith("#")
-        ]
-        # Two lines an image, the second of which (its points) may be blank.
-        heads = [line.split() for line in lines[::2] if line.strip()]
-        return {row[9]: cameras[row[8]] for row in heads}
-    except (OSError, ValueError, KeyError, IndexError) as error:
-        raise CatalogError(
-            f"the calibration of {folder.parent.name} cannot be read",
-            found=f"{type(error).__name__}: {error}",
-            expected="COLMAP's cameras.txt and images.txt",
-        ) from error
 
 
 def _readable(document: dict[str, Any]) -> str:

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--unit",
-    type=click.Choice(["m", "mm", "m/256", "m/5000", "sun_rgbd", "nyu_raw"]),
-    help="Depth: the numbers' unit; the last five are of 16-bit integers, mm of floats, too.",
+    help="Depth: the numbers' unit: m, mm or m/N such as m/5000; of 16-bit integers mm, m/N, "
+    "sun_rgbd or nyu_raw.",
 )
 @click.option(
     "--intrinsics",
@@ -95,6 +95,8 @@ def import_command(
     for option, value in wrong.items():
         if value is not None:
             raise click.UsageError(f"{option} is not for --task {task}")
+    if unit is not None:
+        _check_unit(unit)
     if space == "disparity" and unit:
         raise click.UsageError("--unit is of depth: a disparity has an unknown scale and shift")
     if space in ("depth", "disparity") and intrinsics:
@@ -117,6 +119,13 @@ def import_command(
     else:
         result = _import_detections(request, source, box_format or "xywh", label_map, quiet=quiet)
     return baseline_output.show(result, output, as_json=as_json, verbose=verbose)
+
+
+def _check_unit(unit: str) -> None:
+    from legoworld.evaluation.depth.integer_units import UNITS, is_unit
+
+    if not is_unit(unit):
+        raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
 
 
 def _import_detections(

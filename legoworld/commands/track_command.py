@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.track_making import DepthChoice
 
 
 @click.command("track", context_settings={"help_option_names": ["-h", "--help"]})
@@ -16,7 +21,17 @@ from legoworld.commands import options
 @click.option(
     "--truth",
     type=click.Path(path_type=Path, exists=True),
-    help="make: COCO or LVIS JSON, or ETH3D's folder.",
+    help="make: COCO or LVIS JSON, or a folder of measured depth.",
+)
+@click.option("--scenes", help="make: only these scenes of ETH3D's layout, with commas between.")
+@click.option("--dataset", help="make: the name of a dataset of depth that is not ETH3D.")
+@click.option(
+    "--space",
+    type=click.Choice(["depth", "disparity", "ray_distance"]),
+    help="make, with --photos: what the depth files hold; goes into their depth.toml.",
+)
+@click.option(
+    "--unit", help="make, with --photos: m, mm, m/N, sun_rgbd or nyu_raw; goes into depth.toml."
 )
 @click.option("--sample", type=click.IntRange(min=1), help="make: images drawn [default: all].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of it.")
@@ -26,7 +41,11 @@ from legoworld.commands import options
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="make: the track file."
 )
-@click.option("--photos", type=options.EXISTING_FOLDER, help="check: the folder of the photos.")
+@click.option(
+    "--photos",
+    type=options.EXISTING_FOLDER,
+    help="check: the folder of the photos. make: that of depth files named like the photos.",
+)
 @click.option("--overwrite", is_flag=True, help="make: replace the track file.")
 @options.output_options
 def command(
@@ -34,6 +53,10 @@ def command(
     track: Path | None,
     task: str | None,
     truth: Path | None,
+    scenes: str | None,
+    dataset: str | None,
+    space: str | None,
+    unit: str | None,
     sample: int | None,
     seed: int,
     images: Path | None,
@@ -49,12 +72,17 @@ def command(
     A track lists images and categories, never an annotation. The published reference's 100 images
     a task are not known: a sample here is your own, and its seed and source are on record in it.
     check: every photo is there, decodes, and has the size the track says. Exit code 1 otherwise.
+    Depth: ETH3D's scenes that are there, another dataset in ETH3D's layout, or, with --photos, a
+    folder of .npy, .npz, .pfm, .exr, .png, .pgm or .tiff files named like the photos.
 
     \b
     Examples:
       legoworld track make --task coco --truth instances_val2017.json --sample 100 -o track.json
       legoworld track make --task lvis --truth lvis_v1_val.json --images ids.txt -o track.json
       legoworld track make --task eth3d --truth eth3d -o eth3d.json
+      legoworld track make --task eth3d --truth eth3d --scenes courtyard,office -o two.json
+      legoworld track make --task eth3d --truth depths --photos photos --space depth --unit mm \\
+          --dataset desk -o desk.json
       legoworld track check track.json --photos coco/val2017
     """
     if action == "make":
@@ -63,12 +91,55 @@ def command(
         if images is not None and sample is not None:
             raise click.UsageError("--images and --sample are two ways to choose: pass one")
         chosen = _lines(images) if images is not None else None
-        return _make(
-            task, truth, output, sample, seed, chosen, overwrite=overwrite, as_json=as_json
+        depth = {"--scenes": scenes, "--dataset": dataset, "--space": space, "--unit": unit}
+        _refuse_depth_options(task, {**depth, "--photos": photos}, with_photos=photos is not None)
+        if photos is not None:
+            _declare(truth, space, unit, quiet=quiet)
+        made = _make(
+            task,
+            truth,
+            output,
+            sample,
+            seed,
+            chosen,
+            _depth_choice(scenes, dataset, photos),
+            overwrite=overwrite,
+            notice=options.notifier(quiet),
         )
+        return _show(made, output, seed, as_json=as_json)
     if track is None or photos is None:
         raise click.UsageError("track check needs a TRACK and --photos")
     return _check(track, photos, as_json=as_json)
+
+
+def _refuse_depth_options(task: str, given: dict[str, object], *, with_photos: bool) -> None:
+    """Wrong usage: options of depth without a folder of depth."""
+    for option, value in given.items():
+        if value is not None and task != "eth3d":
+            raise click.UsageError(f"track make: {option} is not for --task {task}")
+        if value is not None and option in ("--space", "--unit") and not with_photos:
+            raise click.UsageError(f"track make: {option} is for depth files, with --photos")
+
+
+def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -> None:
+    from legoworld.depth_folder_tracks import declare
+    from legoworld.evaluation.depth.integer_units import UNITS, is_unit
+
+    if unit is not None and not is_unit(unit) and unit != "px":
+        raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
+    if truth.is_dir() and (written := declare(truth, space, unit)):
+        options.notifier(quiet)(f"{truth.name}/depth.toml now says: {' '.join(written.split())}")
+
+
+def _depth_choice(scenes: str | None, dataset: str | None, photos: Path | None) -> DepthChoice:
+    from legoworld.track_making import DepthChoice
+
+    named = [name.strip() for name in scenes.split(",")] if scenes is not None else None
+    return DepthChoice(
+        scenes=[name for name in named if name] if named is not None else None,
+        dataset=dataset,
+        photos=photos,
+    )
 
 
 def _make(
@@ -78,10 +149,11 @@ def _make(
     sample: int | None,
     seed: int,
     chosen: list[str] | None,
+    depth: DepthChoice,
     *,
     overwrite: bool,
-    as_json: bool,
-) -> int:
+    notice: Callable[[str], None],
+) -> dict[str, Any]:
     from legoworld.errors import UsageError
     from legoworld.track_making import make_track
 
@@ -91,16 +163,23 @@ def _make(
             expected="a new file",
             next_step="choose another -o, or pass --overwrite",
         )
-    document = make_track(task, truth, output, sample=sample, seed=seed, chosen=chosen)
+    return make_track(
+        task, truth, output, sample=sample, seed=seed, chosen=chosen, depth=depth, notice=notice
+    )
+
+
+def _show(document: dict[str, Any], output: Path, seed: int, *, as_json: bool) -> int:
+    info = document["info"]
     if as_json:
-        options.print_json({"track": str(output), "info": document["info"]})
-    else:
-        info = document["info"]
-        drawn = f", drawn with seed {seed}" if sample else ""
-        click.echo(
-            f"{len(document['images'])} of {info['source_images']} images{drawn}, "
-            f"{len(document['categories'])} categories -> {output}"
-        )
+        options.print_json({"track": str(output), "info": info})
+        return 0
+    drawn = f", drawn with seed {seed}" if info["sample"] else ""
+    of = info.get("dataset_images", info["source_images"])
+    source = f" of {info['dataset']}" if "dataset" in info else ""
+    click.echo(
+        f"{len(document['images'])} of {of} images{source}{drawn}, "
+        f"{len(document['categories'])} categories -> {output}"
+    )
     return 0
 
 

@@ -158,42 +158,6 @@ def test_what_cannot_be_sampled_is_refused(tmp_path):
     assert not out.exists()
 
 
-def eth3d_folder(root, scenes=("kicker", "office")):
-    """ETH3D's calibration files, with the photos' real names and made-up sizes."""
-    listed = json.loads((catalog.folder("datasets") / "eth3d" / "images.json").read_text())
-    for k, scene in enumerate(scenes):
-        folder = root / scene / "dslr_calibration_jpg"
-        folder.mkdir(parents=True)
-        (folder / "cameras.txt").write_text(
-            f"# cameras\n3 THIN_PRISM_FISHEYE {600 + k} 400 1 1 1 1 0 0 0 0 0 0 0 0\n"
-        )
-        photos = [e["file_name"] for e in listed if e["file_name"].startswith(f"{scene}/")]
-        lines = "".join(
-            f"{n} 1 0 0 0 0 0 0 3 dslr_images/{p.rsplit('/', 1)[1]}\n\n"
-            for n, p in enumerate(photos)
-        )
-        (folder / "images.txt").write_text("# images\n# two lines each\n" + lines)
-    return root
-
-
-def test_eth3d_tracks_come_from_the_calibration_alone(tmp_path):
-    root = eth3d_folder(tmp_path / "eth3d")
-    made = make_track("eth3d", root, tmp_path / "t.json", sample=None, seed=0)
-    assert len(made["images"]) == 31 + 26
-    assert made["categories"] == []
-    listed = json.loads((catalog.folder("datasets") / "eth3d" / "images.json").read_text())
-    ids = {e["file_name"]: e["id"] for e in listed}
-    assert all(ids[i["file_name"]] == i["id"] for i in made["images"])
-    assert {(i["width"], i["height"]) for i in made["images"]} == {(600, 400), (601, 400)}
-    sample = make_track("eth3d", root, tmp_path / "s.json", sample=7, seed=1)
-    assert len(load_track(tmp_path / "s.json").images) == len(sample["images"]) == 7
-    (root / "kicker" / "dslr_calibration_jpg" / "images.txt").write_text("")
-    with pytest.raises(CatalogError, match="lacks a photo"):
-        make_track("eth3d", root, tmp_path / "t.json", sample=None, seed=0)
-    with pytest.raises(CatalogError, match="no ETH3D scene"):
-        make_track("eth3d", tmp_path, tmp_path / "t.json", sample=None, seed=0)
-
-
 def photos_of(track, folder):
     for i in load_track(track).images:
         width, height = i.size_wh

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from legoworld.evaluation.depth.arrays import SPACES, Intrinsics
 from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.files import write_text
 
 DECLARATION: Final = "depth.toml"
 
@@ -56,6 +57,14 @@ def read_declaration(folder: Path) -> Declaration:
     if "intrinsics_px" in values:
         values["intrinsics_px"] = tuple(float(x) for x in values["intrinsics_px"])
     return Declaration(**values)
+
+
+def write_declaration(folder: Path, declared: Declaration) -> str:
+    """Write space and unit as the folder's depth.toml; returns its text."""
+    pairs = (("space", declared.space), ("unit", declared.unit))
+    text = "".join(f'{key} = "{value}"\n' for key, value in pairs if value is not None)
+    write_text(folder / DECLARATION, text)
+    return text
 
 
 def _fits(key: str, value: Any) -> bool:

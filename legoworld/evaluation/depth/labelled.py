@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -53,6 +54,23 @@ def read_labelled(
             found=f"a file of {path.stat().st_size} bytes",
             expected="an array that this process can hold",
         ) from error
+
+
+def claimed_size(path: Path, declared: Declaration) -> tuple[int, int]:
+    """The (width, height) that a depth file's header claims; its numbers are not read."""
+    told: list[tuple[int, int]] = []
+
+    def stop(size_wh: tuple[int, int]) -> None:
+        told.append(size_wh)
+        raise _SizeToldError
+
+    with suppress(_SizeToldError):
+        read_labelled(path, declared, check_size=stop)
+    return told[0]
+
+
+class _SizeToldError(Exception):
+    """Ends a reading once its size is known."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,218 @@
+"""Tracks of ETH3D, whole or the scenes that are there, and of other datasets in its layout."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+from legoworld import catalog
+from legoworld.colmap import Calibration, CalibrationError, read_calibration
+from legoworld.errors import CatalogError, UsageError
+from legoworld.evaluation.depth.eth3d import (
+    PHOTOS,
+    find_calibration,
+    find_files,
+    photo_camera,
+    scene_of,
+    scenes_below,
+)
+from legoworld.files import canonical_json, sha256_of_file
+from legoworld.track_source import Source
+from legoworld.wording import counted
+
+ETH3D: Final = "eth3d"
+_VERSION: Final = "training-dslr"
+
+
+def eth3d_source(
+    folder: Path, *, scenes: Sequence[str] | None = None, dataset: str | None = None
+) -> Source:
+    """The images of a folder in ETH3D's layout, by its calibration alone.
+
+    scenes: those to take, None for all that are there. dataset: the name of a dataset that is not
+    ETH3D; None where the folder holds scenes of ETH3D's names. ETH3D's images keep the ids of the
+    shipped list; those of another dataset count from 1 in the order of their paths, over every
+    scene that is there.
+    """
+    there = scenes_below(folder)
+    if not there:
+        raise CatalogError(
+            f"{folder.name} holds no scene in ETH3D's layout",
+            found="no calibration",
+            expected="<scene>/dslr_calibration_jpg/{cameras,images}.txt",
+            next_step="for a folder of depth maps named like the photos, pass --photos",
+        )
+    absent = [scene for scene in scenes or () if scene not in there]
+    if absent or (scenes is not None and not scenes):
+        raise UsageError(
+            f"{folder.name} has no scene {absent[0]!r}" if absent else "no scene is named",
+            found=", ".join(there[:20]),
+            expected="scenes with <scene>/dslr_calibration_jpg/{cameras,images}.txt",
+        )
+    known = {scene_of(entry["file_name"]) for entry in _shipped()}
+    if dataset is None and any(scene in known for scene in scenes or there):
+        return _eth3d(folder, there, scenes)
+    return _own(folder, there, scenes, dataset or folder.resolve().name)
+
+
+def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> Source:
+    """ETH3D's scenes that are there; what is left out is on record in the track."""
+    shipped = _shipped()
+    per_scene = Counter(str(scene_of(entry["file_name"])) for entry in shipped)
+    strangers = [scene for scene in scenes or there if scene not in per_scene]
+    if scenes is not None and strangers:
+        raise UsageError(
+            "a track is of one dataset",
+            found=f"{strangers[0]!r} beside scenes of ETH3D",
+            expected="scenes of ETH3D alone, or none of them",
+            next_step="make two tracks, or name the dataset with --dataset",
+        )
+    taken = sorted(scene for scene in scenes or there if scene in per_scene)
+    calibrations = {scene: _calibration(folder, scene) for scene in taken}
+    images, unlisted = [], []
+    for entry in shipped:
+        calibration = calibrations.get(str(scene_of(entry["file_name"])))
+        if calibration is None:
+            continue
+        name = PurePosixPath(entry["file_name"]).name
+        if not _lists(calibration, name):
+            unlisted.append(entry["file_name"])
+            continue
+        width, height = photo_camera(calibration, name).size_wh
+        images.append({**entry, "width": width, "height": height})
+    covered = Counter(str(scene_of(image["file_name"])) for image in images)
+    empty = [scene for scene in taken if not covered[scene]]
+    if empty:
+        raise CatalogError(
+            f"{empty[0]} lists none of ETH3D's photos of that scene",
+            found=", ".join(sorted(calibrations[empty[0]].camera_ids)[:3]) or "no photo",
+            expected=f"{PHOTOS}/DSC_....JPG as ETH3D has them",
+            next_step="if this is a dataset of your own, name it with --dataset",
+        )
+    left_out = sorted(set(per_scene) - set(taken))
+    about = {
+        "dataset": ETH3D,
+        "dataset_images": len(shipped),
+        "scenes": {scene: covered[scene] for scene in taken},
+        "scenes_left_out": {scene: per_scene[scene] for scene in left_out},
+        "photos_left_out": unlisted,
+    }
+    return Source(
+        name=folder.resolve().name,
+        version=_VERSION,
+        sha256=_hash(calibrations),
+        images=images,
+        categories=[],
+        about=about,
+        notices=tuple(_coverage(about, strangers)),
+    )
+
+
+def _coverage(about: Mapping[str, Any], strangers: Sequence[str]) -> Iterable[str]:
+    """What of ETH3D is not in the track."""
+    left_out, unlisted = about["scenes_left_out"], about["photos_left_out"]
+    if left_out:
+        of = len(about["scenes"]) + len(left_out)
+        yield f"{len(about['scenes'])} of ETH3D's {of} scenes; not covered: {', '.join(left_out)}"
+    if unlisted:
+        photos = counted(len(unlisted), "photo is", "photos are")
+        yield f"{photos} in no images.txt and left out, such as {unlisted[0]}"
+    if strangers:
+        scenes = counted(len(strangers), "scene is", "scenes are")
+        yield f"{scenes} not ETH3D's and left out: {', '.join(strangers[:5])}"
+
+
+def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, dataset: str) -> Source:
+    """A dataset of the user's own: every photo that has a camera and a measured depth."""
+    calibrations = {scene: _calibration(folder, scene) for scene in there}
+    images: list[dict[str, Any]] = []
+    without_depth: list[str] = []
+    elsewhere: list[str] = []
+    for scene, calibration in calibrations.items():
+        for listed in sorted(calibration.camera_ids):
+            name = listed.removeprefix(f"{PHOTOS}/")
+            file_name = f"{scene}/images/{PHOTOS}/{name}"
+            if "/" in name:
+                elsewhere.append(f"{scene}/images/{listed}")
+            elif find_files(folder, file_name) is None:
+                without_depth.append(file_name)
+            else:
+                width, height = photo_camera(calibration, name).size_wh
+                images.append({"file_name": file_name, "width": width, "height": height})
+    images.sort(key=lambda image: str(image["file_name"]))
+    numbered = [{"id": number, **image} for number, image in enumerate(images, start=1)]
+    taken = sorted(set(scenes or there))
+    chosen = [image for image in numbered if scene_of(str(image["file_name"])) in taken]
+    if not chosen:
+        raise CatalogError(
+            f"{folder.name} has no photo with a measured depth",
+            found=f"nothing for {without_depth[0]}" if without_depth else "no photo in images.txt",
+            expected=f"<scene>/ground_truth_depth/{PHOTOS}/<photo>, raw float32",
+        )
+    covered = Counter(str(scene_of(str(image["file_name"]))) for image in chosen)
+    notices = [
+        f"{counted(len(names), 'photo', 'photos')} {why}, such as {names[0]}"
+        for names, why in (
+            (without_depth, "without a measured depth left out"),
+            (elsewhere, f"not below {PHOTOS}/ left out"),
+        )
+        if names
+    ]
+    return Source(
+        name=folder.resolve().name,
+        version="custom",
+        sha256=_hash(calibrations),
+        images=chosen,
+        categories=[],
+        about={
+            "dataset": dataset,
+            "dataset_images": len(numbered),
+            "scenes": {scene: covered[scene] for scene in taken},
+            "scenes_left_out": {
+                scene: sum(scene_of(str(image["file_name"])) == scene for image in numbered)
+                for scene in there
+                if scene not in taken
+            },
+            "photos_left_out": [*without_depth, *elsewhere],
+        },
+        notices=tuple(notices),
+    )
+
+
+def _calibration(folder: Path, scene: str) -> Calibration:
+    """A scene's calibration; CatalogError names the scene where it cannot be read."""
+    place = find_calibration(folder, scene)
+    assert place is not None
+    try:
+        return read_calibration(place)
+    except CalibrationError as error:
+        raise CatalogError(
+            f"the calibration of {scene} cannot be read: {error.what}",
+            found=error.found,
+            expected=error.expected,
+            next_step="get the scene's files again, or take other scenes with --scenes",
+        ) from error
+
+
+def _lists(calibration: Calibration, name: str) -> bool:
+    return f"{PHOTOS}/{name}" in calibration.camera_ids or name in calibration.camera_ids
+
+
+def _hash(calibrations: Mapping[str, Calibration]) -> str:
+    lines = (
+        canonical_json([scene, path.name, sha256_of_file(path)])
+        for scene, calibration in sorted(calibrations.items())
+        for path in calibration.files
+    )
+    return hashlib.sha256("".join(f"{line}\n" for line in lines).encode()).hexdigest()
+
+
+def _shipped() -> list[dict[str, Any]]:
+    """ETH3D's 454 training images: id and file name."""
+    path = catalog.folder("datasets") / ETH3D / "images.json"
+    shipped: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+    return shipped
