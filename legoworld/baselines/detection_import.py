@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,28 @@ from legoworld.baselines.box_formats import (
     check_declared,
     in_terms_of,
     other_formats,
+    with_xywh,
+)
+from legoworld.baselines.category_ids import (
+    CategoryIds,
+    check_numbering,
+    doubt,
+    fitting,
+    most_frequent,
+    numbering,
+    plain_ids,
 )
 from legoworld.baselines.labels import LabelMap, Matcher
+from legoworld.baselines.photo_names import Placed, place
 from legoworld.baselines.records import Record, detection_record
-from legoworld.baselines.results_file import by_image, ours, read_results
+from legoworld.baselines.results_file import (
+    Named,
+    ResultsFile,
+    by_image,
+    read_results,
+    with_masks,
+    with_our_categories,
+)
 from legoworld.evaluation.box_formats import BoxFormatError
 from legoworld.evaluation.predictions import Predictions, PredictionsInvalidError, check_results
 from legoworld.evaluation.protocols import detection_protocol
@@ -36,39 +54,39 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSource:
-    """A results file and what is declared of it."""
+    """A results file and what is declared of it.
+
+    box_format: None for what the file's kind says, else x, y, width, height; category_ids: None
+    when nothing is declared.
+    """
 
     path: Path
-    box_format: BoxFormat
+    box_format: BoxFormat | None
     labels: LabelMap
+    category_ids: CategoryIds | None = None
 
 
 def import_detections(
     request: ImportRequest, source: DetectionSource, *, notice: Say
 ) -> BaselineResult:
-    """Import COCO or LVIS results. Nothing is written when anything in them would be refused."""
-    vocabulary, images = request.protocol.vocabulary, list(request.track.images)
-    assert vocabulary is not None
+    """Import boxes or masks. Nothing is written when anything in them would be refused."""
+    images = list(request.track.images)
     found = read_results(source.path)
-    if request.subset:
-        found = replace(found, entries=_of_track(found.entries, images, notice))
-    else:
-        _refuse_strangers(found.entries, images)
-    entries, left_out = ours(found, Matcher(vocabulary, source.labels), source.box_format)
-    for label, count in left_out.items():
-        left = counted(count, "prediction", "predictions")
-        notice(f"label {label!r}: {left} left out, as the label map says")
-    as_given, _ = ours(found, Matcher(vocabulary, source.labels), "xywh")
-    checked = _checked(request, source.box_format, entries, as_given)
-    for warning in checked.warnings:
-        notice(warning)
+    box_format = source.box_format or found.box_format or "xywh"
+    placed = place(found.entries, found.images, images, subset=request.subset)
+    _say_placed(placed, len(found.entries), notice)
+    named = _named(request, source, found, placed)
+    checked = _checked(request, box_format, named.entries, notice)
+    _say_categories(request, source, named, checked, notice)
     groups = by_image(checked.entries)
     imported = {
         "file": source.path.name,
         "sha256": sha256_of_file(source.path),
-        "box_format": source.box_format if request.protocol.task.name == "coco" else None,
+        "box_format": box_format if _of_boxes(request) else None,
+        "image_ids": placed.by,
+        "category_ids": source.category_ids or "dataset" if named.by_id else "names",
         "label_map_sha256": sha256_of_text(canonical_json(source.labels)),
-        "left_out": left_out,
+        "left_out": named.left_out,
         "empty_masks_dropped": checked.n_dropped_empty,
     }
 
@@ -87,25 +105,74 @@ def import_detections(
         return write_import(request, records, configuration)
 
 
+def _say_placed(placed: Placed, of: int, notice: Say) -> None:
+    if placed.by == "file_names":
+        notice("images are matched by file name")
+    if placed.left_out:
+        kept = of - placed.left_out
+        notice(f"{kept} of {of} predictions are of the track's images; the rest is left out")
+
+
+def _named(
+    request: ImportRequest, source: DetectionSource, found: ResultsFile, placed: Placed
+) -> Named:
+    """Entries with the vocabulary's category ids: by name, or by the declared numbering."""
+    vocabulary = request.protocol.vocabulary
+    assert vocabulary is not None
+    known = None
+    if source.category_ids is not None:
+        known = numbering(source.category_ids, vocabulary, request.protocol.task.name)
+    matcher = Matcher(vocabulary, source.labels)
+    named = with_our_categories(found, placed.entries, matcher, known)
+    if source.category_ids is not None and known is not None:
+        check_numbering(named.by_id, known, source.category_ids)
+    return named
+
+
+def _say_categories(
+    request: ImportRequest, source: DetectionSource, named: Named, checked: Predictions, notice: Say
+) -> None:
+    """What was left out, what the predictions name, and whether their ids may mean others."""
+    vocabulary = request.protocol.vocabulary
+    assert vocabulary is not None
+    for label, count in named.left_out.items():
+        left = counted(count, "prediction", "predictions")
+        notice(f"label {label!r}: {left} left out, as the label map says")
+    if checked.entries:
+        notice(most_frequent(checked.entries, vocabulary))
+    if source.category_ids is None:
+        doubtful = doubt(named.by_id, vocabulary, request.protocol.task.name)
+        if doubtful:
+            notice(doubtful)
+    elif not named.by_id:
+        notice(f"the file names its categories: --category-ids {source.category_ids} is not used")
+
+
 def _checked(
     request: ImportRequest,
     box_format: BoxFormat,
-    entries: Sequence[Any],
     as_given: Sequence[Any],
+    notice: Say,
 ) -> Predictions:
     """Entries after every check that scoring makes, its errors in terms of the import's options.
 
-    as_given: the same entries with the file's own numbers.
+    as_given: entries with the file's own boxes.
     """
     images, sizes_wh = request.track.images, _sizes_wh(request.track.images)
-    assert request.protocol.vocabulary is not None
+    vocabulary, task = request.protocol.vocabulary, request.protocol.task.name
+    assert vocabulary is not None
+    entries = [with_xywh(entry, box_format) for entry in as_given]
+    if not _of_boxes(request):
+        entries, filled = with_masks(entries, sizes_wh)
+        if filled:
+            notice(f"{counted(filled, 'mask', 'masks')} of polygons, filled as pycocotools does")
     try:
         checked = check_results(
             entries,
             status_by_image={i.id: "ok" if request.was_run_on(i) else "missing" for i in images},
             sizes_wh=sizes_wh,
-            vocabulary=request.protocol.vocabulary,
-            protocol=detection_protocol(request.protocol.task.name),
+            vocabulary=vocabulary,
+            protocol=detection_protocol(task),
             order="given",
         )
     except BoxFormatError as error:
@@ -114,42 +181,30 @@ def _checked(
     except PredictionsInvalidError as error:
         if not error.next_step.endswith("map categories by name"):
             raise
-        raise PredictionsInvalidError(
-            error.what,
-            found=error.found,
-            expected=error.expected,
-            next_step=f"{error.next_step}, with --label-map FILE",
-        ) from error
-    if request.protocol.task.name == "coco":
+        raise _with_options(error, fitting(plain_ids(as_given), vocabulary, task)) from error
+    if _of_boxes(request):
         check_declared(as_given, sizes_wh, box_format)
+    for warning in checked.warnings:
+        notice(warning)
     return checked
+
+
+def _with_options(
+    error: PredictionsInvalidError, numberings: Sequence[CategoryIds]
+) -> PredictionsInvalidError:
+    """An error about category ids, with the options that say what they are."""
+    declare = f", or pass --category-ids {' or '.join(numberings)}" if numberings else ""
+    return PredictionsInvalidError(
+        error.what,
+        found=error.found,
+        expected=error.expected,
+        next_step=f"{error.next_step}, with --label-map FILE{declare}",
+    )
+
+
+def _of_boxes(request: ImportRequest) -> bool:
+    return detection_protocol(request.protocol.task.name).iou_type == "bbox"
 
 
 def _sizes_wh(images: Sequence[TrackImage]) -> dict[int, tuple[int, int]]:
     return {i.id: i.size_wh for i in images if i.size_wh is not None}
-
-
-def _refuse_strangers(entries: Sequence[Any], images: Sequence[TrackImage]) -> None:
-    known = {image.id for image in images}
-    ids = [e.get("image_id") for e in entries if isinstance(e, dict)]
-    strangers = [i for i in ids if type(i) is int and i not in known]
-    if strangers:
-        raise PredictionsInvalidError(
-            f"{len(strangers)} of {len(entries)} predictions are of images outside the track",
-            found=f"image {strangers[0]}",
-            expected=f"one of the track's {len(known)} images, such as {images[0].id}",
-            next_step="pass --subset to leave them out",
-        )
-
-
-def _of_track(entries: Sequence[Any], images: Sequence[TrackImage], notice: Say) -> tuple[Any, ...]:
-    known = {image.id for image in images}
-    kept = tuple(e for e in entries if isinstance(e, dict) and e.get("image_id") in known)
-    if entries and not kept:
-        raise PredictionsInvalidError(
-            "no prediction is of an image of the track",
-            found=f"{len(entries)} predictions, the first {entries[0]!r}"[:200],
-            expected=f"some of {len(images)} images, such as {images[0].id}",
-        )
-    notice(f"{len(kept)} of {len(entries)} predictions are of the track's images; the rest is left")
-    return kept

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from legoworld.baselines.box_formats import BoxFormat, with_xywh
+from legoworld.baselines.box_formats import BoxFormat
+from legoworld.baselines.foreign_results import (
+    RESULTS,
+    entries_of_outputs,
+    next_step_for,
+    per_image_outputs,
+    refuse_other_documents,
+)
 from legoworld.baselines.labels import Matcher
+from legoworld.evaluation.masks import compressed
 from legoworld.evaluation.predictions import PredictionsInvalidError
 
 _LISTS: Final = ("annotations", "predictions", "results")
@@ -20,66 +29,143 @@ Entry = dict[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class ResultsFile:
-    """Entries as the file has them, and the category names the file itself gives to its ids."""
+    """Entries as the file has them, and what the file itself says of its ids.
+
+    names: its category names by id; images: its image entries by id; box_format: None where its
+    kind does not say.
+    """
 
     entries: tuple[Any, ...]
     names: Mapping[int, str]
+    images: Mapping[Any, Entry]
+    box_format: BoxFormat | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named:
+    """Entries with category ids of the vocabulary where a name was given.
+
+    by_id: those that have an id and no name, counted by it; left_out: labels the map drops.
+    """
+
+    entries: list[Any]
+    by_id: Counter[int]
+    left_out: dict[str, int]
 
 
 def read_results(path: Path) -> ResultsFile:
-    """A COCO or LVIS results list, or an object with such a list and perhaps "categories".
+    """Detection results of any kind that says what of, where and how sure.
 
-    PredictionsInvalidError when the file is neither.
+    A COCO or LVIS results list; an object with such a list, perhaps with its own "images" and
+    "categories" (a whole COCO JSON); one such object a line; or torchvision's outputs, one
+    {"boxes", "labels", "scores"} an image. PredictionsInvalidError when the file is none.
     """
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise PredictionsInvalidError(
-            f"{path.name} cannot be read", found=str(error), expected="results as JSON"
-        ) from error
+    document = _read(path)
+    refuse_other_documents(document, path)
+    outputs = per_image_outputs(document)
+    if outputs is not None:
+        entries = tuple(entries_of_outputs(outputs, path))
+        return ResultsFile(entries=entries, names={}, images={}, box_format="xyxy")
     if isinstance(document, list):
-        return ResultsFile(entries=tuple(document), names={})
+        return ResultsFile(entries=tuple(document), names={}, images={})
     lists = [k for k in _LISTS if isinstance(document, dict) and isinstance(document.get(k), list)]
     if len(lists) != 1:
         keys = sorted(document)[:6] if isinstance(document, dict) else type(document).__name__
         raise PredictionsInvalidError(
             f"{path.name} holds no results",
             found=f"{keys}",
-            expected='a list of {"image_id", "category_id", "bbox" or "segmentation", "score"}, or '
-            f"an object with one of {', '.join(_LISTS)}",
+            expected=f"{RESULTS}, or an object with one of {', '.join(_LISTS)}",
         )
-    return ResultsFile(entries=tuple(document[lists[0]]), names=_names(document, path))
+    return ResultsFile(
+        entries=tuple(document[lists[0]]),
+        names=_names(document, path),
+        images=_images(document, path),
+    )
 
 
-def ours(
-    found: ResultsFile, matcher: Matcher, box_format: BoxFormat
-) -> tuple[list[Entry], dict[str, int]]:
-    """Entries with our category ids and x, y, width, height; labels left out, with counts.
+def _read(path: Path) -> Any:
+    """The file's JSON; of JSON lines, the list of them."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        try:
+            return json.loads(text)
+        except ValueError:
+            lines = [line for line in text.splitlines() if line.strip()]
+            if len(lines) < 2 or not lines[0].lstrip().startswith("{"):
+                raise
+            return [json.loads(line) for line in lines]
+    except (OSError, ValueError, RecursionError) as error:
+        raise PredictionsInvalidError(
+            f"{path.name} cannot be read",
+            found=str(error),
+            expected="results as JSON",
+            next_step=next_step_for(path),
+        ) from error
+
+
+def with_our_categories(
+    found: ResultsFile,
+    entries: Sequence[Any],
+    matcher: Matcher,
+    numbering: Mapping[int, int] | None,
+) -> Named:
+    """Entries with our category ids where they, or the file's categories, name one.
 
     A category is taken by its name where the file has one, or the label map has its id; by its id
-    otherwise. LabelsUnmatchedError for names that are nowhere; whatever else is wrong is left for
-    the check that follows.
+    otherwise, in the given numbering (theirs to ours). LabelsUnmatchedError for names that are
+    nowhere; whatever else is wrong is left for the check that follows.
     """
-    entries = []
-    for entry in found.entries:
-        converted = _with_our_category(entry, found.names, matcher)
-        if converted is not None:
-            entries.append(with_xywh(converted, box_format))
+    kept: list[Any] = []
+    by_id: Counter[int] = Counter()
+    for entry in entries:
+        label = _label(entry, found.names, matcher) if isinstance(entry, dict) else None
+        if label is None:
+            kept.append(_with_our_id(entry, by_id, numbering or {}))
+            continue
+        category = matcher.match(label)
+        if category is not None:
+            kept.append({**entry, "category_id": category.id})
     matcher.refuse_unmatched()
-    return entries, dict(sorted(matcher.left_out.items()))
+    return Named(entries=kept, by_id=by_id, left_out=dict(sorted(matcher.left_out.items())))
 
 
-def _with_our_category(entry: Any, names: Mapping[int, str], matcher: Matcher) -> Any:
-    """The entry under our category id; None when its label is left out or not found."""
-    if not isinstance(entry, dict):
+def _with_our_id(entry: Any, by_id: Counter[int], numbering: Mapping[int, int]) -> Any:
+    category_id = entry.get("category_id") if isinstance(entry, dict) else None
+    if type(category_id) is not int:
         return entry
-    label = _label(entry, names, matcher)
-    if label is None:
-        return entry
-    category = matcher.match(label)
-    if category is None:
-        return None
-    return {**entry, "category_id": category.id}
+    by_id[category_id] += 1
+    return {**entry, "category_id": numbering.get(category_id, category_id)}
+
+
+def with_masks(
+    entries: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]]
+) -> tuple[list[Any], int]:
+    """Entries whose polygons are filled as pycocotools fills a truth's, and how many were.
+
+    What is no polygon list is left for the check that follows.
+    """
+    filled, count = [], 0
+    for entry in entries:
+        mask = entry.get("segmentation") if isinstance(entry, dict) else None
+        size = sizes_wh.get(entry["image_id"]) if mask and _has_int_image(entry) else None
+        if size is not None and _are_polygons(mask):
+            rle = compressed(mask, (size[1], size[0]))
+            text = {"size": [size[1], size[0]], "counts": rle["counts"].decode("ascii")}
+            entry, count = {**entry, "segmentation": text}, count + 1
+        filled.append(entry)
+    return filled, count
+
+
+def _has_int_image(entry: Entry) -> bool:
+    return type(entry.get("image_id")) is int
+
+
+def _are_polygons(mask: Any) -> bool:
+    return (
+        isinstance(mask, list)
+        and all(isinstance(p, list) and len(p) >= 6 and len(p) % 2 == 0 for p in mask)
+        and all(type(v) in (int, float) and abs(v) < 1e9 for p in mask for v in p)
+    )
 
 
 def _label(entry: Entry, names: Mapping[int, str], matcher: Matcher) -> str | None:
@@ -87,6 +173,8 @@ def _label(entry: Entry, names: Mapping[int, str], matcher: Matcher) -> str | No
         if isinstance(entry.get(key), str):
             return str(entry[key])
     category_id = entry.get("category_id")
+    if isinstance(category_id, str):
+        return category_id
     if isinstance(category_id, int) and matcher.knows(str(category_id)):
         return str(category_id)
     if isinstance(category_id, int) and names:
@@ -104,6 +192,21 @@ def _names(document: Entry, path: Path) -> dict[int, str]:
             found=f"{type(error).__name__}: {error}",
             expected='"categories": [{"id", "name"}]',
         ) from error
+
+
+def _images(document: Entry, path: Path) -> dict[Any, Entry]:
+    images = document.get("images") or []
+    usable = isinstance(images, list) and all(
+        isinstance(i, dict) and isinstance(i.get("id"), Hashable) for i in images
+    )
+    found = {i.get("id"): i for i in images} if usable else {}
+    if len(found) != len(images) or None in found:
+        raise PredictionsInvalidError(
+            f"{path.name} has images that cannot be used",
+            found=f"{len(images)} entries, {len(found)} ids",
+            expected='"images": [{"id", "file_name"}], ids distinct',
+        )
+    return found
 
 
 def by_image(entries: Sequence[Entry]) -> dict[Any, list[Entry]]:

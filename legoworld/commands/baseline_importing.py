@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from legoworld.baselines.baseline_import import ImportRequest
     from legoworld.baselines.baseline_run import BaselineResult
     from legoworld.baselines.box_formats import BoxFormat
+    from legoworld.baselines.category_ids import CategoryIds
 
 
 @click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
@@ -24,7 +25,12 @@ if TYPE_CHECKING:
 @click.option(
     "--box-format",
     type=click.Choice(["xywh", "xyxy", "cxcywh"]),
-    help="What four numbers of a box are, in pixels [default: xywh].",
+    help="What four numbers of a box are, in pixels [default: xywh; xyxy in torchvision's form].",
+)
+@click.option(
+    "--category-ids",
+    type=click.Choice(["dataset", "coco80-0", "coco80-1", "lvis-0"]),
+    help="What category ids without names are: the dataset's own, or positions from 0 or 1.",
 )
 @click.option(
     "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "our name" or null}.'
@@ -59,6 +65,7 @@ def import_command(
     output: Path,
     name: str | None,
     box_format: BoxFormat | None,
+    category_ids: CategoryIds | None,
     label_map: Path | None,
     images_run: Path | None,
     subset: bool,
@@ -72,8 +79,8 @@ def import_command(
 ) -> int:
     """Import SOURCE, a results JSON or a folder of depth arrays, as a run.
 
-    Whatever `legoworld evaluate` would refuse is refused here. Categories are matched by name
-    where the results carry names. Depth arrays mirror the track: <file_name without
+    Whatever `legoworld evaluate` would refuse is refused here. Categories and photos are matched
+    by name where the results carry names. Depth arrays mirror the track: <file_name without
     extension>.npy, .npz, .pfm, .exr or .png; an image without one is missing.
 
     \b
@@ -90,7 +97,11 @@ def import_command(
     images, protocol = baseline_output.track_of(task, track)
     for_depth = {"--space": space, "--unit": unit, "--intrinsics": intrinsics}
     for_boxes = {"--box-format": box_format if task != "coco" else None}
-    for_labels = {"--label-map": label_map, "--subset": subset or None}
+    for_labels = {
+        "--label-map": label_map,
+        "--subset": subset or None,
+        "--category-ids": category_ids,
+    }
     wrong = {**for_boxes, **(for_labels if task == "eth3d" else for_depth)}
     for option, value in wrong.items():
         if value is not None:
@@ -102,9 +113,7 @@ def import_command(
     if space in ("depth", "disparity") and intrinsics:
         raise click.UsageError(f"--intrinsics is for ray distance, not for --space {space}")
     if source.is_dir() != (task == "eth3d"):
-        raise click.UsageError(
-            f"--task {task} imports {'a folder of depth arrays' if task == 'eth3d' else 'a file'}"
-        )
+        raise click.UsageError(_not_of_the_task(source, task))
     request = ImportRequest(
         protocol=protocol,
         track=images,
@@ -117,7 +126,9 @@ def import_command(
     if task == "eth3d":
         result = _import_depth(request, source, space, unit, intrinsics, quiet=quiet)
     else:
-        result = _import_detections(request, source, box_format or "xywh", label_map, quiet=quiet)
+        result = _import_detections(
+            request, source, box_format, category_ids, label_map, quiet=quiet
+        )
     return baseline_output.show(result, output, as_json=as_json, verbose=verbose)
 
 
@@ -128,10 +139,20 @@ def _check_unit(unit: str) -> None:
         raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
 
 
+def _not_of_the_task(source: Path, task: str) -> str:
+    from legoworld.baselines.foreign_results import next_step_for
+
+    if task == "eth3d":
+        return f"--task {task} imports a folder of depth arrays"
+    advice = next_step_for(source)
+    return f"--task {task} imports a file" + (f": {advice}" if advice else "")
+
+
 def _import_detections(
     request: ImportRequest,
     source: Path,
-    box_format: BoxFormat,
+    box_format: BoxFormat | None,
+    category_ids: CategoryIds | None,
     label_map: Path | None,
     *,
     quiet: bool,
@@ -141,7 +162,9 @@ def _import_detections(
     labels = baseline_output.labels(label_map, request.protocol)
     return import_detections(
         request,
-        DetectionSource(path=source, box_format=box_format, labels=labels),
+        DetectionSource(
+            path=source, box_format=box_format, labels=labels, category_ids=category_ids
+        ),
         notice=options.notifier(quiet),
     )
 

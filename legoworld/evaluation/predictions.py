@@ -238,13 +238,17 @@ def _check_ids(
 def _mapping_hint(found: set[int], known: set[int]) -> str:
     """What unknown ids look like: positions in the list of categories instead of its ids."""
     n = len(known)
-    for first in (0, 1):
-        if found <= set(range(first, first + n)) and known != set(range(first, first + n)):
-            return (
-                f"these look like positions {first}..{first + n - 1}, not the dataset's ids "
-                f"{min(known)}..{max(known)}: map categories by name"
-            )
-    return "map categories by name"
+    positions = [
+        f"{first}..{first + n - 1}"
+        for first in (0, 1)
+        if found <= set(range(first, first + n)) and known != set(range(first, first + n))
+    ]
+    if not positions:
+        return "map categories by name"
+    return (
+        f"these look like positions {' or '.join(positions)}, not the dataset's ids "
+        f"{min(known)}..{max(known)}: map categories by name"
+    )
 
 
 def _box_entry(entry: dict[str, Any]) -> dict[str, Any]:

@@ -264,7 +264,8 @@ def test_results_of_more_images_are_cut_only_when_asked(bring):
     assert len(predictions(folder)) == 1
     code, _, said = bring([box(77)], "--subset", name="none")
     assert code == 1
-    assert "no prediction is of an image of the track" in said
+    assert "1 of 1 predictions are of images outside the track" in said
+    assert "--subset" not in said
 
 
 def test_another_file_is_another_run(bring):
@@ -306,7 +307,8 @@ def test_a_bbox_beside_a_mask_is_left_out(bring):
     ("document", "words"),
     [
         ([mask(segmentation={"size": [64, 48], "counts": "P`2"})], "[height, width]"),
-        ([mask(segmentation=[[1, 1, 5, 1, 5, 5]])], "a polygon list"),
+        ([mask(segmentation=[[1, 1, 5, 5]])], "a polygon list"),
+        ([mask(segmentation=[[1, 1, 5, 1, 5, 5, 7]])], "a polygon list"),
         ([box()], "have no segmentation"),
     ],
 )

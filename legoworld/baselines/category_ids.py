@@ -1,0 +1,128 @@
+"""Category ids of results without names: the dataset's own, or places in its list of categories.
+
+Nothing in a results file says which, and on few photos both fit: what is believed is named.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, Literal, get_args
+
+from legoworld import catalog
+from legoworld.dataset_versions import dataset_version
+from legoworld.errors import UsageError
+from legoworld.evaluation.predictions import PredictionsInvalidError
+from legoworld.vocabulary import Vocabulary, normal_name
+from legoworld.wording import counted
+
+CategoryIds = Literal["dataset", "coco80-0", "coco80-1", "lvis-0"]
+CATEGORY_IDS: Final[tuple[CategoryIds, ...]] = get_args(CategoryIds)
+
+#: Contiguous numberings: the dataset they are of, and the number of its first category.
+_CONTIGUOUS: Final[Mapping[CategoryIds, tuple[str, int]]] = {
+    "coco80-0": ("coco", 0),
+    "coco80-1": ("coco", 1),
+    "lvis-0": ("lvis", 0),
+}
+_SHOWN_CATEGORIES: Final = 8
+
+
+def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int, int]]:
+    """Each numbering this vocabulary may be given in, from its ids to the vocabulary's."""
+    own = [category.id for category in vocabulary.categories]
+    found: dict[CategoryIds, dict[int, int]] = {"dataset": {i: i for i in own}}
+    dataset = task.partition("-")[0]
+    if dataset_version(vocabulary, task) == "custom":
+        return found
+    for name, (of, first) in _CONTIGUOUS.items():
+        if of == dataset:
+            found[name] = dict(enumerate(own, start=first))
+    return found
+
+
+def numbering(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[int, int]:
+    """The declared numbering's ids to the vocabulary's. UsageError where it has no such one."""
+    known = numberings(vocabulary, task)
+    if declared not in known:
+        raise UsageError(
+            f"--category-ids {declared} does not go with this track's categories",
+            found=f"{len(vocabulary.categories)} categories of --task {task}",
+            expected=" or ".join(known),
+            next_step="map other ids with --label-map FILE",
+        )
+    return known[declared]
+
+
+def fitting(ids: Iterable[int], vocabulary: Vocabulary, task: str) -> list[CategoryIds]:
+    """The numberings that have all of these ids."""
+    wanted = set(ids)
+    return [n for n, known in numberings(vocabulary, task).items() if wanted <= known.keys()]
+
+
+def check_numbering(by_id: Counter[int], known: Mapping[int, int], declared: str) -> None:
+    """PredictionsInvalidError for category ids that the declared numbering does not have."""
+    bad = {i: count for i, count in by_id.items() if i not in known}
+    if bad:
+        raise PredictionsInvalidError(
+            f"{sum(bad.values())} of {by_id.total()} predictions have no category id of {declared}",
+            found=f"category ids {sorted(bad)[:8]}",
+            expected=f"{min(known)} to {max(known)}",
+            next_step="declare another --category-ids, or map categories with --label-map FILE",
+        )
+
+
+def doubt(ids: Counter[int], vocabulary: Vocabulary, task: str) -> str | None:
+    """Why ids that the dataset has may still be places in its list; None when nothing says so.
+
+    ids: undeclared category ids with their counts.
+    """
+    fits = fitting(ids, vocabulary, task)
+    if "dataset" not in fits:
+        return None
+    if "coco80-1" in fits and any(numberings(vocabulary, task)["coco80-1"][i] != i for i in ids):
+        return (
+            "the category ids fit the dataset's own and the contiguous 1..80 alike, and were taken "
+            "for the dataset's: if the names above are wrong, pass --category-ids coco80-1; "
+            "if they are right, --category-ids dataset"
+        )
+    if "lvis-0" in fits and _fits_better_shifted(ids, vocabulary):
+        return (
+            "the category ids name rarer categories than they would as places from 0, and were "
+            "taken for the dataset's: if the names above are wrong, pass --category-ids lvis-0; "
+            "if they are right, --category-ids dataset"
+        )
+    return None
+
+
+def most_frequent(entries: Sequence[Mapping[str, Any]], vocabulary: Vocabulary) -> str:
+    """The most frequent category names with their counts, in words."""
+    counts = Counter(e["category_id"] for e in entries)
+    shown = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:_SHOWN_CATEGORIES]
+    names = ", ".join(f"{vocabulary.name_of(i)} {count:,}" for i, count in shown)
+    in_all = counted(len(counts), "category", "categories")
+    return f"{in_all}: {names}" + (", ..." if len(counts) > len(shown) else "")
+
+
+def plain_ids(entries: Iterable[Any]) -> set[int]:
+    """The category ids among entries."""
+    return {
+        e["category_id"]
+        for e in entries
+        if isinstance(e, dict) and type(e.get("category_id")) is int
+    }
+
+
+def _fits_better_shifted(ids: Counter[int], vocabulary: Vocabulary) -> bool:
+    """Whether ids + 1 name LVIS's frequent categories more often than the ids do."""
+    path = catalog.folder("datasets") / "lvis" / "categories.json"
+    frequent = {
+        normal_name(c["name"])
+        for c in json.loads(path.read_text(encoding="utf-8"))
+        if c["frequency"] == "f"
+    }
+    own = {c.id for c in vocabulary.categories if normal_name(c.name) in frequent}
+    as_given = sum(count for i, count in ids.items() if i in own)
+    shifted = sum(count for i, count in ids.items() if i + 1 in own)
+    return shifted > as_given

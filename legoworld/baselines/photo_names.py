@@ -1,0 +1,209 @@
+"""Whose photo a result is of: by file name where the results say one, by id otherwise.
+
+Exporters renumber images (FiftyOne, supervision), so an id is the track's only where nothing in
+the file names its photo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Any, Final, Literal
+
+from legoworld.errors import LegoWorldError
+from legoworld.track import TrackImage
+
+#: As many image ids without a gap are positions in a list, where the track's are others.
+_FEWEST_POSITIONS: Final = 10
+_IN_THE_FILE: Final = "the file's images"
+
+Entry = dict[str, Any]
+
+
+class PhotosUnmatchedError(LegoWorldError):
+    """Results are of other photos than the track's, or do not say of which."""
+
+    code = "photos_unmatched"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placed:
+    """Results with the track's image ids. by: what told the photo; left_out: of other photos."""
+
+    entries: tuple[Any, ...]
+    by: Literal["file_names", "ids"]
+    left_out: int
+
+
+def place(
+    entries: Sequence[Any],
+    infos: Mapping[Any, Entry],
+    images: Sequence[TrackImage],
+    *,
+    subset: bool,
+) -> Placed:
+    """Give results the track's image ids.
+
+    infos: the file's own image entries by their id; subset: results of other photos are left out
+    instead of refused. PhotosUnmatchedError says what disagrees. What is no result at all is
+    left for the check that follows.
+    """
+    photos = _Photos(images)
+    places = _places(infos, photos)
+    kept, strangers, by_name = [], [], False
+    for entry in entries:
+        name = _name(entry, infos)
+        by_name |= name is not None
+        image_id = _image_id(entry, name, places, photos)
+        if image_id is _OUTSIDE:
+            strangers.append(entry)
+        else:
+            kept.append(entry if image_id is None else {**entry, "image_id": image_id})
+    if strangers and not by_name:
+        _refuse_positions(entries, images)
+    if strangers and (not subset or not kept):
+        raise _strangers(strangers, len(entries), infos, images, some=bool(kept))
+    by: Literal["file_names", "ids"] = "file_names" if by_name else "ids"
+    return Placed(entries=tuple(kept), by=by, left_out=len(strangers))
+
+
+class _Outside:
+    """The answer for a photo that is not in the track."""
+
+
+_OUTSIDE: Final = _Outside()
+
+
+class _Photos:
+    """The track's photos by every name that is only one photo's."""
+
+    def __init__(self, images: Sequence[TrackImage]) -> None:
+        self.ids = {image.id for image in images}
+        self.size_wh = {image.id: image.size_wh for image in images}
+        self._by_name: dict[str, set[int]] = {}
+        for image in images:
+            path = PurePosixPath(image.file_name)
+            for name in {image.file_name, path.name, path.stem, str(path.with_suffix(""))}:
+                self._by_name.setdefault(name, set()).add(image.id)
+
+    def find(self, text: str) -> int | None:
+        """The id of a photo's name, path or name without extension, or of an id as text."""
+        path = PurePosixPath(text.replace("\\", "/"))
+        for name in (str(path), str(path.with_suffix("")), path.name, path.stem):
+            ids = self._by_name.get(name, set())
+            if len(ids) == 1:
+                return next(iter(ids))
+        as_id = int(text) if text.isascii() and text.isdigit() and len(text) < 20 else None
+        return as_id if as_id in self.ids else None
+
+
+def _name(entry: Any, infos: Mapping[Any, Entry]) -> str | None:
+    """What the results call the entry's photo, if anything."""
+    if not isinstance(entry, dict):
+        return None
+    if isinstance(entry.get("file_name"), str):
+        return str(entry["file_name"])
+    image_id = entry.get("image_id")
+    info = infos.get(image_id) if isinstance(image_id, Hashable) else None
+    name = file_name(info) if info else None
+    return image_id if name is None and isinstance(image_id, str) else name
+
+
+def file_name(info: Entry) -> str | None:
+    """The photo of an image entry: its file_name, or the last part of its coco_url."""
+    for key in ("file_name", "coco_url"):
+        if isinstance(info.get(key), str) and info[key]:
+            return str(info[key])
+    return None
+
+
+def _image_id(
+    entry: Any, name: str | None, places: Mapping[str, int], photos: _Photos
+) -> int | _Outside | None:
+    """The entry's photo; None where it says none that could be one."""
+    if name is not None:
+        found = places[name] if name in places else photos.find(name)
+        return _OUTSIDE if found is None else found
+    image_id = entry.get("image_id") if isinstance(entry, dict) else None
+    if type(image_id) is not int:
+        return None
+    return image_id if image_id in photos.ids else _OUTSIDE
+
+
+def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
+    """The file's photo names to the track's images; refuses two of one photo, and other sizes."""
+    found: dict[str, int] = {}
+    taken: dict[int, str] = {}
+    resized = []
+    for info in infos.values():
+        name = file_name(info)
+        image_id = photos.find(name) if name is not None else None
+        if name is None or image_id is None:
+            continue
+        if image_id in taken:
+            raise PhotosUnmatchedError(
+                f"two of {_IN_THE_FILE} are one photo of the track",
+                found=f"{taken[image_id]!r} and {name!r} for image {image_id}",
+                expected="one image entry for each photo",
+                next_step="give the file the track's own file names",
+            )
+        found[name] = image_id
+        taken[image_id] = name
+        size = (info.get("width"), info.get("height"))
+        if all(type(side) is int for side in size) and photos.size_wh[image_id] not in (None, size):
+            resized.append((name, size, photos.size_wh[image_id]))
+    if resized:
+        name, size, own = resized[0]
+        raise PhotosUnmatchedError(
+            f"{len(resized)} of {_IN_THE_FILE} have another size than the track's",
+            found=f"{name!r} of {size[0]}x{size[1]}",
+            expected=f"{own[0]}x{own[1]}, as in the track" if own else "the track's size",
+            next_step="import results in pixels of the track's photos",
+        )
+    return found
+
+
+def _refuse_positions(entries: Sequence[Any], images: Sequence[TrackImage]) -> None:
+    """Ids without a gap that leave out some of the track's count a list's places, not photos."""
+    given = [e.get("image_id") for e in entries if isinstance(e, dict)]
+    ids = {i for i in given if type(i) is int}
+    own = {image.id for image in images}
+    first = min(ids)
+    if first not in (0, 1) or len(ids) < _FEWEST_POSITIONS or own <= ids:
+        return
+    if ids != set(range(first, first + len(ids))):
+        return
+    raise PhotosUnmatchedError(
+        "the image ids look like places in a list, not like the track's ids",
+        found=f"ids {first} to {first + len(ids) - 1} without a gap",
+        expected=f"ids such as {', '.join(str(i) for i in sorted(own)[:3])}",
+        next_step="give the whole file with its images, or file_name in place of image_id",
+    )
+
+
+def _strangers(
+    strangers: Sequence[Any],
+    of: int,
+    infos: Mapping[Any, Entry],
+    images: Sequence[TrackImage],
+    *,
+    some: bool,
+) -> PhotosUnmatchedError:
+    first = strangers[0]
+    name, image_id = _name(first, infos), first.get("image_id")
+    shown = f"image {image_id!r}" if name in (None, image_id) else f"image {image_id!r}, {name!r}"
+    what = f"{len(strangers)} of {of} predictions are of images outside the track"
+    if some:
+        next_step = "pass --subset to leave them out"
+    elif name is not None:
+        next_step = "import results of the track's photos, under the track's file names"
+    else:
+        next_step = "import results of the track's photos, with its image ids or file names"
+    return PhotosUnmatchedError(
+        what,
+        found=shown,
+        expected=f"one of the track's {len(images)} images, such as {images[0].id}, "
+        f"{images[0].file_name!r}",
+        next_step=next_step,
+    )

@@ -1,0 +1,344 @@
+"""Imports match photos and categories by name; what ids mean is declared, doubted, recorded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from pycocotools import mask as coco_mask
+from specialists.tracks import SIZE_WH, call, make_track, run_document
+
+from legoworld.catalog import folder as catalog_folder
+
+#: COCO's own way of naming: ids that are the names' numbers, far from 1, 2, 3.
+IDS = (139, 285, 632, 724, 776)
+NAMES = [f"{i:012}.jpg" for i in IDS]
+BOX = [10.5, 4.25, 20.0, 30.0]
+
+
+@pytest.fixture
+def bring(tmp_path, capfd):
+    """Import a document: (exit code, predictions by file name, standard error)."""
+    made = make_track(tmp_path / "made.json", NAMES)
+    document = json.loads(made.read_text())
+    for entry, image_id in zip(document["images"], IDS, strict=True):
+        entry["id"] = image_id
+
+    def go(given, *options, task="coco", suffix=".json", names=None):
+        dataset = "lvis" if task == "lvis" else "coco"
+        path = catalog_folder("datasets") / dataset / "categories.json"
+        document["categories"] = json.loads(path.read_text())
+        for entry, name in zip(document["images"], names or NAMES, strict=True):
+            entry["file_name"] = name
+        track = tmp_path / "track.json"
+        track.write_text(json.dumps(document))
+        source = tmp_path / f"results{suffix}"
+        source.write_text(given if isinstance(given, str) else json.dumps(given))
+        arguments = ["baseline", "import", source, "--task", task, "--track", track]
+        code = call([*arguments, "-o", tmp_path / "run", "--overwrite", *options])
+        said = capfd.readouterr().err
+        if code != 0:
+            return code, None, said
+        run: Path = tmp_path / "run"
+        return code, json.loads((run / "predictions.json").read_text()), said
+
+    return go
+
+
+def imported(tmp_path):
+    return run_document(tmp_path / "run")["configuration"]["imported"]
+
+
+def box(image_id, category_id=1, bbox=BOX, score=0.5, **more):
+    return {
+        "image_id": image_id, "category_id": category_id, "bbox": bbox, "score": score, **more,
+    }  # fmt: skip
+
+
+def renumbered(names=NAMES, **more):
+    """A whole COCO JSON as exporters write it: images from 1 in an order of their own."""
+    images = [
+        {"id": n, "file_name": name, "width": SIZE_WH[0], "height": SIZE_WH[1], **more}
+        for n, name in enumerate(names[::-1], start=1)
+    ]
+    boxes = [box(i["id"], 0, [float(n), 1.0, 5.0, 5.0]) for n, i in enumerate(images)]
+    return {
+        "images": images,
+        "annotations": boxes,
+        "categories": [{"id": 0, "name": "zebra"}, {"id": 1, "name": "person"}],
+    }
+
+
+def ids(predictions):
+    return [p["image_id"] for p in predictions]
+
+
+@pytest.mark.parametrize("options", [(), ("--subset",)])
+@pytest.mark.parametrize("folder", ["", "val2017/", "data\\"])
+def test_a_whole_coco_file_is_matched_by_file_name(bring, tmp_path, options, folder):
+    """Its ids are of its own images: taken for the track's they put boxes on other photos."""
+    code, found, said = bring(renumbered([folder + name for name in NAMES]), *options)
+    assert code == 0
+    assert [(p["image_id"], p["bbox"][0]) for p in found] == list(
+        zip(IDS, (4, 3, 2, 1, 0), strict=True)
+    )
+    assert {p["category_id"] for p in found} == {24}  # the zebra of the file's categories, id 0
+    assert "images are matched by file name" in said
+    assert imported(tmp_path)["image_ids"] == "file_names"
+    assert imported(tmp_path)["category_ids"] == "names"
+
+
+def test_ids_of_renumbered_images_never_reach_other_photos(bring):
+    """Ids 139 and 285 are photos of the track and other photos in the file."""
+    document = renumbered([f"other{n}.jpg" for n in range(4)] + [NAMES[4]])
+    for entry, own in zip(document["images"], IDS, strict=True):
+        for result in document["annotations"]:
+            result["image_id"] = own if result["image_id"] == entry["id"] else result["image_id"]
+        entry["id"] = own
+    code, found, said = bring(document)
+    assert (code, found) == (1, None)
+    assert (
+        "4 of 5 predictions are of images outside the track; found: image 285, 'other3.jpg'" in said
+    )
+    assert "pass --subset" in said
+    code, found, said = bring(document, "--subset")
+    assert ids(found) == [776]
+    assert found[0]["bbox"][0] == 0.0
+    assert "1 of 5 predictions are of the track's images" in said
+
+
+@pytest.mark.parametrize("options", [(), ("--subset",)])
+def test_subset_is_no_advice_where_all_names_disagree(bring, options):
+    code, _, said = bring(renumbered([f"other{n}.jpg" for n in range(5)]), *options)
+    assert code == 1
+    assert "5 of 5 predictions are of images outside the track" in said
+    assert "'other4.jpg'" in said
+    assert "under the track's file names" in said
+    assert "--subset" not in said
+
+
+def test_the_files_own_images_have_to_hold_its_results(bring):
+    document = renumbered()
+    document["annotations"][0]["image_id"] = 77
+    code, _, said = bring(document)
+    assert code == 1
+    assert "1 of 5 predictions are of images outside the track; found: image 77" in said
+
+
+def test_two_images_of_one_photo_and_resized_images_are_refused(bring):
+    names = ["a/000000000139.jpg", "b/000000000139.jpg", *NAMES[2:]]
+    code, _, said = bring(renumbered(names), "--subset")
+    assert code == 1
+    assert "two of the file's images are one photo of the track" in said
+    code, _, said = bring(renumbered(width=640, height=480))
+    assert code == 1
+    assert "5 of the file's images have another size than the track's" in said
+    assert "640x480; expected: 64x48" in said
+
+
+@pytest.mark.parametrize("text", ["{:012}", "{:012}.jpg", "val2017/{:012}.jpg", "{}", "{:012}.png"])
+def test_image_ids_may_be_texts(bring, text):
+    code, found, _ = bring([box(text.format(i), bbox=[i / 100, 1.0, 5.0, 5.0]) for i in IDS])
+    assert code == 0
+    assert [(p["image_id"], p["bbox"][0]) for p in found] == [(i, i / 100) for i in IDS]
+
+
+def test_a_text_is_a_name_before_it_is_an_id(bring):
+    """Of a track whose photo 285 is named 139.jpg."""
+    _, found, _ = bring([box("139")], names=["x.jpg", "139.jpg", *NAMES[2:]])
+    assert ids(found) == [285]
+
+
+def test_a_file_name_in_the_result_wins_over_its_id(bring):
+    _, found, _ = bring([box(139, file_name=NAMES[3])])
+    assert ids(found) == [724]
+
+
+def test_places_in_a_list_are_no_ids(bring):
+    """12 photos without a gap from 0, of a track whose ids are others."""
+    given = [box(i) for i in range(12)]
+    for options in ((), ("--subset",)):
+        code, _, said = bring(given, *options)
+        assert code == 1
+        assert "look like places in a list" in said
+        assert "ids 0 to 11 without a gap; expected: ids such as 139, 285, 632" in said
+        assert "--subset" not in said
+
+
+def own_ids():
+    path = catalog_folder("datasets") / "coco" / "categories.json"
+    return [c["id"] for c in json.loads(path.read_text())]
+
+
+@pytest.mark.parametrize(("option", "first"), [("coco80-0", 0), ("coco80-1", 1)])
+def test_declared_numberings(bring, tmp_path, option, first):
+    given = [box(139, k + first, [k / 2, 1.0, 5.0, 5.0]) for k in range(80)]
+    code, found, said = bring(given, "--category-ids", option)
+    assert code == 0
+    assert [(p["category_id"], p["bbox"][0]) for p in found] == [
+        (own, k / 2) for k, own in enumerate(own_ids())
+    ]
+    assert imported(tmp_path)["category_ids"] == option
+    assert "80 categories: person 1, bicycle 1," in said
+
+
+def test_lvis_from_zero(bring, tmp_path):
+    rle = {"size": [48, 64], "counts": [96, 40, 48 * 64 - 136]}
+    given = [
+        {"image_id": 139, "category_id": k, "segmentation": rle, "score": 0.5} for k in (0, 1202)
+    ]
+    code, _, said = bring(given, task="lvis")
+    assert code == 1
+    assert "pass --category-ids lvis-0" in said
+    code, found, _ = bring(given, "--category-ids", "lvis-0", task="lvis")
+    assert code == 0
+    assert [p["category_id"] for p in found] == [1, 1203]
+
+
+@pytest.mark.parametrize(
+    ("given", "hint", "options"),
+    [
+        (range(80), "positions 0..79, not", "coco80-0"),
+        (range(1, 81), "positions 1..80, not", "coco80-1"),
+        (range(1, 80), "positions 0..79 or 1..80, not", "coco80-0 or coco80-1"),
+        ((1, 12), "positions 0..79 or 1..80, not", "coco80-0 or coco80-1"),
+        ((0, 12), "positions 0..79, not", "coco80-0"),
+    ],
+)
+def test_refused_ids_are_told_only_what_fits(bring, given, hint, options):
+    code, _, said = bring([box(139, k) for k in given])
+    assert code == 1
+    assert hint in said
+    assert said.rstrip().endswith(f"with --label-map FILE, or pass --category-ids {options}")
+
+
+def test_ids_that_fit_both_ways_are_named_and_doubted(bring, tmp_path):
+    given = [box(139, k) for k in (1, 1, 1, 3, 18, 62)]
+    code, found, said = bring(given)
+    assert code == 0
+    assert [p["category_id"] for p in found] == [1, 1, 1, 3, 18, 62]
+    assert "4 categories: person 3, car 1, dog 1, chair 1" in said
+    assert "fit the dataset's own and the contiguous 1..80 alike" in said
+    assert "pass --category-ids coco80-1; if they are right, --category-ids dataset" in said
+    assert imported(tmp_path)["category_ids"] == "dataset"
+    assert "alike" not in bring(given, "--category-ids", "dataset")[2]
+    assert "alike" not in bring([*given, box(139, 90)])[2], "90 is the dataset's alone"
+    assert "alike" not in bring([box(139, k) for k in range(1, 12)])[2], (
+        "1..11 are the same in both"
+    )
+
+
+def test_lvis_ids_that_name_rarer_things_are_doubted(bring):
+    path = catalog_folder("datasets") / "lvis" / "categories.json"
+    frequent = [c["id"] for c in json.loads(path.read_text()) if c["frequency"] == "f"][:60]
+    rle = {"size": [48, 64], "counts": [96, 40, 48 * 64 - 136]}
+
+    def masks(shift):
+        return [
+            {"image_id": 139, "category_id": k + shift, "segmentation": rle, "score": 0.5}
+            for k in frequent
+        ]
+
+    assert "pass --category-ids lvis-0" in bring(masks(-1), task="lvis")[2]
+    assert "--category-ids" not in bring(masks(0), task="lvis")[2]
+
+
+def test_a_numbering_that_does_not_go_with_the_task_or_the_ids(bring):
+    code, _, said = bring([box(139)], "--category-ids", "lvis-0")
+    assert code == 2
+    assert "expected: dataset or coco80-0 or coco80-1" in said
+    code, _, said = bring([box(139, 0), box(139, 80)], "--category-ids", "coco80-1")
+    assert code == 1
+    assert "1 of 2 predictions have no category id of coco80-1; found: category ids [0]" in said
+
+
+def test_a_declared_numbering_leaves_names_alone(bring, tmp_path):
+    given = [{**box(139), "category_name": "dog"}]
+    _, found, said = bring(given, "--category-ids", "coco80-0")
+    assert [p["category_id"] for p in found] == [18]
+    assert "the file names its categories: --category-ids coco80-0 is not used" in said
+    assert imported(tmp_path)["category_ids"] == "names"
+
+
+OUTPUT = {"boxes": [[1.0, 2.0, 11.0, 22.0], [3.0, 4.0, 13.0, 24.0]], "labels": [18, 1],
+          "scores": [0.5, 0.25]}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"139": OUTPUT},
+        {NAMES[0]: OUTPUT},
+        [{"image_id": 139, **OUTPUT}],
+        [{"file_name": NAMES[0], **OUTPUT, "labels": ["dog", "person"]}],
+    ],
+)
+def test_torchvisions_outputs_are_corners_in_their_order(bring, tmp_path, document):
+    code, found, _ = bring(document)
+    assert code == 0
+    assert found == [
+        box(139, 18, [1.0, 2.0, 10.0, 20.0], 0.5),
+        box(139, 1, [3.0, 4.0, 10.0, 20.0], 0.25),
+    ]
+    assert imported(tmp_path)["box_format"] == "xyxy"
+
+
+@pytest.mark.parametrize(
+    "change", [{"scores": [0.5]}, {"labels": None}, {"masks": [1, 2, 3]}], ids=str
+)
+def test_outputs_whose_lists_differ(bring, change):
+    code, _, said = bring([{"image_id": 139, **OUTPUT, **change}])
+    assert code == 1
+    assert "output 1 of results.json cannot be used" in said
+
+
+def test_json_lines(bring):
+    lines = "\n".join(json.dumps(box(i)) for i in IDS) + "\n"
+    code, found, _ = bring(lines, suffix=".jsonl")
+    assert code == 0
+    assert ids(found) == list(IDS)
+    assert bring(lines + "{", suffix=".jsonl")[0] == 1
+
+
+def test_polygons_are_filled_as_pycocotools_fills_them(bring):
+    triangle, square = [1, 1, 40.5, 3, 20, 30], [50, 30, 60, 30, 60, 40, 50, 40]
+    given = [{**box("139", 18), "segmentation": [triangle, square]}]
+    code, found, said = bring(given, task="lvis")
+    assert code == 0
+    expected = coco_mask.merge(coco_mask.frPyObjects([triangle, square], 48, 64))
+    assert found[0]["segmentation"]["counts"] == expected["counts"].decode()
+    assert "1 mask of polygons, filled as pycocotools does" in said
+
+
+OTHERS = {
+    "SAM": ([{"segmentation": {}, "area": 1, "bbox": BOX, "predicted_iou": 0.9}], ".json",
+        "SAM's automatic masks: of no image and of no category", "predicted_iou as score"),
+    "LabelMe": ({"shapes": [], "imagePath": "x"}, ".json", "one photo's file of LabelMe",
+        "labelme2coco.py"),
+    "YOLO": ("0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n", ".txt", "cannot be read",
+        "save_json=True"),
+    "VOC": ("<annotation></annotation>", ".xml", "cannot be read", "from_pascal_voc"),
+    "a table": ("image,x,y\n1,2,3\n", ".csv", "cannot be read", "one object a row"),
+    "tensors": ("PK", ".pt", "cannot be read", "v.tolist()"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_forms_are_told_the_way(bring, name):
+    document, suffix, what, advice = OTHERS[name]
+    code, _, said = bring(document, suffix=suffix)
+    assert code == 1
+    assert what in said
+    assert advice in said
+    assert said.count("\n") == 1
+
+
+def test_a_folder_of_yolo_labels_is_told_the_way(bring, tmp_path, capfd):
+    labels = tmp_path / "labels"
+    labels.mkdir()
+    (labels / "000000000139.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    bring([])
+    arguments = ["baseline", "import", labels, "--task", "coco", "--track", tmp_path / "track.json"]
+    assert call([*arguments, "-o", tmp_path / "other"]) == 2
+    assert "save_json=True" in capfd.readouterr().err
