@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from legoworld import exit_codes
 from legoworld.cli import main
 
 PAGE = Path(__file__).with_name("commands.md")
@@ -15,10 +16,10 @@ PAGE = Path(__file__).with_name("commands.md")
 def render() -> str:
     """The whole page."""
     context = click.Context(main, info_name="legoworld", terminal_width=96, max_content_width=96)
+    codes = "".join(f"| {code} | {meaning} |\n" for code, meaning in exit_codes.MEANING.items())
     parts = [
-        "# Commands\n\nMade from the program's own help by `python docs/commands_page.py`. Exit"
-        " codes: 0 done; 1 failed, or some\nscenes could not be read; 2 wrong usage; 130 stopped"
-        " with Ctrl-C.\n"
+        "# Commands\n\nGenerated from the program's own help by `python docs/commands_page.py`.\n\n"
+        f"| exit code | meaning |\n|---:|---|\n{codes}"
     ]
     for name in main.list_commands(context):
         command = main.get_command(context, name)

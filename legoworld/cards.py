@@ -9,7 +9,7 @@ from typing import Any
 
 from legoworld import catalog
 from legoworld.conventions import ALPHA_THRESHOLD, EQUAL_CONFIDENCE, NO_DEPTH, NO_INSTANCE
-from legoworld.errors import CatalogError
+from legoworld.errors import InstallationError
 from legoworld.files import sha256_of_file
 
 #: What the code does, by card key; a card that declares otherwise is refused.
@@ -39,6 +39,7 @@ _FIXED_FOR: dict[str, dict[str, Any]] = {
         "export.min_area_px": 1,
         "vocabulary.override_property": "coco_category",
         "vocabulary.synonyms": "none",
+        "vocabulary.qualifier": "required",
     },
     "lvis": {
         "readout.reads": "masks",
@@ -49,6 +50,7 @@ _FIXED_FOR: dict[str, dict[str, Any]] = {
         "export.min_area_px": 1,
         "vocabulary.override_property": "lvis_category",
         "vocabulary.synonyms": "unambiguous",
+        "vocabulary.qualifier": "where_ambiguous",
     },
     "eth3d": {"readout.reads": "depth"},
 }
@@ -68,7 +70,7 @@ class Card:
         found: Any = self.values
         for part in key.split("."):
             if not isinstance(found, dict) or part not in found:
-                raise CatalogError(
+                raise InstallationError(
                     f"the readout card of {self.task} lacks a value",
                     found=f"no {key}",
                     expected=f"{key} in readouts/{self.task}.toml",
@@ -83,7 +85,7 @@ def load_card(task: str) -> Card:
 
 
 def read_card(path: Path, task: str) -> Card:
-    """Read a card; CatalogError when a fixed value is not the one the code implements."""
+    """Read a card; InstallationError when a fixed value is not the one the code implements."""
     with path.open("rb") as stream:
         values = tomllib.load(stream)
     card = Card(
@@ -95,7 +97,7 @@ def read_card(path: Path, task: str) -> Card:
     for key, expected in {**_FIXED, **_FIXED_FOR[task]}.items():
         found = card.value(key)
         if found != expected:
-            raise CatalogError(
+            raise InstallationError(
                 f"{path.name} declares what the code does not do",
                 found=f"{key} = {found!r}",
                 expected=f"{key} = {expected!r}",

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
+import traceback
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import click
 
-from legoworld import __version__
-from legoworld.errors import LegoWorldError, UsageError
+from legoworld import __version__, exit_codes
+from legoworld.errors import LegoWorldError
+from legoworld.wording import did_you_mean
 
 _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",
@@ -28,6 +31,14 @@ _COMMANDS = {
 }
 
 
+#: What Ctrl-C leaves behind, of the commands that keep more than nothing.
+_AFTER_CTRL_C = {
+    "readout": "what was read is kept; run the same command again to resume",
+    "baseline run": "what was predicted is kept; run the same command again to resume",
+    "freeze": "the records made so far are kept; run the same command again to make the others",
+}
+
+
 class LazyGroup(click.Group):
     """Subcommands in modules of their own, imported when used."""
 
@@ -42,6 +53,14 @@ class LazyGroup(click.Group):
         command = import_module(f"legoworld.commands.{cmd_name}_command").command
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is called; of a misspelt one, an error that names the nearest."""
+        if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
+            ctx.fail(f"No such command {args[0]!r}.{did_you_mean(args[0], list(_COMMANDS))}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List commands without importing any."""
@@ -63,35 +82,54 @@ def main() -> None:
 
 
 def run(arguments: list[str] | None = None) -> int:
-    """Run a command; every foreseen error is one line on standard error and an exit code."""
+    """Run a command and return its exit code (`exit_codes`): the one place that chooses it.
+
+    A foreseen error is one line on standard error. Any other is a defect of legoworld: its
+    traceback is shown, and never taken for a finished command.
+    """
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        result: Any = main.main(arguments, prog_name="legoworld", standalone_mode=False)
+        result: Any = main.main(words, prog_name="legoworld", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
     except (click.Abort, KeyboardInterrupt):
-        click.echo("legoworld: stopped; the same command again goes on from what is done", err=True)
-        return 130
+        click.echo(f"legoworld: stopped; {_after_ctrl_c(words)}", err=True)
+        return exit_codes.INTERRUPTED
     except click.ClickException as error:
         error.show()
-        return error.exit_code
-    except UsageError as error:
-        click.echo(f"legoworld: {error}", err=True)
-        return 2
+        return exit_codes.UNUSABLE
     except LegoWorldError as error:
         click.echo(f"legoworld: {error}", err=True)
-        return 1
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 1
+        return error.exit_code
+    except SystemExit:
+        return exit_codes.BLOCKED  # click's own, with 1, where nobody reads the output any more
     except OSError as error:
-        where = f" {error.filename}" if error.filename else ""
+        click.echo(f"legoworld: {_refused(error)}", err=True)
+        return exit_codes.of_os_error(error)
+    except Exception:  # noqa: BLE001  shown whole; Python's own exit code 1 means something else
+        traceback.print_exc()
         click.echo(
-            f"legoworld: the system refused{where}: {error.strerror or error}; what was done is "
-            "kept; next: correct the cause and run the same command again",
+            "legoworld: a defect of legoworld, not of what it was given; next: report it with the "
+            "lines above",
             err=True,
         )
-        return 1
-    return result if isinstance(result, int) else 0
+        return exit_codes.BLOCKED
+    return result if isinstance(result, int) else exit_codes.DONE
+
+
+def _after_ctrl_c(words: Sequence[str]) -> str:
+    """What is left, and what the same command does with it."""
+    names = (" ".join(words[:2]), *words[:1])
+    known = next((_AFTER_CTRL_C[name] for name in names if name in _AFTER_CTRL_C), None)
+    return known or "nothing was finished; run the same command again to start over"
+
+
+def _refused(error: OSError) -> str:
+    where = f" {error.filename}" if error.filename else ""
+    return (
+        f"the system refused{where}: {error.strerror or error}; what was done is kept; "
+        "next: correct the cause and run the same command again"
+    )
 
 
 def entry() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from legoworld import exit_codes
+
 
 def one_line(text: str, limit: int = 400) -> str:
     """The text with all white space runs turned into single spaces, cut at `limit` characters."""
@@ -14,11 +16,13 @@ def one_line(text: str, limit: int = 400) -> str:
 class LegoWorldError(Exception):
     """What went wrong, what was found, what was expected, what to do next.
 
-    `code` is a stable word for programs; `status` is how a per-image row records the error.
+    `code` is a stable word for programs; `status` is how a per-image row records the error;
+    `exit_code` is the command's when the error ends it.
     """
 
     code: ClassVar[str] = "error"
     status: ClassVar[str] = "failed"
+    exit_code: ClassVar[int] = exit_codes.UNUSABLE
 
     def __init__(
         self, what: str, *, found: str = "", expected: str = "", next_step: str = ""
@@ -61,6 +65,7 @@ class KernelBuildError(LegoWorldError):
     """The visibility kernel's library is missing, stale, or could not be compiled."""
 
     code = "kernel_build"
+    exit_code = exit_codes.BLOCKED
 
 
 class UsageError(LegoWorldError):
@@ -79,6 +84,13 @@ class CatalogError(LegoWorldError):
     """A card, vocabulary or track file is not what the program was built for."""
 
     code = "catalog"
+
+
+class InstallationError(CatalogError):
+    """What ships with legoworld is not there, or is not what the code was built for."""
+
+    code = "installation"
+    exit_code = exit_codes.BLOCKED
 
 
 class SceneMissingError(LegoWorldError):

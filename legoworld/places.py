@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.files import TEMPORARY_SUFFIX
 
@@ -25,6 +26,7 @@ class PlaceError(LegoWorldError):
     """A URL cannot be reached, read or written."""
 
     code = "url_unreachable"
+    exit_code = exit_codes.BLOCKED
 
 
 def is_url(text: str) -> bool:

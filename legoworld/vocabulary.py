@@ -26,23 +26,40 @@ class Category:
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """The categories a readout may name."""
+    """The categories a readout may name.
+
+    bare_words: whether "mouse" may name "mouse_(computer_equipment)", where no other is meant.
+    """
 
     categories: tuple[Category, ...]
+    bare_words: bool = False
 
     def match(self, text: str) -> Category | None:
-        """The category a label names: by name, or by a synonym that only one category has."""
+        """The category a label names: by name, else by a synonym, else by a bare word.
+
+        A synonym that several categories have names none of them; nor does such a bare word.
+        """
         key = normal_name(text)
-        return self._by_name.get(key) or self._by_synonym.get(key)
+        return self._by_name.get(key) or self._by_synonym.get(key) or self._by_bare_word.get(key)
+
+    def candidates(self, text: str) -> list[str]:
+        """The names of all categories that a bare word may mean; none without `bare_words`."""
+        return sorted(self._bare_words.get(normal_name(text), ()))
+
+    def bare_words_of(self, category: Category) -> tuple[str, ...]:
+        """The bare word that names a category, as a sequence of at most one."""
+        return tuple(word for word, owner in self._by_bare_word.items() if owner is category)
 
     def nearest(self, text: str, n: int = 3) -> list[str]:
-        """The names most like `text`, for messages."""
+        """The names most like `text`, for messages; what an ambiguous bare word may mean first."""
         key = normal_name(text), n
         if key not in self._near:  # a batch meets the same label in scene after scene
             import difflib  # only needed for a message
 
-            close = difflib.get_close_matches(key[0], list(self._by_name), n=n, cutoff=0.6)
-            self._near[key] = [self._by_name[name].name for name in close]
+            spellings = self._by_bare_word | self._by_name
+            close = difflib.get_close_matches(key[0], list(spellings), n=n, cutoff=0.6)
+            names = [*self.candidates(text), *(spellings[name].name for name in close)]
+            self._near[key] = list(dict.fromkeys(names))[:n]
         return list(self._near[key])
 
     def name_of(self, category_id: int) -> str:
@@ -74,10 +91,38 @@ class Vocabulary:
                 owners.setdefault(synonym, []).append(category)
         return {name: found[0] for name, found in owners.items() if len(found) == 1}
 
+    @cached_property
+    def _bare_words(self) -> dict[str, set[str]]:
+        """Names and synonyms without their qualifier, and the categories that have them."""
+        owners: dict[str, set[str]] = {}
+        if self.bare_words:
+            for category in self.categories:
+                for name in (category.name, *category.synonyms):
+                    word = _bare_word(name)
+                    if word is not None:
+                        owners.setdefault(word, set()).add(category.name)
+        return owners
+
+    @cached_property
+    def _by_bare_word(self) -> dict[str, Category]:
+        """Of a name's own words only: a synonym's say that a word is ambiguous, not what it is."""
+        found = {}
+        for category in self.categories:
+            word = _bare_word(category.name)
+            if word is not None and self._bare_words.get(word) == {category.name}:
+                found[word] = category
+        return found
+
 
 def normal_name(text: str) -> str:
     """Lower case, "_" as a space, white space runs as one space."""
     return " ".join(text.replace("_", " ").casefold().split())
+
+
+def _bare_word(name: str) -> str | None:
+    """What stands before a name's qualifier in brackets; None where there is none."""
+    word, bracket, _ = normal_name(name).partition("(")
+    return word.strip() or None if bracket else None
 
 
 def from_json(entries: object, source: str) -> Vocabulary:

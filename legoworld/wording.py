@@ -1,8 +1,18 @@
-"""Numbers in sentences."""
+"""Numbers and names in sentences."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 
 def counted(count: int, one: str, many: str) -> str:
     """A number with the words that go with it: "1 box", "0 boxes"."""
     return f"{count:,} {one if count == 1 else many}"
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """The sentence that names the nearest of the known words, after a space; empty without one."""
+    import difflib  # only needed for a message
+
+    near = difflib.get_close_matches(word.casefold(), known, n=1, cutoff=0.6)
+    return f" Did you mean {near[0]!r}?" if near else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import subprocess
@@ -11,7 +12,8 @@ from pathlib import Path
 import click
 import pytest
 
-from legoworld import cli
+from legoworld import cli, errors, exit_codes, places
+from legoworld.running import engines, task_process
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = cli.main.list_commands(click.Context(cli.main))
@@ -41,6 +43,7 @@ def test_the_reference_page_is_what_the_commands_say():
         (["readout"], 2),
         (["readout", "--task", "nonsense"], 2),
         (["inspect", "no/such/folder"], 2),
+        (["readout", "--task", "coco", "--track", "pyproject.toml"], 2),
     ],
 )
 def test_exit_codes(arguments, code, capsys):
@@ -48,8 +51,122 @@ def test_exit_codes(arguments, code, capsys):
     capsys.readouterr()
 
 
+def named(value: object) -> str | None:
+    """A test's name from the words of its command."""
+    return " ".join(value) if isinstance(value, list) else None
+
+
+def raising(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """Every command ends with this."""
+
+    def main(*_arguments, **_options):
+        raise error
+
+    monkeypatch.setattr(cli.main, "main", main)
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.UsageError("no"), 2),
+        (errors.CatalogError("a track that is none"), 2),
+        (errors.SceneInvalidError("no camera"), 2),
+        (errors.InstallationError("a card is missing"), 4),
+        (errors.KernelBuildError("no compiler"), 4),
+        (places.PlaceError("s3://bucket cannot be reached"), 4),
+        (engines.EngineMissingError("no ray"), 4),
+        (engines.ClusterUnreachableError("nobody there"), 4),
+        (task_process.ProcessLostError("killed"), 4),
+        (OSError(errno.ENOSPC, "No space left on device", "run"), 4),
+        (OSError(errno.EROFS, "Read-only file system", "run"), 4),
+        (PermissionError(errno.EACCES, "Permission denied", "run"), 4),
+        (OSError("a library's own, without a number"), 4),
+        (FileNotFoundError(errno.ENOENT, "No such file or directory", "run"), 2),
+        (NotADirectoryError(errno.ENOTDIR, "Not a directory", "run/x"), 2),
+        (click.UsageError("no such option"), 2),
+        (click.FileError("track.json"), 2),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Exception) else None,
+)
+def test_an_error_is_one_line_and_the_exit_code_of_its_kind(error, code, monkeypatch, capsys):
+    raising(monkeypatch, error)
+    assert cli.run(["readout"]) == code
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("error", [RuntimeError("x"), MemoryError(), RecursionError(), KeyError(1)])
+def test_a_defect_is_shown_whole_and_never_taken_for_a_finished_command(error, monkeypatch, capsys):
+    raising(monkeypatch, error)
+    assert cli.run(["readout"]) == 4
+    shown = capsys.readouterr().err
+    assert "Traceback" in shown
+    assert shown.splitlines()[-1].startswith("legoworld: a defect of legoworld")
+
+
+def test_every_exit_code_has_its_meaning_on_the_reference_page():
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert sorted(exit_codes.MEANING) == [0, 1, 2, 3, 4, 130]
+    for code, meaning in exit_codes.MEANING.items():
+        assert f"| {code} | {meaning} |" in page
+
+
+@pytest.mark.parametrize(
+    ("command", "resumes"),
+    [
+        (["readout", "scenes", "--task", "coco"], True),
+        (["baseline", "run", "dino"], True),
+        (["baseline", "import", "x.json"], False),
+        (["evaluate", "run"], False),
+        (["compare", "a", "b"], False),
+        (["execute", "x.py"], False),
+        ([], False),
+    ],
+    ids=named,
+)
+def test_ctrl_c_promises_to_resume_only_where_the_command_does(
+    command, resumes, monkeypatch, capsys
+):
+    for stop in (click.Abort(), KeyboardInterrupt()):
+        raising(monkeypatch, stop)
+        assert cli.run(command) == 130
+        shown = capsys.readouterr().err
+        assert shown.count("\n") == 1
+        assert ("to resume" in shown) is resumes
+        assert ("to start over" in shown) is not resumes
+
+
+@pytest.mark.parametrize(
+    ("words", "near"),
+    [
+        (["redout"], "readout"),
+        (["evalute", "x"], "evaluate"),
+        (["readout", "--task", "cooc"], "coco"),
+        (["list", "taks"], "tasks"),
+        (["track", "mak"], "make"),
+        (["baseline", "imports"], "import"),
+        (["readout", "--trak", "x"], "--track"),
+    ],
+    ids=named,
+)
+def test_a_misspelt_word_is_refused_with_the_nearest(words, near, capsys):
+    assert cli.run(words) == 2
+    assert re.search(rf"Did you mean.*'{near}'", capsys.readouterr().err)
+    assert cli.run(["xyzzy"]) == 2
+    assert "Did you mean" not in capsys.readouterr().err
+
+
+def test_an_output_that_nobody_reads_is_no_finished_command():
+    command = [sys.executable, "-m", "legoworld", "list", "schema", "--task", "lvis"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 4
+
+
 def test_a_folder_without_scenes_is_one_line(tmp_path, capsys):
-    assert cli.run(["readout", str(tmp_path), "--task", "coco", "-o", str(tmp_path / "r")]) == 1
+    assert cli.run(["readout", str(tmp_path), "--task", "coco", "-o", str(tmp_path / "r")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "no scene.blend" in error

@@ -36,6 +36,73 @@ def test_lvis_synonyms_match_when_only_one_category_has_them():
     assert made.match("a").id == 1, "a name wins over another category's synonym"
 
 
+LVIS_BARE = {
+    "mouse": "mouse_(computer_equipment)",
+    "Car": "car_(automobile)",
+    "home_plate": "home_plate_(baseball)",
+    "monitor": "monitor_(computer_equipment) computer_monitor",
+}
+
+
+@pytest.mark.parametrize(("word", "name"), LVIS_BARE.items())
+def test_a_bare_word_names_the_only_lvis_category_it_can_mean(word, name):
+    assert protocol("lvis", None).vocabulary.match(word).name == name
+
+
+@pytest.mark.parametrize(
+    ("word", "candidates"),
+    [
+        ("bow", ["bow_(decorative_ribbons)", "bow_(weapon)"]),
+        ("Pan", ["pan_(for_cooking)", "pan_(metal_container)"]),
+        ("cap", ["bottle_cap", "cap_(headwear)"]),  # one by its synonym cap_(container_lid)
+    ],
+)
+def test_an_ambiguous_bare_word_is_refused_with_what_it_may_mean(word, candidates):
+    vocabulary = protocol("lvis", None).vocabulary
+    assert vocabulary.match(word) is None
+    assert vocabulary.candidates(word) == candidates
+    assert vocabulary.nearest(word)[:2] == candidates
+    assert len(vocabulary.nearest(word)) == 3
+
+
+def test_a_name_wins_over_a_synonym_and_a_synonym_over_a_bare_word():
+    entries = [
+        {"id": 1, "name": "tap_(dance)"},
+        {"id": 2, "name": "faucet", "synonyms": ["tap"]},
+        {"id": 3, "name": "fish"},
+        {"id": 4, "name": "fish_(food)", "synonyms": ["cod_(fish)", "rock"]},
+        {"id": 5, "name": "rock_(music)"},
+    ]
+    vocabulary = protocol("lvis", from_json(entries, "test")).vocabulary
+    assert [vocabulary.match(w).id for w in ("tap", "fish", "rock")] == [2, 3, 4]
+    assert vocabulary.match("cod") is None, "a synonym's bare word names nothing"
+    exact = protocol("coco", from_json(entries, "test")).vocabulary
+    assert exact.match("tap") is None, "coco's card asks for the qualifier"
+
+
+def test_how_many_lvis_names_can_be_written_without_their_qualifier():
+    """The numbers of docs/labels.md."""
+    vocabulary = protocol("lvis", None).vocabulary
+    qualified = [c for c in vocabulary.categories if "(" in c.name]
+    words = {c.name: c.name.partition("(")[0].strip("_") for c in qualified}
+    usable = [c for c in qualified if vocabulary.match(words[c.name]) is c]
+    refused = {words[c.name] for c in qualified if vocabulary.match(words[c.name]) is None}
+    assert (len(qualified), len(usable)) == (108, 97)
+    assert refused == {"bow", "cap", "mailbox", "octopus", "pan", "salmon"}
+    assert vocabulary.match("fish").name == "fish"
+    for category in vocabulary.categories:
+        assert vocabulary.match(category.name) is category
+
+
+def test_a_bare_word_is_recorded_as_a_synonym_is():
+    from legoworld.readouts.instructions import accepted_synonyms
+
+    accepted = accepted_synonyms(protocol("lvis", None).vocabulary)
+    assert accepted["mouse"] == "mouse_(computer_equipment)"
+    assert accepted["couch"] == "sofa"
+    assert not {"bow", "fish", "cod"} & set(accepted)
+
+
 def test_coco_knows_no_synonyms_even_when_the_track_brings_some():
     made = from_json([{"id": 1, "name": "couch", "synonyms": ["sofa"]}], "test")
     assert protocol("coco", made).vocabulary.match("sofa") is None

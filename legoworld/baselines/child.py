@@ -17,6 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Final, Self
 
+from legoworld import exit_codes
 from legoworld.baselines.answers import Message, Unreadable, read_line
 from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import LegoWorldError, one_line
@@ -35,6 +36,7 @@ class BaselineFailedError(LegoWorldError):
     """The baseline's process ended before it could work on any image."""
 
     code = "baseline_failed"
+    exit_code = exit_codes.BLOCKED
 
 
 class TooSlowError(Exception):

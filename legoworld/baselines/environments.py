@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from legoworld import exit_codes
 from legoworld.baselines.cards import PROJECT, BaselineCard
 from legoworld.errors import LegoWorldError, UsageError, one_line
 from legoworld.files import canonical_json, sha256_of_text, write_text
@@ -34,6 +35,7 @@ class EnvironmentFailedError(LegoWorldError):
     """A baseline's environment could not be made or asked."""
 
     code = "baseline_environment"
+    exit_code = exit_codes.BLOCKED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 @click.option("--name", help="What the baseline is called [default: SOURCE's name].")
 @click.option(
     "--box-format",
-    type=click.Choice(["xywh", "xyxy", "cxcywh"]),
+    type=options.Choice(["xywh", "xyxy", "cxcywh"]),
     help="What four numbers of a box are, in pixels [default: xywh; xyxy in torchvision's form].",
 )
 @click.option(
     "--category-ids",
-    type=click.Choice(["dataset", "coco80-0", "coco80-1", "lvis-0"]),
+    type=options.Choice(["dataset", "coco80-0", "coco80-1", "lvis-0"]),
     help="What category ids without names are: the dataset's own, or positions from 0 or 1.",
 )
 @click.option(
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 @click.option("--subset", is_flag=True, help="Leave out results of images outside the track.")
 @click.option(
     "--space",
-    type=click.Choice(["depth", "disparity", "ray_distance"]),
+    type=options.Choice(["depth", "disparity", "ray_distance"]),
     help="Depth: what the numbers are, where the files do not say.",
 )
 @click.option(

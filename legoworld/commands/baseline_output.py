@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from legoworld.readouts.tasks import Protocol
     from legoworld.track import Track
 
-TASKS = click.Choice(["coco", "lvis", "eth3d"])
+TASKS = options.Choice(["coco", "lvis", "eth3d"])
 
 
 def track_of(task: str, track: Path) -> tuple[Track, Protocol]:

@@ -27,7 +27,7 @@ from legoworld.commands import baseline_output, options
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, mps.")
 @click.option(
     "--dtype",
-    type=click.Choice(["float32", "float16", "bfloat16"]),
+    type=options.Choice(["float32", "float16", "bfloat16"]),
     default="float32",
     show_default=True,
     help="What the network computes in.",

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.comparison_text import coverage_text, headline_text, notes_text
 
 if TYPE_CHECKING:
     from legoworld.comparison.thresholds import Tripped
-
-#: The exit code of a threshold that does not hold.
-_BELOW = 3
 
 
 @click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
@@ -103,7 +101,7 @@ def command(
     _show(document, below, output, as_json=as_json)
     for one in below:
         click.echo(f"legoworld: below its threshold: {one}", err=True)
-    return _BELOW if below else 0
+    return exit_codes.BELOW if below else exit_codes.DONE
 
 
 def _show(

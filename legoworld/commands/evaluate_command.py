@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--evaluator",
-    type=click.Choice(["official", "fast"]),
+    type=options.Choice(["official", "fast"]),
     help="pycocotools and lvis, or hotcoco [default: official, where it is installed].",
 )
 @click.option(
     "--camera-model",
-    type=click.Choice(["none", "dataset"]),
+    type=options.Choice(["none", "dataset"]),
     help="Depth only: warp a scene's pinhole depth through the dataset's camera [default: none].",
 )
 @click.option(

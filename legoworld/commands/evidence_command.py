@@ -10,7 +10,7 @@ from legoworld.commands import options
 
 
 @click.command("evidence", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("action", type=click.Choice(["verify"]))
+@click.argument("action", type=options.Choice(["verify"]))
 @click.argument("folder", type=options.EXISTING_FOLDER)
 @click.option(
     "--root",

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 @click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("kind", type=click.Choice(["tasks", "datasets", "baselines", "schema"]))
+@click.argument("kind", type=options.Choice(["tasks", "datasets", "baselines", "schema"]))
 @click.option(
     "--task",
-    type=click.Choice(["coco", "lvis", "eth3d"]),
+    type=options.Choice(["coco", "lvis", "eth3d"]),
     help="Only what is for this task; whose schema [default: coco].",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")

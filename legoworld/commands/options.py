@@ -12,12 +12,25 @@ from typing import Any, TypeVar
 import click
 
 from legoworld.conventions import SCHEMA_VERSION
+from legoworld.wording import did_you_mean
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 FOLDER = click.Path(path_type=Path, file_okay=False)
 EXISTING_FOLDER = click.Path(path_type=Path, file_okay=False, exists=True)
 EXISTING_FILE = click.Path(path_type=Path, dir_okay=False, exists=True)
+
+
+class Choice(click.Choice[str]):
+    """One of several words; a misspelt one is refused with the nearest."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The word, in the spelling it is listed in."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            near = did_you_mean(str(value), list(self.choices))
+            self.fail(f"{error.message.rstrip('.')}.{near}", param, ctx)
 
 
 class SizeType(click.ParamType[tuple[int, int]]):
@@ -83,7 +96,7 @@ def engine(command: F) -> F:
     """--engine."""
     return click.option(
         "--engine",
-        type=click.Choice(["local", "ray"]),
+        type=Choice(["local", "ray"]),
         default="local",
         show_default=True,
         envvar="LEGOWORLD_ENGINE",

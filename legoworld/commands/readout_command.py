@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.command("readout", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("scenes", required=False, type=PlaceType(exists=True))
 @click.option(
-    "--task", required=True, type=click.Choice(["coco", "lvis", "eth3d"]), help="What to read."
+    "--task", required=True, type=options.Choice(["coco", "lvis", "eth3d"]), help="What to read."
 )
 @click.option("--track", type=options.EXISTING_FILE, help="The images; COCO image-info JSON.")
 @click.option(
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
 @click.option(
     "--source",
-    type=click.Choice(["blend", "glb"]),
+    type=options.Choice(["blend", "glb"]),
     default="blend",
     show_default=True,
     help="Which file of a scene is read.",

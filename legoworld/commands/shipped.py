@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from legoworld import catalog
-from legoworld.errors import CatalogError
+from legoworld.errors import InstallationError
 
 
 def shipped_examples(task: str) -> tuple[Path, Path]:
@@ -14,7 +14,7 @@ def shipped_examples(task: str) -> tuple[Path, Path]:
     name = "track_lvis.json" if task == "lvis" else "track_coco.json"
     track = catalog.folder("datasets") / "skimage_examples" / name
     if not scenes.is_dir() or not track.is_file():
-        raise CatalogError(
+        raise InstallationError(
             "this installation carries no examples",
             found=f"no {scenes.name} or no {name}",
             expected="the examples beside the package",

@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
 
 @click.command("track", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("action", type=click.Choice(["make", "check"]))
+@click.argument("action", type=options.Choice(["make", "check"]))
 @click.argument("track", required=False, type=options.EXISTING_FILE)
-@click.option("--task", type=click.Choice(["coco", "lvis", "eth3d"]), help="make: for which task.")
+@click.option(
+    "--task", type=options.Choice(["coco", "lvis", "eth3d"]), help="make: for which task."
+)
 @click.option(
     "--truth",
     type=click.Path(path_type=Path, exists=True),
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 @click.option("--dataset", help="make: the name of a dataset of depth that is not ETH3D.")
 @click.option(
     "--space",
-    type=click.Choice(["depth", "disparity", "ray_distance"]),
+    type=options.Choice(["depth", "disparity", "ray_distance"]),
     help="make, with --photos: what the depth files hold; goes into their depth.toml.",
 )
 @click.option(

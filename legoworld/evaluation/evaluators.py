@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation import lvis_package
 from legoworld.evaluation.predictions import Predictions
@@ -24,6 +25,7 @@ class EvaluatorDisagreesError(LegoWorldError):
     """An evaluator's numbers are not those that follow from the matches on record."""
 
     code = "evaluator_disagrees"
+    exit_code = exit_codes.BLOCKED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 
 HOW_TO_INSTALL = "pip install --no-deps lvis==0.5.3"
@@ -28,6 +29,7 @@ class LvisMissingError(LegoWorldError):
     """The official LVIS evaluator is not installed."""
 
     code = "lvis_missing"
+    exit_code = exit_codes.BLOCKED
 
 
 def installed() -> bool:

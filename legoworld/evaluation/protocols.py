@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.cards import Card, load_card
-from legoworld.errors import CatalogError, UsageError
+from legoworld.errors import InstallationError, UsageError
 
 IouType = Literal["bbox", "segm"]
 
@@ -65,7 +65,7 @@ class DetectionProtocol:
         }
         for key, value in expected.items():
             if card.value(key) != value:
-                raise CatalogError(
+                raise InstallationError(
                     f"the readout card of {self.task} declares what scoring does not do",
                     found=f"{key} = {card.value(key)!r}",
                     expected=repr(value),

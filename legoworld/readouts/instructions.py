@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from legoworld import catalog
 from legoworld.cards import Card
-from legoworld.errors import CatalogError
+from legoworld.errors import InstallationError
 from legoworld.readouts.tasks import Protocol
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
@@ -47,7 +47,7 @@ class Instructions:
 def instructions(protocol: Protocol) -> Instructions:
     """The instructions of a task with the vocabulary it is read with.
 
-    Raises CatalogError when the card has a value that the wording has no sentence for.
+    Raises InstallationError when the card has a value that the wording has no sentence for.
     """
     path = catalog.folder("readouts") / WORDING
     with path.open("rb") as stream:
@@ -74,7 +74,7 @@ def accepted_synonyms(vocabulary: Vocabulary) -> dict[str, str]:
     names = {normal_name(c.name) for c in vocabulary.categories}
     found = {}
     for category in vocabulary.categories:
-        for synonym in category.synonyms:
+        for synonym in (*category.synonyms, *vocabulary.bare_words_of(category)):
             matched = vocabulary.match(synonym)
             if normal_name(synonym) not in names and matched is not None:
                 found[synonym] = matched.name
@@ -117,7 +117,7 @@ class _Renderer:
         said = str(value).lower() if isinstance(value, bool) else str(value)
         sentences = self._rules.get(key, {})
         if said not in sentences:
-            raise CatalogError(
+            raise InstallationError(
                 f"the instructions have no sentence for the card of {self._card.task}",
                 found=f"{key} = {value!r}",
                 expected=" or ".join(map(repr, sentences)) or f"a rule for {key}",

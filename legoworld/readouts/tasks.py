@@ -61,6 +61,8 @@ def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
     vocabulary = track_vocabulary or shipped_vocabulary(card)
     if card.value("vocabulary.synonyms") == "none":
         vocabulary = Vocabulary(tuple(replace(c, synonyms=()) for c in vocabulary.categories))
+    if card.value("vocabulary.qualifier") == "where_ambiguous":
+        vocabulary = replace(vocabulary, bare_words=True)
     return Protocol(task=TASKS[name], card=card, vocabulary=vocabulary)
 
 

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.depth import depth_file_bytes
 
@@ -14,6 +15,7 @@ class OutputFullError(LegoWorldError):
     """The run's output does not fit on the disk."""
 
     code = "disk_full"
+    exit_code = exit_codes.BLOCKED
 
 
 def check_disk(

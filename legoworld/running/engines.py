@@ -16,7 +16,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, Protocol, TypeVar
 
-from legoworld.errors import LegoWorldError, UsageError, WorkerCrashedError
+from legoworld import exit_codes
+from legoworld.errors import LegoWorldError, WorkerCrashedError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -32,6 +33,14 @@ class EngineMissingError(LegoWorldError):
     """The package an engine needs is not installed."""
 
     code = "engine_missing"
+    exit_code = exit_codes.BLOCKED
+
+
+class ClusterUnreachableError(LegoWorldError):
+    """Nobody answers where the Ray cluster should be."""
+
+    code = "cluster_unreachable"
+    exit_code = exit_codes.BLOCKED
 
 
 class Worker(Protocol[Item_contra, Result_co]):
@@ -174,7 +183,7 @@ def _started_ray() -> Any:
                 address=address, log_to_driver=False, include_dashboard=False, logging_level="ERROR"
             )
         except (OSError, ValueError, RuntimeError) as error:
-            raise UsageError(
+            raise ClusterUnreachableError(
                 "the Ray cluster cannot be reached",
                 found=f"RAY_ADDRESS={address}: {error}" if address else str(error),
                 expected="a running cluster, or no RAY_ADDRESS to start one here",

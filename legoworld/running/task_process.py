@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Final, Generic, TypeVar
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, one_line
 
 Item = TypeVar("Item")
@@ -32,6 +33,7 @@ class ProcessLostError(LegoWorldError):
     """A process that works on a part of the work ended by itself, or was killed."""
 
     code = "process_lost"
+    exit_code = exit_codes.BLOCKED
 
 
 class TaskProcess(Generic[Item, Result]):

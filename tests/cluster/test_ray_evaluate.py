@@ -53,7 +53,7 @@ def test_a_machine_that_does_not_see_the_depth_says_so(tmp_path, two_nodes, monk
         return found
 
     monkeypatch.setattr("legoworld.evaluation.depth.evaluate.image_tasks", then_hidden)
-    assert evaluate(run, truth, tmp_path / "eval", *RAY) == 1
+    assert evaluate(run, truth, tmp_path / "eval", *RAY) == 4
     error = capsys.readouterr().err
     assert "a machine does not see the depth files of" in error
     assert "folders that all machines see under the same path" in error
@@ -69,7 +69,7 @@ def test_the_first_unusable_mask_is_named(tmp_path, two_nodes, capsys):
     (run / "predictions.json").write_text(json.dumps(entries))
     errors = []
     for more in ((), RAY):
-        assert evaluate(run, truth, tmp_path / "eval", *more) == 1
+        assert evaluate(run, truth, tmp_path / "eval", *more) == 2
         errors.append(capsys.readouterr().err)
     assert errors[0] == errors[1]
     assert f"image {entries[61]['image_id']}," in errors[0]

@@ -209,8 +209,8 @@ def test_a_threshold_that_means_nothing(pair, tmp_path, threshold, message, caps
     assert not (tmp_path / "out").exists()
 
 
-def test_refusals_are_one_line_and_code_one(pair, depth_pair, tmp_path, capsys):
-    assert call(pair[0], depth_pair[0], "-o", tmp_path / "out") == 1
+def test_refusals_are_one_line_and_code_two(pair, depth_pair, tmp_path, capsys):
+    assert call(pair[0], depth_pair[0], "-o", tmp_path / "out") == 2
     shown = capsys.readouterr()
     assert shown.err.count("\n") == 1
     assert "task coco and eth3d" in shown.err

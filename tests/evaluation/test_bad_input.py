@@ -255,7 +255,7 @@ def test_an_lvis_truth_that_cannot_be_scored_against(change, match, tmp_path):
     run = write_run(tmp_path / "run", "lvis", truth, predictions)
     path = write_truth(tmp_path / "truth.json", broken)
     arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(tmp_path / "eval")]
-    assert cli.run(arguments) == 1
+    assert cli.run(arguments) == 2
 
 
 @pytest.mark.real_data
@@ -264,7 +264,7 @@ def test_lvis_versions_do_not_mix(real_data, tmp_path, capsys):
     run = write_run(tmp_path / "run", "lvis", truth, [])
     old = real_data / "lvis" / "lvis_val_100.json"
     arguments = ["evaluate", str(run), "--truth", str(old), "-o", str(tmp_path / "eval")]
-    assert cli.run(arguments) == 1
+    assert cli.run(arguments) == 2
     assert "1230 categories, version 0.5" in capsys.readouterr().err
 
 
@@ -285,7 +285,7 @@ def test_a_damaged_run(damage, match, tmp_path, capsys):
     damage(run)
     path = write_truth(tmp_path / "truth.json", truth)
     arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(tmp_path / "eval")]
-    assert cli.run(arguments) == 1
+    assert cli.run(arguments) == 2
     error = capsys.readouterr().err
     assert match in error
     assert error.count("\n") == 1
@@ -297,7 +297,7 @@ def test_predictions_of_an_unread_image_are_refused(tmp_path):
     run = write_run(tmp_path / "run", "coco", truth, predictions, statuses={10: "missing"})
     path = write_truth(tmp_path / "truth.json", truth)
     arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(tmp_path / "eval")]
-    assert cli.run(arguments) == 1
+    assert cli.run(arguments) == 2
 
 
 def test_another_evaluation_is_not_overwritten(tmp_path):

@@ -78,10 +78,10 @@ def test_what_is_at_the_url_stays_when_scoring_fails(tmp_path, capsys):
     run, truth = made(tmp_path, "coco")
     assert evaluate(run, truth, f"{BUCKET}/eval") == 0
     before = fetched(f"{BUCKET}/eval", tmp_path / "before")
-    assert evaluate(run, truth, f"{BUCKET}/eval", "--draws", 30) == 1
+    assert evaluate(run, truth, f"{BUCKET}/eval", "--draws", 30) == 2
     assert "holds another evaluation" in capsys.readouterr().err
     (run / "predictions.json").write_text("[1]")
-    assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 1
+    assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 2
     assert fetched(f"{BUCKET}/eval", tmp_path / "after") == before
     (run / "predictions.json").write_text("[]")
     assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 0
@@ -94,7 +94,7 @@ def test_a_folder_of_something_else_at_the_url_is_not_touched(tmp_path, capsys):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("mine")
     places.publish_folder(tmp_path / "mine", f"{BUCKET}/eval", last="")
-    assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 1
+    assert evaluate(run, truth, f"{BUCKET}/eval", "--overwrite") == 2
     assert "notes.txt" in capsys.readouterr().err
     assert fetched(f"{BUCKET}/eval", tmp_path / "now") == {"notes.txt": b"mine"}
 

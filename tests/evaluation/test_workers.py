@@ -80,7 +80,7 @@ def test_the_first_of_several_unusable_masks_is_named(workers, tmp_path, monkeyp
     run = write_run(tmp_path / "run", "lvis", truth, predictions)
     path = write_truth(tmp_path / "truth.json", truth)
     small_pieces(monkeypatch, 5)
-    assert evaluate(run, path, tmp_path / "eval", "--workers", workers) == 1
+    assert evaluate(run, path, tmp_path / "eval", "--workers", workers) == 2
     error = capsys.readouterr().err
     assert f"a mask of image {predictions[61]['image_id']}, " in error
     assert error.count("\n") == 1
@@ -99,7 +99,7 @@ def test_the_first_of_several_broken_depth_truths_is_named(workers, tmp_path, mo
         labels = {"space": "ray_distance" if ray else "depth", "unit": "m"}
         np.savez(truth / f"{Path(name).stem}.npz", values=arrays[name], **labels)
     small_pieces(monkeypatch, 1)
-    assert evaluate(run, truth, tmp_path / "eval", "--workers", workers) == 1
+    assert evaluate(run, truth, tmp_path / "eval", "--workers", workers) == 2
     error = capsys.readouterr().err
     assert "2.npz" in error
     assert error.count("\n") == 1
@@ -170,7 +170,7 @@ def test_a_blow_ends_in_one_line_and_leaves_nothing(blow, tmp_path):
     else:
         command.send_signal(signal.SIGINT if blow == "Ctrl-C" else signal.SIGKILL)
     error = command.communicate(timeout=60)[1]
-    expected = {"kill a worker": 1, "Ctrl-C": 130, "kill the command": -signal.SIGKILL}
+    expected = {"kill a worker": 4, "Ctrl-C": 130, "kill the command": -signal.SIGKILL}
     assert command.returncode == expected[blow], error
     said = error.strip()  # a line begins anew after ^C
     assert said.count("\n") == 0, error

@@ -278,14 +278,14 @@ def test_many_views_lie_beside_the_page(
     assert "<code>r_files/</code> beside it" in path.read_text()
     page_of(path, both[0], photos=photos)
     (beside / "mine.txt").write_text("keep me")
-    assert cli.run(["report", *map(str, both), "-o", str(path)]) == 1
+    assert cli.run(["report", *map(str, both), "-o", str(path)]) == 2
     assert (beside / "mine.txt").is_file()
 
 
 def test_another_file_is_never_written_over(both: tuple[Path, Path], tmp_path: Path) -> None:
     mine = tmp_path / "thesis.html"
     mine.write_text("<!doctype html><p>mine")
-    assert cli.run(["report", str(both[0]), "-o", str(mine)]) == 1
+    assert cli.run(["report", str(both[0]), "-o", str(mine)]) == 2
     assert mine.read_text() == "<!doctype html><p>mine"
 
 
@@ -299,7 +299,7 @@ def test_changed_or_foreign_folders_are_refused(tmp_path: Path) -> None:
     (other / "summary.json").write_text("{}")
     with pytest.raises(ReportInputError, match=r"summary.json is not what was written"):
         read_sources([other])
-    assert cli.run(["report", str(tmp_path / "run-coco-scene"), "-o", str(tmp_path / "r")]) == 1
+    assert cli.run(["report", str(tmp_path / "run-coco-scene"), "-o", str(tmp_path / "r")]) == 2
 
 
 def test_evaluations_of_different_truths_are_different_sections(tmp_path: Path) -> None:

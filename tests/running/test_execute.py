@@ -95,17 +95,17 @@ def test_its_own_render_and_quit_calls_do_not_matter(tmp_path):
 )
 def test_a_program_that_builds_nothing_leaves_nothing(tmp_path, program, capsys):
     code, output = execute(tmp_path, program)
-    assert code == 1
+    assert code == 2
     assert "built nothing" in capsys.readouterr().err
     assert list(output.iterdir()) == []
 
 
 def test_a_program_that_hangs_or_kills_its_process_is_a_verdict(tmp_path, capsys):
     code, _ = execute(tmp_path, "while True: pass\n", "--time-limit", "3")
-    assert code == 1
+    assert code == 2
     assert "no answer after 3 s" in capsys.readouterr().err
     code, _ = execute(tmp_path, "import os\nos.abort()\n")
-    assert code == 1
+    assert code == 2
     assert "signal 6" in capsys.readouterr().err
 
 

@@ -97,12 +97,12 @@ def test_inspect_draws_over_a_photo_of_its_size_only(scenes, tmp_path, capsys):
     write_picture(photo, np.full((48, 64, 3), 90, np.uint8))
     good = ["inspect", str(scenes / "good"), "--photo", str(photo), "-q", "-o", str(tmp_path / "a")]
     assert cli.run(good) == 0
-    assert cli.run([*good, "--size", "32x24"]) == 1
+    assert cli.run([*good, "--size", "32x24"]) == 2
     assert "another size" in capsys.readouterr().err
 
 
 def test_inspect_of_a_broken_scene_is_one_line(scenes, capsys):
-    assert cli.run(["inspect", str(scenes / "no_camera")]) == 1
+    assert cli.run(["inspect", str(scenes / "no_camera")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -135,7 +135,7 @@ def re_executed(scenes, tmp_path) -> Path:
 def test_inspect_of_a_changed_scene_says_what_to_do(re_executed, capsys):
     before = frozen(re_executed)
     capsys.readouterr()
-    assert cli.run(["inspect", str(re_executed)]) == 1
+    assert cli.run(["inspect", str(re_executed)]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "scene.blend is not the file that was frozen" in error
@@ -168,5 +168,5 @@ def test_a_changed_scene_can_be_looked_at_and_not_read_out(re_executed, tmp_path
 
 def test_a_change_that_is_not_of_the_files_is_never_allowed(re_executed, capsys):
     (re_executed / "frozen.json").write_text("{")
-    assert cli.run(["inspect", str(re_executed), "--allow-changed"]) == 1
+    assert cli.run(["inspect", str(re_executed), "--allow-changed"]) == 2
     assert "frozen.json cannot be used" in capsys.readouterr().err

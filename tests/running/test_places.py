@@ -138,7 +138,7 @@ def test_inspect_looks_at_a_scene_at_a_url(scenes: Path, bucket: str, tmp_path: 
     assert shown[0][0]["instances"][0]["category"] == "cat"
     assert cli.run(["inspect", f"{bucket}/scenes/street/scene9"]) == 2
     assert "there is nothing at" in capsys.readouterr().err
-    assert cli.run(["inspect", f"{bucket}/scenes/street"]) == 1
+    assert cli.run(["inspect", f"{bucket}/scenes/street"]) == 2
     assert "holds no scene" in capsys.readouterr().err
 
 
@@ -148,12 +148,12 @@ def test_file_urls_are_paths(scenes: Path, tmp_path: Path):
 
 
 def test_a_url_that_cannot_be_reached_is_one_line(tmp_path: Path, capsys):
-    assert readout("nowhere://bucket/scenes", tmp_path / "run") == 1
+    assert readout("nowhere://bucket/scenes", tmp_path / "run") == 4
     error = capsys.readouterr().err
     assert "nowhere://bucket/scenes cannot be reached" in error
     assert error.count("\n") == 1
 
 
 def test_an_empty_url_holds_no_scene(tmp_path: Path, capsys):
-    assert readout("memory://nothing/scenes", tmp_path / "run") == 1
+    assert readout("memory://nothing/scenes", tmp_path / "run") == 2
     assert "no scene.blend or scene.glb below scenes" in capsys.readouterr().err

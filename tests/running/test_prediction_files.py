@@ -292,7 +292,7 @@ def test_another_division_is_another_configuration(scenes, whole, tmp_path, caps
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     for n in (2, 3):
-        assert readout(scenes, run, "--images-per-file", n) == 1
+        assert readout(scenes, run, "--images-per-file", n) == 2
         before = "null" if n == 2 else "2"
         assert f"images_per_file: {before} -> {n}" in capsys.readouterr().err
         assert readout(scenes, run, "--images-per-file", n, "--overwrite") == 1
@@ -313,7 +313,7 @@ def test_a_damaged_file_is_one_line(scenes, tmp_path, capsys):
         ["readout", "-q", str(scenes), "--task", "lvis", "-o", str(run), "--images-per-file", "2"],
     ):
         capsys.readouterr()
-        assert cli.run(command) == 1
+        assert cli.run(command) == 2
         error = capsys.readouterr().err
         assert "predictions/00001.jsonl cannot be read" in error
         assert error.count("\n") == 1
@@ -403,7 +403,7 @@ def test_an_evaluation_misses_no_file(scored, tmp_path, capsys):
     shutil.copytree(scored / "divided", run)
     (run / "predictions" / "00001.jsonl").unlink()
     shutil.copy(scored / "truth.json", tmp_path / "truth.json")
-    assert evaluate(tmp_path, "divided", tmp_path / "eval") == 1
+    assert evaluate(tmp_path, "divided", tmp_path / "eval") == 2
     error = capsys.readouterr().err
     assert "predictions/00001.jsonl" in error
     assert error.count("\n") == 1

@@ -274,7 +274,7 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_no_blender_behind(scenes, track, t
     os.kill(process.pid, signal.SIGINT)
     _, error = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert "the same command again goes on" in error
+    assert "what was read is kept; run the same command again to resume" in error
     assert journal.read_bytes().count(b"\n") >= 2
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
@@ -341,7 +341,7 @@ def test_a_folder_of_other_things_is_left_as_it_is(scenes, track, tmp_path: Path
     (tmp_path / "run.json").write_text('{"x": 1}')
     before = sorted(p.name for p in tmp_path.iterdir())
     for extra in ([], ["--overwrite"]):
-        assert readout(scenes, "--task", "coco", "--track", track, "-o", tmp_path, *extra) == 1
+        assert readout(scenes, "--task", "coco", "--track", track, "-o", tmp_path, *extra) == 2
     assert "not of a run" in capsys.readouterr().err
     assert sorted(p.name for p in tmp_path.iterdir()) == before
 

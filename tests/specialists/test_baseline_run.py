@@ -273,7 +273,7 @@ def test_resume_is_what_happens_anyway_and_contradicts_overwrite(run):
 
 def test_a_process_that_ends_before_it_begins(run):
     code, folder, said = run(*options("die_loading"))
-    assert code == 1
+    assert code == 4
     assert "exit code 1; no module named nothing" in said
     assert [p.name for p in folder.iterdir()] == [".lock"]
 
@@ -290,7 +290,7 @@ def test_other_weights_are_another_run(run, weights):
     before = results(folder)
     weights.write_bytes(b"others")
     code, _, said = run()
-    assert code == 1
+    assert code == 2
     assert "provenance.weights" in said
     assert results(folder) == before
     code, _, _ = run("--overwrite")
@@ -311,7 +311,7 @@ def test_other_weights_are_another_run(run, weights):
 def test_what_changes_numbers_is_compared(run, given, key):
     run()
     code, _, said = run(*given)
-    assert code == 1
+    assert code == 2
     assert key in said
 
 

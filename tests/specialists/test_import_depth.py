@@ -92,7 +92,7 @@ def test_png_in_millimetres_is_metres(bring, source):
     assert np.array_equal(stored(run)["values"], millimetres / 1000.0)
     assert str(stored(run)["unit"]) == "m"
     code, _, said = bring("--space", "depth", name="unitless")
-    assert code == 1
+    assert code == 2
     assert "integers of no declared unit" in said
     assert "next: say it with --space, and integers with --unit" in said
 
@@ -100,7 +100,7 @@ def test_png_in_millimetres_is_metres(bring, source):
 def test_undeclared_numbers_are_refused_before_anything_is_written(bring, source):
     np.save(source / f"{STEMS[0]}.npy", DEPTH)
     code, run, said = bring()
-    assert code == 1
+    assert code == 2
     assert "does not say what its numbers are" in said
     assert not run.exists()
 
@@ -108,7 +108,7 @@ def test_undeclared_numbers_are_refused_before_anything_is_written(bring, source
 def test_a_label_that_contradicts_the_file_is_refused(bring, source):
     WRITERS[".npz"](source / f"{STEMS[0]}.npz")
     code, _, said = bring("--space", "disparity")
-    assert code == 1
+    assert code == 2
     assert "labelled in two ways" in said
 
 
@@ -127,7 +127,7 @@ def test_ray_distance_becomes_planar_depth(bring, source, tmp_path):
         np.save(source / f"{stem}.npy", distance.astype(np.float32))
     given = ["--space", "ray_distance", "--unit", "m"]
     code, _, said = bring(*given, name="without")
-    assert code == 1
+    assert code == 2
     assert "no intrinsics" in said
     code, run, _ = bring(*given, "--intrinsics", camera(tmp_path / "camera.json"))
     assert code == 0
@@ -151,7 +151,7 @@ def test_intrinsics_of_another_size_are_refused(bring, source, tmp_path):
     np.save(source / f"{STEMS[0]}.npy", DEPTH)
     given = ["--space", "ray_distance", "--unit", "m", "--intrinsics"]
     code, _, said = bring(*given, camera(tmp_path / "c.json", width=128, height=96))
-    assert code == 1
+    assert code == 2
     assert "of another size than its intrinsics; found: 64x48; expected: 128x96" in said
 
 
@@ -174,7 +174,7 @@ def test_intrinsics_that_are_none_are_refused(bring, source, tmp_path, case):
     path = tmp_path / "c.json"
     path.write_text(NOT_INTRINSICS[case])
     code, run, said = bring("--space", "ray_distance", "--unit", "m", "--intrinsics", path)
-    assert code == 1
+    assert code == 2
     assert "the intrinsics c.json cannot be used; found:" in said
     assert said.count("\n") == 1
     assert not run.exists()
@@ -212,7 +212,7 @@ def test_a_folder_without_one_array_that_can_be_scored_is_refused(bring, source,
     for stem in STEMS:
         np.save(source / f"{stem}.npy", array)
     code, run, said = bring("--space", "depth", "--unit", "m")
-    assert code == 1
+    assert code == 2
     assert words in said
     assert said.count("\n") == 1
     assert not run.exists()
@@ -327,6 +327,6 @@ def test_a_full_disk_is_said_before_anything_is_written(bring, source, monkeypat
     usage = shutil.disk_usage(source)._replace(free=1000)
     monkeypatch.setattr("shutil.disk_usage", lambda _path: usage)
     code, run, said = bring("--space", "depth", "--unit", "m")
-    assert code == 1
+    assert code == 4
     assert "the depth files will not fit on the disk" in said
     assert not list(run.rglob("*.npz"))

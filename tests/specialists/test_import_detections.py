@@ -84,13 +84,13 @@ def test_the_three_box_formats(bring, box_format, bbox):
 def test_a_box_format_that_is_not_the_one_declared_is_refused(bring):
     corners = [box(n % 3 + 1, bbox=[30 + n, 20 + n, 40 + n, 35 + n]) for n in range(12)]
     code, folder, said = bring(corners)
-    assert code == 1
+    assert code == 2
     assert "the boxes are not xywh in pixels" in said
     assert "9 of 12 boxes leave their image" in said
     assert "next: pass --box-format xyxy or cxcywh" in said
     assert not folder.exists()
     code, _, said = bring([box(bbox=[30, 20, 5, 5])], "--box-format", "xyxy")
-    assert code == 1
+    assert code == 2
     assert "the boxes are not xyxy in pixels; found: as x, y, width, height: image 1" in said
     assert "a width and height of at least 0" in said
     assert "next: pass --box-format xywh or cxcywh" in said
@@ -102,7 +102,7 @@ def test_a_box_format_that_is_not_the_one_declared_is_refused(bring):
 def test_the_formats_that_would_do_are_named(bring, bbox, fitting):
     declared = "cxcywh" if "cxcywh" not in fitting else "xywh"
     code, _, said = bring([box(bbox=bbox)] * 9, "--box-format", declared)
-    assert code == 1
+    assert code == 2
     assert f"next: pass --box-format {fitting}, in which" in said
 
 
@@ -111,7 +111,7 @@ def test_a_declared_format_has_to_be_the_one_that_explains_the_boxes(bring):
     right = [box(bbox=[20 + n, 15 + n, 12, 9]) for n in range(8)]
     given = [*right, *(box(bbox=[n, 1, 30, 30]) for n in range(4))]
     code, folder, said = bring(given, "--box-format", "cxcywh")
-    assert code == 1
+    assert code == 2
     assert "the boxes are not cxcywh in pixels; found: 33.3% of 12 boxes" in said
     assert "next: pass --box-format xywh, in which" in said
     assert not folder.exists()
@@ -127,7 +127,7 @@ def test_boxes_of_a_detector_that_does_not_clip_are_taken(bring):
 
 def test_fractions_of_the_size_are_refused(bring):
     code, _, said = bring([box(bbox=[0.1, 0.2, 0.5, 0.25])])
-    assert code == 1
+    assert code == 2
     assert "fractions of the image's size" in said
 
 
@@ -155,7 +155,7 @@ REFUSED = {
 def test_what_evaluate_would_refuse(bring, case):
     document, words = REFUSED[case]
     code, folder, said = bring(document)
-    assert code == 1
+    assert code == 2
     assert words in said
     assert said.count("\n") == 1
     assert not folder.exists()
@@ -167,7 +167,7 @@ def test_an_infinite_score_is_refused(bring, track, tmp_path, capfd):
     code = call(
         ["baseline", "import", path, "--task", "coco", "--track", track, "-o", tmp_path / "r"]
     )
-    assert code == 1
+    assert code == 2
     assert "no usable score" in capfd.readouterr().err
 
 
@@ -208,7 +208,7 @@ def test_a_label_map_by_name_by_id_and_to_nothing(bring, tmp_path):
 
 def test_unmapped_names_come_with_the_nearest(bring):
     code, _, said = bring([named("dogs"), named("motor cycle"), named("unicorn")])
-    assert code == 1
+    assert code == 2
     assert "3 labels name no category" in said
     assert "'dogs' (near: dog)" in said
     assert "'motor cycle' (near: motorcycle)" in said
@@ -219,7 +219,7 @@ def test_a_label_map_to_an_unknown_name_is_refused(bring, tmp_path):
     names = tmp_path / "names.json"
     names.write_text(json.dumps({"dog": "dogg"}))
     code, _, said = bring([box()], "--label-map", names)
-    assert code == 1
+    assert code == 2
     assert "'dogg' (near: dog)" in said
 
 
@@ -232,7 +232,7 @@ def test_images_it_was_not_run_on_are_missing(bring, tmp_path):
     assert [found[i]["status"] for i in (1, 2, 3)] == ["ok", "missing", "ok"]
     assert found[2]["reason"] == "not among the images it was run on"
     code, _, said = bring([box(2)], "--images-run", listed, name="other")
-    assert code == 1
+    assert code == 2
     assert "images the run calls unread" in said
 
 
@@ -255,7 +255,7 @@ def test_an_image_list_that_is_no_text_is_refused(bring, tmp_path):
 
 def test_results_of_more_images_are_cut_only_when_asked(bring):
     code, folder, said = bring([box(1), box(77)], name="whole")
-    assert code == 1
+    assert code == 2
     assert "next: pass --subset" in said
     assert not folder.exists()
     code, folder, said = bring([box(1), box(77)], "--subset")
@@ -263,7 +263,7 @@ def test_results_of_more_images_are_cut_only_when_asked(bring):
     assert "1 of 2 predictions are of the track's images" in said
     assert len(predictions(folder)) == 1
     code, _, said = bring([box(77)], "--subset", name="none")
-    assert code == 1
+    assert code == 2
     assert "1 of 1 predictions are of images outside the track" in said
     assert "--subset" not in said
 
@@ -272,7 +272,7 @@ def test_another_file_is_another_run(bring):
     _, folder, _ = bring([box(1)])
     before = results(folder)
     code, _, said = bring([box(2)])
-    assert code == 1
+    assert code == 2
     assert "imported.sha256" in said
     assert results(folder) == before
     code, _, _ = bring([box(2)], "--overwrite")
@@ -314,7 +314,7 @@ def test_a_bbox_beside_a_mask_is_left_out(bring):
 )
 def test_masks_that_are_refused(bring, document, words):
     code, _, said = bring(document, task="lvis")
-    assert code == 1
+    assert code == 2
     assert words in said
 
 

@@ -58,7 +58,7 @@ def test_its_boxes_written_as_corners_are_the_same_run(real_data, tmp_path):
     # Undeclared, they are refused, not scored.
     arguments = ["baseline", "import", tmp_path / "corners.json", "--task", "coco"]
     arguments += ["--track", tmp_path / "coco.json", "-o", tmp_path / "wrong"]
-    assert call(arguments) == 1
+    assert call(arguments) == 2
     assert not (tmp_path / "wrong").exists()
 
 

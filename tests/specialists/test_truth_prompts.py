@@ -52,7 +52,7 @@ def test_each_image_gets_its_own_verified_categories_and_the_run_says_so(
     used = run_document(run)["configuration"]["used_truth"]
     assert used["sha256"] == hashlib.sha256(truth.read_bytes()).hexdigest()
     # Without truth it is another run: the folder is refused.
-    assert call(run_arguments(track, photos, weights, run, task="lvis")) == 1
+    assert call(run_arguments(track, photos, weights, run, task="lvis")) == 2
     plain = tmp_path / "plain"
     assert call(run_arguments(track, photos, weights, plain, task="lvis")) == 0
     assert categories_by_image(plain) == {1: {17, 18}, 2: {17, 18}}
@@ -70,6 +70,6 @@ def test_where_it_is_refused(case, truth, photos, weights, tmp_path, capsys):
         task="coco" if case in ("coco", "no prompts") else "lvis",
         **({"baseline": FAKE_BATCHED} if case == "no prompts" else {}),
     )  # fmt: skip
-    assert call(arguments) == (2 if case in ("coco", "no prompts") else 1)
+    assert call(arguments) == 2
     assert not (tmp_path / "run").exists()
     capsys.readouterr()

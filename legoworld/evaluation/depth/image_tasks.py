@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.predictions import DepthImage
 from legoworld.evaluation.depth.protocol import depth_protocol
@@ -23,6 +24,7 @@ class DepthUnseenError(LegoWorldError):
     """A machine of the cluster does not see the files that the command sees."""
 
     code = "depth_unseen"
+    exit_code = exit_codes.BLOCKED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from legoworld.cards import Card, load_card
-from legoworld.errors import CatalogError
+from legoworld.errors import InstallationError
 
 HolePolicy = Literal["error_1", "exclude", "far"]
 HOLE_POLICIES: Final[tuple[HolePolicy, ...]] = ("error_1", "exclude", "far")
@@ -82,11 +82,11 @@ class DepthProtocol:
 
 
 def depth_protocol(card: Card | None = None) -> DepthProtocol:
-    """The shipped card's protocol. CatalogError when a fixed value is not what the code does."""
+    """The shipped card's protocol; InstallationError when a fixed value is not the code's."""
     card = card or load_card("eth3d")
     for key, expected in _FIXED.items():
         if card.value(key) != expected:
-            raise CatalogError(
+            raise InstallationError(
                 "the depth card declares what the code does not do",
                 found=f"{key} = {card.value(key)!r}",
                 expected=f"{key} = {expected!r}",
