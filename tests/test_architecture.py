@@ -11,7 +11,16 @@ PACKAGE = Path(__file__).parents[1] / "legoworld"
 
 #: From the ground up: a room may import rooms before it, and itself.
 ROOMS = [
-    ("errors", "conventions", "files", "catalog", "system_libraries", "places", "wording"),
+    (
+        "errors",
+        "exit_codes",
+        "conventions",
+        "files",
+        "catalog",
+        "system_libraries",
+        "places",
+        "wording",
+    ),
     ("colmap",),
     ("cards", "vocabulary", "track", "track_source", "dataset_versions"),
     ("workers",),

@@ -97,7 +97,7 @@ def test_ids_of_renumbered_images_never_reach_other_photos(bring):
             result["image_id"] = own if result["image_id"] == entry["id"] else result["image_id"]
         entry["id"] = own
     code, found, said = bring(document)
-    assert (code, found) == (1, None)
+    assert (code, found) == (2, None)
     assert (
         "4 of 5 predictions are of images outside the track; found: image 285, 'other3.jpg'" in said
     )
@@ -111,7 +111,7 @@ def test_ids_of_renumbered_images_never_reach_other_photos(bring):
 @pytest.mark.parametrize("options", [(), ("--subset",)])
 def test_subset_is_no_advice_where_all_names_disagree(bring, options):
     code, _, said = bring(renumbered([f"other{n}.jpg" for n in range(5)]), *options)
-    assert code == 1
+    assert code == 2
     assert "5 of 5 predictions are of images outside the track" in said
     assert "'other4.jpg'" in said
     assert "under the track's file names" in said
@@ -122,17 +122,17 @@ def test_the_files_own_images_have_to_hold_its_results(bring):
     document = renumbered()
     document["annotations"][0]["image_id"] = 77
     code, _, said = bring(document)
-    assert code == 1
+    assert code == 2
     assert "1 of 5 predictions are of images outside the track; found: image 77" in said
 
 
 def test_two_images_of_one_photo_and_resized_images_are_refused(bring):
     names = ["a/000000000139.jpg", "b/000000000139.jpg", *NAMES[2:]]
     code, _, said = bring(renumbered(names), "--subset")
-    assert code == 1
+    assert code == 2
     assert "two of the file's images are one photo of the track" in said
     code, _, said = bring(renumbered(width=640, height=480))
-    assert code == 1
+    assert code == 2
     assert "5 of the file's images have another size than the track's" in said
     assert "640x480; expected: 64x48" in said
 
@@ -160,7 +160,7 @@ def test_places_in_a_list_are_no_ids(bring):
     given = [box(i) for i in range(12)]
     for options in ((), ("--subset",)):
         code, _, said = bring(given, *options)
-        assert code == 1
+        assert code == 2
         assert "look like places in a list" in said
         assert "ids 0 to 11 without a gap; expected: ids such as 139, 285, 632" in said
         assert "--subset" not in said
@@ -189,7 +189,7 @@ def test_lvis_from_zero(bring, tmp_path):
         {"image_id": 139, "category_id": k, "segmentation": rle, "score": 0.5} for k in (0, 1202)
     ]
     code, _, said = bring(given, task="lvis")
-    assert code == 1
+    assert code == 2
     assert "pass --category-ids lvis-0" in said
     code, found, _ = bring(given, "--category-ids", "lvis-0", task="lvis")
     assert code == 0
@@ -208,7 +208,7 @@ def test_lvis_from_zero(bring, tmp_path):
 )
 def test_refused_ids_are_told_only_what_fits(bring, given, hint, options):
     code, _, said = bring([box(139, k) for k in given])
-    assert code == 1
+    assert code == 2
     assert hint in said
     assert said.rstrip().endswith(f"with --label-map FILE, or pass --category-ids {options}")
 
@@ -249,7 +249,7 @@ def test_a_numbering_that_does_not_go_with_the_task_or_the_ids(bring):
     assert code == 2
     assert "expected: dataset or coco80-0 or coco80-1" in said
     code, _, said = bring([box(139, 0), box(139, 80)], "--category-ids", "coco80-1")
-    assert code == 1
+    assert code == 2
     assert "1 of 2 predictions have no category id of coco80-1; found: category ids [0]" in said
 
 
@@ -289,7 +289,7 @@ def test_torchvisions_outputs_are_corners_in_their_order(bring, tmp_path, docume
 )
 def test_outputs_whose_lists_differ(bring, change):
     code, _, said = bring([{"image_id": 139, **OUTPUT, **change}])
-    assert code == 1
+    assert code == 2
     assert "output 1 of results.json cannot be used" in said
 
 
@@ -298,7 +298,7 @@ def test_json_lines(bring):
     code, found, _ = bring(lines, suffix=".jsonl")
     assert code == 0
     assert ids(found) == list(IDS)
-    assert bring(lines + "{", suffix=".jsonl")[0] == 1
+    assert bring(lines + "{", suffix=".jsonl")[0] == 2
 
 
 def test_polygons_are_filled_as_pycocotools_fills_them(bring):
@@ -328,7 +328,7 @@ OTHERS = {
 def test_other_forms_are_told_the_way(bring, name):
     document, suffix, what, advice = OTHERS[name]
     code, _, said = bring(document, suffix=suffix)
-    assert code == 1
+    assert code == 2
     assert what in said
     assert advice in said
     assert said.count("\n") == 1
