@@ -16,7 +16,7 @@ from legoworld.files import canonical_json
 from legoworld.scene.array_file import read_arrays, write_arrays
 
 #: Raised whenever the meaning of a snapshot changes; part of every cache key.
-SNAPSHOT_SCHEMA: Final = 4
+SNAPSHOT_SCHEMA: Final = 5
 
 #: Coordinates and matrix entries beyond this are refused: no scene needs them, and products of two
 #: stay finite.
@@ -111,15 +111,20 @@ class RenderSettings:
 
 Wrap = Literal["repeat", "extend", "clip", "mirror"]
 Interpolation = Literal["closest", "linear"]
+Sides = Literal["both", "front", "back"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cutout:
-    """An image whose alpha decides where a surface is there; see `visibility.kernel.Cutouts`."""
+    """What decides where a surface is there; see `visibility.kernel.Cutouts`.
+
+    An image of one opaque texel where only the corners' alpha or the side that is seen decides.
+    """
 
     name: str
     wrap: Wrap
     interpolation: Interpolation
+    sides: Sides = "both"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +147,8 @@ class Snapshot:
 
     Cut-outs, empty where no material needs one: triangle_cutout (T,) int32, corner_uv (T, 3, 2)
     float32, and one (H, W) uint8 alpha picture, top row first, per entry of `cutouts`.
+    corner_alpha (T, 3) float32, empty where no attribute of a mesh decides: 1 where the triangle's
+    own does not.
     """
 
     objects: tuple[SceneObject, ...]
@@ -164,6 +171,7 @@ class Snapshot:
     triangle_cutout: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
     corner_uv: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3, 2), np.float32))
     cutout_alphas: tuple[NDArray[np.uint8], ...] = ()
+    corner_alpha: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Every array by name, in a fixed order."""
@@ -172,6 +180,8 @@ class Snapshot:
             named["triangle_cutout"] = self.triangle_cutout
             named["corner_uv"] = self.corner_uv
             named |= {f"cutout_alpha_{i}": a for i, a in enumerate(self.cutout_alphas)}
+        if len(self.corner_alpha):
+            named["corner_alpha"] = self.corner_alpha
         return named
 
     def description(self) -> dict[str, Any]:
@@ -244,6 +254,8 @@ def _from_parts(description: dict[str, Any], arrays: dict[str, NDArray[Any]]) ->
             "corner_uv": arrays["corner_uv"],
             "cutout_alphas": tuple(arrays[f"cutout_alpha_{i}"] for i in range(len(cutouts))),
         }
+    if "corner_alpha" in arrays:
+        optional["corner_alpha"] = arrays["corner_alpha"]
     required: dict[str, Any] = {name: arrays[name] for name in ARRAYS}
     return Snapshot(
         objects=tuple(

@@ -1,4 +1,5 @@
-// Whether an image's alpha leaves a surface there. Texel centres lie at (i + 0.5) / N, v runs upwards.
+// Whether alpha leaves a surface there: an image's, times what the corners hold. Texel centres lie at
+// (i + 0.5) / N, v runs upwards.
 #pragma once
 #include <cmath>
 
@@ -50,7 +51,23 @@ inline bool cut_away(const LwSurfaces& surfaces, int64_t triangle, const double 
   const double sum = (e[0] + e[1]) + e[2];
   const double u = (e[0] * uv[0] + e[1] * uv[2] + e[2] * uv[4]) / sum;
   const double v = (e[0] * uv[1] + e[1] * uv[3] + e[2] * uv[5]) / sum;
-  return alpha_at(image, u, v) / 255.0 < surfaces.threshold;
+  const double alpha = alpha_at(image, u, v) / 255.0;
+  if (surfaces.corner_alpha == nullptr) return alpha < surfaces.threshold;
+  const float* at = surfaces.corner_alpha + 3 * triangle;
+  return alpha * ((e[0] * at[0] + e[1] * at[1] + e[2] * at[2]) / sum) < surfaces.threshold;
+}
+
+// Whether a cut-out triangle is not there from the side it is seen from. winding: the sign of the edge
+// functions of a hit, positive where the corners' normal points away from the eye.
+inline bool turned_away(const LwSurfaces& surfaces, int64_t triangle, const double* cam_from_mesh,
+                        double winding) {
+  const int32_t sides = surfaces.alphas[surfaces.triangle_cutout[triangle]].sides;
+  if (sides == 0) return false;
+  const double* m = cam_from_mesh;
+  const double volume = m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
+                        m[2] * (m[4] * m[9] - m[5] * m[8]);
+  const bool front = (winding > 0) == (volume < 0);
+  return front != (sides == 1);
 }
 
 }  // namespace lw

@@ -179,13 +179,13 @@ struct Several {  // kLanes candidates, set up at once
   Edges e;
   Vd low, high;
   int64_t triangle[kLanes];  // global indices
+  const double* matrix[kLanes];  // cam_from_mesh of each
 };
 
 static inline Several set_up(const Frame& frame, const Candidate* boxes, int used) {
   const LwSurfaces& all = frame.surfaces;
   const float* vertices[kLanes];
   const int32_t* from[kLanes];
-  const double* matrix[kLanes];
   Several out;
   for (int lane = 0; lane < kLanes; ++lane) {
     const Candidate& box = boxes[lane < used ? lane : 0];
@@ -193,11 +193,11 @@ static inline Several set_up(const Frame& frame, const Candidate* boxes, int use
     out.triangle[lane] = all.triangle_start[mesh] + box.triangle;
     vertices[lane] = all.vertices + 3 * all.vertex_start[mesh];
     from[lane] = all.triangles + 3 * out.triangle[lane];
-    matrix[lane] = all.cam_from_mesh + 12 * static_cast<int64_t>(box.placement);
+    out.matrix[lane] = all.cam_from_mesh + 12 * static_cast<int64_t>(box.placement);
   }
   Vd m[12];
   for (int i = 0; i < 12; ++i) {
-#define LW_ENTRY(L) matrix[L][i]
+#define LW_ENTRY(L) out.matrix[L][i]
     m[i] = Vd{LW_EACH(LW_ENTRY)};
 #undef LW_ENTRY
   }
@@ -238,6 +238,7 @@ static void draw_lanes(const Drawing& d, const Candidate* boxes, int used) {
     for (unsigned todo = lanes; todo != 0; todo &= todo - 1) {
       const int lane = __builtin_ctz(todo);
       const Single s = single_of(d.frame.surfaces, of, sign[lane], lane, boxes[lane]);
+      if (s.cut >= 0 && turned_away(d.frame.surfaces, s.cut, of.matrix[lane], sign[lane])) continue;
       if (s.cut >= 0 || s.low < view.z_near || s.high > view.z_far) {
         draw<true>(d, s, sides, lane, boxes[lane]);
       } else {

@@ -22,6 +22,7 @@ from legoworld.visibility.library import AlphaStruct, SurfacesStruct, ViewStruct
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import (
     HOLDOUT,
+    SIDES,
     WRAPS,
     Buffers,
     Cutouts,
@@ -156,6 +157,7 @@ def _surfaces_struct(surfaces: Surfaces) -> tuple[SurfacesStruct, Any]:
         placements=len(surfaces.placement_mesh),
         triangle_cutout=None,
         corner_uv=None,
+        corner_alpha=None,
         alphas=None,
         threshold=0.0,
     )
@@ -170,14 +172,17 @@ def _surfaces_struct(surfaces: Surfaces) -> tuple[SurfacesStruct, Any]:
                 height=alpha.shape[0],
                 wrap=WRAPS.index(wrap),
                 linear=int(interpolation == "linear"),
+                sides=SIDES.index(sides),
             )
-            for alpha, wrap, interpolation in zip(
-                cutouts.alphas, cutouts.wrap, cutouts.interpolation, strict=True
+            for alpha, wrap, interpolation, sides in zip(
+                cutouts.alphas, cutouts.wrap, cutouts.interpolation, cutouts.sides, strict=True
             )
         )
     )
     struct.triangle_cutout = cutouts.triangle_cutout.ctypes.data
     struct.corner_uv = cutouts.corner_uv.ctypes.data
+    if cutouts.corner_alpha is not None:
+        struct.corner_alpha = cutouts.corner_alpha.ctypes.data
     struct.alphas = ctypes.addressof(alphas)
     struct.threshold = cutouts.threshold
     return struct, (surfaces, alphas)

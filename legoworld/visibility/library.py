@@ -22,6 +22,7 @@ class AlphaStruct(ctypes.Structure):
         ("height", ctypes.c_int32),
         ("wrap", ctypes.c_int32),
         ("linear", ctypes.c_int32),
+        ("sides", ctypes.c_int32),
     ]
 
 
@@ -40,6 +41,7 @@ class SurfacesStruct(ctypes.Structure):
         ("placements", ctypes.c_int64),
         ("triangle_cutout", ctypes.c_void_p),
         ("corner_uv", ctypes.c_void_p),
+        ("corner_alpha", ctypes.c_void_p),
         ("alphas", ctypes.c_void_p),
         ("threshold", ctypes.c_double),
     ]

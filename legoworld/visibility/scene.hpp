@@ -9,6 +9,7 @@ struct LwAlpha {           // one alpha channel, row 0 is the top row of the ima
   int32_t width, height;
   int32_t wrap;            // 0 repeat, 1 extend, 2 clip, 3 mirror
   int32_t linear;          // 0 closest, 1 linear
+  int32_t sides;           // 0 both, 1 seen from the front only, 2 from the back only
 };
 
 struct LwSurfaces {
@@ -23,6 +24,7 @@ struct LwSurfaces {
   int64_t placements;
   const int32_t* triangle_cutout; // (T) or null
   const float* corner_uv;         // (T,3,2) or null
+  const float* corner_alpha;      // (T,3) or null: multiplies the image's alpha
   const LwAlpha* alphas;
   double threshold;
 };

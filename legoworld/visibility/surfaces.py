@@ -15,6 +15,7 @@ HOLDOUT = -2
 
 WRAPS = ("repeat", "extend", "clip", "mirror")
 INTERPOLATIONS = ("closest", "linear")
+SIDES = ("both", "front", "back")
 
 #: Above this a product of three coordinates could overflow.
 LARGEST_ENTRY = 1e30
@@ -24,12 +25,18 @@ _LARGEST_INT32: Final = 2**31 - 1
 
 @dataclass(frozen=True, kw_only=True)
 class Cutouts:
-    """Image alpha on some triangles: a sample with alpha / 255 < threshold is not there.
+    """Alpha on some triangles: a sample where it is below the threshold is not there.
+
+    Alpha is the image's (its texel / 255) times what the corners hold, where there is corner_alpha.
 
     triangle_cutout: (T,) int32, -1 = opaque, else an index into `alphas`; corner_uv: (T, 3, 2)
     float32, v upwards; alphas: (H, W) uint8 each, row 0 = top row of the image; texel (row, column)
-    has its centre at u = (column + 0.5) / W, v = 1 - (row + 0.5) / H. wrap and interpolation: one
-    per alpha. Under "clip", alpha is 0 outside 0..1, and linear interpolation meets 0 there.
+    has its centre at u = (column + 0.5) / W, v = 1 - (row + 0.5) / H. wrap, interpolation and
+    sides: one per alpha. Under "clip", alpha is 0 outside 0..1, also for linear interpolation.
+
+    corner_alpha: (T, 3) float32 or None, interpolated as the corners' texture coordinates are.
+    sides: "front" is the side from which a mesh's corners run anticlockwise, in its own frame: a
+    mirrored placement does not turn it. A triangle is not there from any other side than its own.
     """
 
     triangle_cutout: NDArray[np.int32]
@@ -37,6 +44,8 @@ class Cutouts:
     alphas: tuple[NDArray[np.uint8], ...]
     wrap: tuple[Literal["repeat", "extend", "clip", "mirror"], ...]
     interpolation: tuple[Literal["closest", "linear"], ...]
+    sides: tuple[Literal["both", "front", "back"], ...]
+    corner_alpha: NDArray[np.float32] | None = None
     threshold: float
 
 
@@ -114,11 +123,16 @@ def _check_cutouts(cutouts: Cutouts, triangles: int) -> None:
     _range("triangle_cutout", index, -1, len(cutouts.alphas) - 1)
     if not np.all(np.isfinite(uv)):
         raise ShapeError("corner_uv holds a NaN or an infinite number")
+    if cutouts.corner_alpha is not None:
+        values = _array("corner_alpha", cutouts.corner_alpha, np.float32, (triangles, 3))
+        if not np.all(np.isfinite(values)):
+            raise ShapeError("corner_alpha holds a NaN or an infinite number")
     if not np.isfinite(cutouts.threshold):
         raise ShapeError("the alpha threshold is not finite", found=str(cutouts.threshold))
     for name, given, known in (
         ("wrap", cutouts.wrap, WRAPS),
         ("interpolation", cutouts.interpolation, INTERPOLATIONS),
+        ("sides", cutouts.sides, SIDES),
     ):
         if len(given) != len(cutouts.alphas):
             raise ShapeError(

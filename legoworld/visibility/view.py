@@ -118,6 +118,8 @@ def _surfaces(snapshot: Snapshot, surface_instance: NDArray[np.int32]) -> Surfac
             alphas=snapshot.cutout_alphas,
             wrap=tuple(c.wrap for c in snapshot.cutouts),
             interpolation=tuple(c.interpolation for c in snapshot.cutouts),
+            sides=tuple(c.sides for c in snapshot.cutouts),
+            corner_alpha=snapshot.corner_alpha if len(snapshot.corner_alpha) else None,
             threshold=ALPHA_THRESHOLD,
         )
     return Surfaces(

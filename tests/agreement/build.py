@@ -23,6 +23,7 @@ ROOMS = (
     "visibility",
     "materials",
     "wirings",
+    "attributes",
     "kinds",
     "strands",
     "particle_hair",

@@ -219,7 +219,77 @@ def test_vertex_colours():
     assert shown(colored([0.7] * 4)).all()
     with pytest.raises(NoMeshError):
         read(colored([0.6] * 4).glb())  # 0.48
-    assert any("varies by vertex" in w for w in read(colored([0, 1, 1, 1]).glb()).warnings)
+
+
+#: Of the card's corners: at its left edge 0.1, at its right edge 0.9; 0.5 is passed in the middle.
+LEFT_TO_RIGHT = [0.1, 0.9, 0.9, 0.1]
+
+
+def painted(alphas, dtype="f4", texels=None, **kwargs):
+    made = card(np.full((1, 1), 255) if texels is None else texels, **kwargs)
+    attributes = made.json["meshes"][0]["primitives"][0]["attributes"]
+    colors = np.array([(1, 1, 1, a) for a in alphas])
+    if dtype == "f4":
+        attributes["COLOR_0"] = made.accessor(colors)
+    else:
+        top = np.iinfo(dtype).max
+        attributes["COLOR_0"] = made.accessor(np.rint(colors * top), dtype, normalized=True)
+    return made
+
+
+@pytest.mark.parametrize("dtype", ["f4", "u1", "u2"])
+def test_alpha_that_varies_by_vertex_cuts_where_it_is_interpolated(dtype):
+    made = painted(LEFT_TO_RIGHT, dtype)
+    assert (shown(made) == (np.arange(8) >= 4)).all()
+    assert read(made.glb()).warnings == read(card().glb()).warnings
+
+
+@pytest.mark.parametrize(
+    ("mode", "cutoff", "factor", "columns"),
+    [
+        ("OPAQUE", None, 0.1, 8),
+        ("MASK", 0.3, None, 6),  # 0.1 + 0.8 u >= 0.3 from u = 0.25 on
+        ("MASK", 0.0, 0.1, 8),
+        ("BLEND", None, 0.8, 3),  # 0.1 + 0.8 u >= 0.625 from u = 0.656 on
+        ("BLEND", None, 0.5, 0),
+        ("BLEND", None, 0.0, 0),
+    ],
+)
+def test_vertex_alpha_under_every_mode_and_factor(mode, cutoff, factor, columns):
+    made = painted(LEFT_TO_RIGHT, mode=mode, cutoff=cutoff, factor=factor)
+    if not columns:
+        with pytest.raises(NoMeshError):
+            read(made.glb())
+        return
+    assert (shown(made) == (np.arange(8) >= 8 - columns)).all()
+
+
+def test_vertex_alpha_times_a_texture():
+    texels = [[255, 255, 255, 255], [255, 255, 200, 200], [0, 0, 0, 255], [180, 180, 180, 180]]
+    made = painted(LEFT_TO_RIGHT, texels=texels)
+    alpha = np.kron(np.array(texels) / 255, np.ones((2, 2))) * (
+        0.1 + 0.8 * (np.arange(8) + 0.5) / 8
+    )
+    assert (shown(made) == (alpha >= 0.5)).all()
+
+
+def test_triangles_whose_corners_are_all_above_or_below_need_no_cut_out():
+    snapshot = read(painted([0.6, 0.7, 0.8, 0.9]).glb())
+    assert snapshot.cutouts == ()
+    snapshot = read(painted([0.1, 0.2, 0.3, 0.9]).glb())
+    assert len(snapshot.triangles) == 1
+    assert len(snapshot.corner_alpha) == 1
+
+
+def test_vertex_colours_that_are_no_colours_are_refused():
+    made = painted([0.1, float("nan"), 1, 1])
+    with pytest.raises(UnreadableGltfError, match="COLOR_0"):
+        read(made.glb())
+    made = card(np.full((1, 1), 255))
+    attributes = made.json["meshes"][0]["primitives"][0]["attributes"]
+    attributes["COLOR_0"] = made.accessor([(1, 1, 1, 0.2), (1, 1, 1, 1.0)])
+    with pytest.raises(UnreadableGltfError, match="COLOR_0"):
+        read(made.glb())
 
 
 def test_specular_glossiness_materials():

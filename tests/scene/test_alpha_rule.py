@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from legoworld.scene.blender.alpha_values import IDENTITY, Curve, ImageSource, lifted
-from legoworld.scene.blender.materials import ImageAlpha, alpha_rule, baked
+from legoworld.scene.blender.alpha_attributes import AttributeSource
+from legoworld.scene.blender.alpha_images import IDENTITY, ImageSource
+from legoworld.scene.blender.alpha_values import Curve, ProductSource, Sided, lifted
+from legoworld.scene.blender.materials import ImageAlpha, SidedAlpha, alpha_rule, baked
 from legoworld.scene.blender.shader_links import UnreadableAlphaError
 
 LEAF = ImageSource(
@@ -95,3 +97,52 @@ def test_two_lookups_of_one_image_combine_and_of_two_images_do_not():
     other = Curve(source=replace(LEAF, image="bark"), of=lambda v: v)
     with pytest.raises(UnreadableAlphaError, match="two images"):
         lifted(lambda a, b: a * b, leaf, other)
+
+
+PAINT = AttributeSource(node="color attribute", name="paint", channel="alpha")
+LEAF_CURVE, PAINT_CURVE = Curve(source=LEAF, of=float), Curve(source=PAINT, of=float)
+
+
+@pytest.mark.parametrize(
+    ("operation", "everywhere"),
+    [
+        (lambda i, v: i * v, True),
+        (lambda i, v: (1.0 - i) * v, True),
+        (lambda i, v: (1.3 - i) * (0.2 - v), True),
+        (lambda i, v: 0.1 + 2.0 * i * v, True),
+        (lambda i, v: i * min(1.0, max(0.0, v)), False),
+    ],
+)
+def test_an_image_times_an_attribute_is_one_source(operation, everywhere):
+    made = lifted(operation, LEAF_CURVE, PAINT_CURVE)
+    assert isinstance(made, Curve)
+    assert isinstance(made.source, ProductSource)
+    assert made.source.everywhere == everywhere
+    for i, v in np.random.default_rng(0).uniform(0, 1, (20, 2)).tolist():
+        assert made.of(made.source.at(i, v)) == pytest.approx(operation(i, v))
+    swapped = lifted(lambda v, i: operation(i, v), PAINT_CURVE, LEAF_CURVE)
+    assert isinstance(swapped, Curve)
+    assert swapped.source == made.source
+
+
+@pytest.mark.parametrize(
+    ("operation", "others"),
+    [
+        (max, (LEAF_CURVE, PAINT_CURVE)),
+        (lambda a, b: a * b, (PAINT_CURVE, Curve(source=replace(PAINT, name="b"), of=float))),
+        (lambda a, b: a * b, (LEAF_CURVE, lifted(lambda a, b: a * b, LEAF_CURVE, PAINT_CURVE))),
+    ],
+)
+def test_two_sources_that_are_no_product_are_not_readable(operation, others):
+    with pytest.raises(UnreadableAlphaError):
+        lifted(operation, *others)
+
+
+def test_a_value_of_two_sides_stays_one_of_two_sides():
+    back = Sided(front=0.0, back=1.0)
+    leafy = lifted(max, lifted(lambda b: 1.0 - b, back), LEAF_CURVE)
+    rule = alpha_rule(leafy)
+    assert isinstance(rule, SidedAlpha)
+    assert rule.front == "there"
+    assert rule.back == alpha_rule(LEAF_CURVE)
+    assert alpha_rule(lifted(lambda b: 0.6 + 0.1 * b, back)) == "there"

@@ -24,10 +24,11 @@ def snapshot() -> Snapshot:
     return replace(
         scene.snapshot(),
         warnings=("something",),
-        cutouts=(Cutout(name="leaf.png", wrap="clip", interpolation="linear"),),
+        cutouts=(Cutout(name="leaf.png", wrap="clip", interpolation="linear", sides="front"),),
         triangle_cutout=np.array([0], np.int32),
         corner_uv=np.array([[[0, 0], [1, 0], [0, 1]]], np.float32),
         cutout_alphas=(np.array([[0, 255]], np.uint8),),
+        corner_alpha=np.array([[0.25, 1.0, 0.5]], np.float32),
     )
 
 
@@ -59,16 +60,22 @@ def test_a_snapshot_without_cutouts_comes_back(snapshot, tmp_path):
         cutout_alphas=(),
         triangle_cutout=np.empty(0, np.int32),
         corner_uv=np.empty((0, 3, 2), np.float32),
+        corner_alpha=np.empty((0, 3), np.float32),
     )
     content = save(plain, tmp_path / "a.snapshot")
     assert load(tmp_path / "a.snapshot")[0].content_sha256() == content
 
 
-@pytest.mark.parametrize("name", [*ARRAYS, "triangle_cutout", "corner_uv"])
+@pytest.mark.parametrize("name", [*ARRAYS, "triangle_cutout", "corner_uv", "corner_alpha"])
 def test_the_hash_covers_every_array(snapshot, name):
     array = getattr(snapshot, name).copy()
     array.flat[0] += 1
     changed = replace(snapshot, **{name: array})
+    assert changed.content_sha256() != snapshot.content_sha256()
+
+
+def test_the_hash_covers_the_sides_of_a_cut_out(snapshot):
+    changed = replace(snapshot, cutouts=(replace(snapshot.cutouts[0], sides="back"),))
     assert changed.content_sha256() != snapshot.content_sha256()
 
 

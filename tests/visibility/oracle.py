@@ -16,6 +16,7 @@ from legoworld.visibility.kernel import HOLDOUT, Cutouts, Surfaces
 from legoworld.visibility.projection import Projection
 
 Real = np.longdouble
+Rays = tuple[NDArray[np.longdouble], NDArray[np.longdouble]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +121,26 @@ def _there(
     alpha = sample_alpha(
         cutouts.alphas[index], uv, cutouts.wrap[index], cutouts.interpolation[index]
     )
+    if cutouts.corner_alpha is not None:
+        alpha = alpha * (np.nan_to_num(weights) @ cutouts.corner_alpha[triangle].astype(Real))
     return alpha >= cutouts.threshold
+
+
+def _faces(
+    surfaces: Surfaces, placement: int, triangle: int, local: int, rays: Rays
+) -> NDArray[np.bool_]:
+    """Which rays meet a triangle from a side it is seen from, found in the mesh's own frame."""
+    cutouts = surfaces.cutouts
+    index = -1 if cutouts is None else int(cutouts.triangle_cutout[triangle])
+    if cutouts is None or index < 0 or cutouts.sides[index] == "both":
+        return np.ones(rays[0].shape[:-1], bool)
+    mesh = surfaces.placement_mesh[placement]
+    begin, end = surfaces.vertex_start[mesh : mesh + 2]
+    start = surfaces.triangle_start[mesh]
+    a, b, c = surfaces.vertices[begin:end].astype(Real)[surfaces.triangles[start + local]]
+    inverse = np.linalg.inv(surfaces.cam_from_mesh[placement][:, :3]).astype(Real)
+    front = (rays[1] @ inverse.T) @ np.cross(b - a, c - a) < 0
+    return front if cutouts.sides[index] == "front" else ~front
 
 
 def render(
@@ -145,7 +165,9 @@ def render(
             weights, depth = intersect(corners, origins, directions)
             least = weights.min(axis=-1)
             in_range = (depth >= projection.z_near) & (depth <= projection.z_far)
-            valid = in_range & _there(surfaces.cutouts, int(first) + local, weights)
+            number = int(first) + local
+            valid = in_range & _there(surfaces.cutouts, number, weights)
+            valid &= _faces(surfaces, placement, number, local, (origins, directions))
             edge = in_range & (np.abs(least) <= edge_tolerance)
             grazed = np.where(edge, np.minimum(grazed, depth), grazed)
             hit = valid & (least >= 0)

@@ -22,7 +22,8 @@ CAMERA = pixel_camera(SIZE)
 QUAD_UV = np.array([[(0, 1), (1, 1), (1, 0)], [(0, 1), (1, 0), (0, 0)]], np.float32)
 
 
-def cut(alpha, corner_uv, wrap="repeat", interpolation="closest", threshold=0.5, indices=None):
+def cut(alpha, corner_uv, wrap="repeat", interpolation="closest", threshold=0.5, indices=None,
+        sides="both", corner_alpha=None):  # fmt: skip
     faces = len(corner_uv)
     return Cutouts(
         triangle_cutout=np.zeros(faces, np.int32)
@@ -32,6 +33,8 @@ def cut(alpha, corner_uv, wrap="repeat", interpolation="closest", threshold=0.5,
         alphas=(np.asarray(alpha, np.uint8),),
         wrap=(wrap,),
         interpolation=(interpolation,),
+        sides=(sides,),
+        corner_alpha=None if corner_alpha is None else np.asarray(corner_alpha, np.float32),
         threshold=threshold,
     )
 
@@ -134,9 +137,62 @@ def test_several_images_and_placements():
         alphas=alphas,
         wrap=("extend", "extend"),
         interpolation=("closest", "closest"),
+        sides=("both", "both"),
         threshold=0.5,
     )
     seen = render(place(cards, [(0, IDENTITY, 0), (1, IDENTITY, 1)], cutouts), CAMERA, SIZE)
     assert np.all(seen.instance[:40, :20] == 0)
     assert np.all(seen.instance[20:40, 60:100] == 1)
     assert (seen.instance == 0).sum() == (seen.instance == 1).sum() == 800
+
+
+def test_alpha_between_corners_falls_where_it_is_interpolated():
+    card = pixel_rectangle(CAMERA, 20, 10, 100, 50)
+    # 1 at the left edge and 0.2 at the right one: 0.5 is passed after 5/8 of 80 pixels.
+    left, right = 1.0, 0.2
+    corners = np.where(QUAD_UV[..., 0] == 0, left, right)
+    seen = render(
+        place([card], cutouts=cut([[255]], QUAD_UV * 0, corner_alpha=corners)), CAMERA, SIZE
+    )
+    expected = np.full((90, 120), -1)
+    expected[10:50, 20:70] = 0
+    np.testing.assert_array_equal(seen.instance, expected)
+
+
+@pytest.mark.parametrize("sides", ["both", "front", "back"])
+@pytest.mark.parametrize("seed", range(4))
+def test_corner_alpha_images_and_sides_against_the_oracle(sides, seed):
+    rng = np.random.default_rng([seed, 7])
+    alpha = rng.integers(60, 256, size=(3, 4), dtype=np.uint8)
+    points = rng.uniform(-1, 1, size=(40, 3)) * [4, 3, 2] + [0, 0, 7]
+    faces = rng.permutation(40)[:39].reshape(13, 3)
+    cutouts = cut(
+        alpha,
+        rng.uniform(-1, 2, size=(13, 3, 2)),
+        sides=sides,
+        corner_alpha=rng.uniform(0, 2, size=(13, 3)),
+        indices=rng.integers(-1, 1, 13),
+    )
+    for mirror in (1.0, -1.0):
+        matrix = moved(np.diag([mirror, 1, 1]), (0, 0, 0))
+        surfaces = place([mesh(points, faces)], [(0, matrix, 0)], cutouts=cutouts)
+        seen, truth = render(surfaces, CAMERA, SIZE), oracle.render(surfaces, CAMERA, SIZE)
+        assert ((seen.instance != truth.instance) & ~truth.doubtful).sum() == 0
+        assert (seen.instance == 0).sum() > 0
+
+
+def test_a_mirrored_placement_keeps_its_front():
+    card = pixel_rectangle(CAMERA, 40, 30, 80, 60)
+    mirrored = np.diag([-1.0, 1, 1])
+    areas = {}
+    for sides in ("both", "front", "back"):
+        cutouts = cut([[255]], QUAD_UV * 0, sides=sides)
+        for name, turn in (("plain", np.eye(3)), ("mirrored", mirrored)):
+            placed = [(0, moved(turn, (0, 0, 0)), 0)]
+            seen = render(place([card], placed, cutouts=cutouts), CAMERA, SIZE)
+            areas[sides, name] = int((seen.instance == 0).sum())
+    assert areas["both", "plain"] == areas["both", "mirrored"] == 40 * 30
+    one = "front" if areas["front", "plain"] else "back"
+    other = "back" if one == "front" else "front"
+    assert areas[one, "plain"] == areas[one, "mirrored"] == 40 * 30
+    assert areas[other, "plain"] == areas[other, "mirrored"] == 0

@@ -112,6 +112,7 @@ GOOD_CUTOUTS = Cutouts(
     alphas=(np.zeros((2, 2), np.uint8),),
     wrap=("repeat",),
     interpolation=("closest",),
+    sides=("both",),
     threshold=0.5,
 )
 

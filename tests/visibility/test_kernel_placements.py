@@ -269,6 +269,7 @@ def test_a_card_cut_away_by_its_alpha_hides_nothing():
         alphas=(alpha,),
         wrap=("extend",),
         interpolation=("closest",),
+        sides=("both",),
         threshold=0.5,
     )
     at = [*at, (2, IDENTITY, 4000)]

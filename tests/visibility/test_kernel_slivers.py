@@ -69,6 +69,7 @@ def test_tall_needles_with_holes(seed):
         alphas=(np.array([[255, 0], [0, 255]], np.uint8),),
         wrap=("repeat",),
         interpolation=("closest",),
+        sides=("both",),
         threshold=0.5,
     )
     solid = place([needles(rng, CAMERA, count, 3.0)])

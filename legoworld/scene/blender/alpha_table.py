@@ -1,4 +1,4 @@
-"""The alpha rules of all materials met on a walk, each read once."""
+"""The alpha rules of all materials met on a walk, each read once, and the cut-outs they make."""
 
 from __future__ import annotations
 
@@ -9,28 +9,64 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.scene.blender.alpha_values import ImageSource
+from legoworld.scene.blender.alpha_images import ImageSource
+from legoworld.scene.blender.alpha_values import ProductSource
 from legoworld.scene.blender.materials import (
     AlphaRule,
+    AttributeAlpha,
     ImageAlpha,
+    OneSided,
+    SidedAlpha,
     baked,
     image_value,
     material_rule,
 )
+from legoworld.scene.snapshot import Sides
 
 _OPAQUE: Final = 0
 _GONE: Final = 1
 _HOLDOUT: Final = 2
-_FIRST_IMAGE: Final = 3
+_FIRST: Final = 3
+_WHOLE: Final = {"there": _OPAQUE, "gone": _GONE, "holdout": _HOLDOUT}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageFactor:
+    """gain * the image's value + offset, in 0..1: a factor of alpha, the corners hold the other."""
+
+    source: ImageSource
+    gain: float
+    offset: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cut:
+    """What becomes a `Cutout` of the snapshot. image: None where only corners or sides decide."""
+
+    image: ImageAlpha | ImageFactor | None
+    sides: Sides
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedRule:
+    """A rule that is no constant, and the material it was first met in."""
+
+    rule: ImageAlpha | AttributeAlpha | SidedAlpha
+    material: str
 
 
 @dataclass(kw_only=True)
 class AlphaTable:
-    """Numbers for alpha rules: 0 opaque, 1 not there, 2 a holdout, 3 + i the i-th of `images`."""
+    """Numbers for alpha rules: 0 opaque, 1 not there, 2 a holdout, 3 + i the i-th of `rules`.
 
-    images: list[ImageAlpha] = field(default_factory=list)
+    cuts, pictures: what triangles are cut by, with its (H, W) uint8 alpha.
+    """
+
+    rules: list[NamedRule] = field(default_factory=list)
+    cuts: list[Cut] = field(default_factory=list)
     pictures: list[NDArray[np.uint8]] = field(default_factory=list)
     _by_material: dict[int, int] = field(default_factory=dict)
+    _values: dict[ImageSource, NDArray[np.float32] | None] = field(default_factory=dict)
 
     def index(self, material: Any, warnings: set[str]) -> int:
         """The number of a material's rule; warnings grow by what could not be read."""
@@ -44,9 +80,16 @@ class AlphaTable:
             self._by_material[key] = self._number(rule, original.name, warnings)
         return self._by_material[key]
 
-    def image_of(self, rules: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Index into `images` for each rule's number, -1 for none."""
-        return np.where(rules >= _FIRST_IMAGE, rules - _FIRST_IMAGE, -1).astype(np.int32)
+    def rule_of(self, number: int) -> NamedRule | None:
+        """The rule behind a number; None for a constant."""
+        return self.rules[number - _FIRST] if number >= _FIRST else None
+
+    def cut_number(self, cut: Cut) -> int:
+        """Index into `cuts`; its picture is made on first sight."""
+        if cut not in self.cuts:
+            self.cuts.append(cut)
+            self.pictures.append(self._picture(cut))
+        return self.cuts.index(cut)
 
     @staticmethod
     def is_there(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -60,26 +103,55 @@ class AlphaTable:
         holdout: NDArray[np.bool_] = rules == _HOLDOUT
         return holdout
 
-    def sort_key(self, image: int) -> str:
-        """Orders the entries of `images` without regard to the order they were met in."""
-        return repr(self.images[image])
+    def sort_key(self, cut: int) -> str:
+        """Orders the entries of `cuts` without regard to the order they were met in."""
+        return repr(self.cuts[cut])
 
     def _number(self, rule: AlphaRule, material: str, warnings: set[str]) -> int:
+        rule = self._with_images(rule, material, warnings)
         if isinstance(rule, str):
-            return {"there": _OPAQUE, "gone": _GONE, "holdout": _HOLDOUT}[rule]
-        if rule in self.images:
-            return _FIRST_IMAGE + self.images.index(rule)
-        image = _find_image(rule.source)
-        value = image_value(image, rule.source) if image is not None else None
-        if value is None:
-            warnings.add(
-                f"material {material!r}: the alpha image {rule.source.image!r} is missing; "
-                "its surface is taken as opaque"
-            )
-            return _OPAQUE
-        self.images.append(rule)
-        self.pictures.append(baked(value, rule))
-        return _FIRST_IMAGE + len(self.images) - 1
+            return _WHOLE[rule]
+        for i, known in enumerate(self.rules):
+            if known.rule == rule:
+                return _FIRST + i
+        self.rules.append(NamedRule(rule=rule, material=material))
+        return _FIRST + len(self.rules) - 1
+
+    def _with_images(self, rule: AlphaRule, material: str, warnings: set[str]) -> AlphaRule:
+        """The rule with what a missing image would decide taken as opaque."""
+        if not isinstance(rule, SidedAlpha):
+            return self._with_image(rule, material, warnings)
+        front = self._with_image(rule.front, material, warnings)
+        back = self._with_image(rule.back, material, warnings)
+        return front if front == back else SidedAlpha(front=front, back=back)
+
+    def _with_image(self, rule: OneSided, material: str, warnings: set[str]) -> OneSided:
+        source = None if isinstance(rule, str) else rule.source
+        if isinstance(source, ProductSource):
+            source = source.image
+        if not isinstance(source, ImageSource) or self._value(source) is not None:
+            return rule
+        warnings.add(
+            f"material {material!r}: the alpha image {source.image!r} is missing; "
+            "its surface is taken as opaque"
+        )
+        return "there"
+
+    def _value(self, source: ImageSource) -> NDArray[np.float32] | None:
+        if source not in self._values:
+            image = _find_image(source)
+            self._values[source] = image_value(image, source) if image is not None else None
+        return self._values[source]
+
+    def _picture(self, cut: Cut) -> NDArray[np.uint8]:
+        if cut.image is None:
+            return np.full((1, 1), 255, np.uint8)
+        value = self._value(cut.image.source)
+        assert value is not None
+        if isinstance(cut.image, ImageAlpha):
+            return baked(value, cut.image)
+        share = cut.image.gain * value.astype(np.float64) + cut.image.offset
+        return np.asarray(np.rint(np.clip(share, 0.0, 1.0) * 255.0), np.uint8)
 
 
 def _find_image(source: ImageSource) -> Any:

@@ -1,68 +1,120 @@
-"""Value sockets as functions of one image: what the alpha rule can read of a shader's numbers."""
+"""Value sockets as functions of an image or an attribute: what the alpha rule can read."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from legoworld.scene.blender.alpha_attributes import (
+    LUMINANCE_RGB,
+    AttributeSource,
+    attribute_source,
+)
+from legoworld.scene.blender.alpha_images import ImageSource, image_source
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError
-from legoworld.scene.snapshot import Interpolation, Wrap
-
-Affine2 = tuple[float, float, float, float, float, float]
-"""u' = a*u + b*v + c, v' = d*u + e*v + f, as (a, b, c, d, e, f)."""
-
-#: Rec. 709 weights by which Cycles turns a colour into a value.
-LUMINANCE_RGB: Final = (0.2126, 0.7152, 0.0722)
-
-IDENTITY: Final[Affine2] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImageSource:
-    """One channel of an image, looked up through a UV map.
+class ProductSource:
+    """a + b*i + c*v + d*i*v of an image's value i and an attribute's value v.
 
-    channel: "alpha", or the "luminance" of the colour; "premultiplied" is the luminance of the
-    colour times alpha. uv_map: None for the map a render uses by default.
+    coefficients: (a, b, c, d). everywhere: whether that holds for v outside 0..1, too.
     """
 
-    image: str
-    library: str
-    channel: Literal["alpha", "luminance", "premultiplied"]
-    uv_map: str | None
-    uv_transform: Affine2
-    wrap: Wrap
-    interpolation: Interpolation
+    image: ImageSource
+    attribute: AttributeSource
+    coefficients: tuple[float, float, float, float]
+    everywhere: bool
+
+    def at(self, i: float, v: float) -> float:
+        """The value at one image value and one attribute value."""
+        a, b, c, d = self.coefficients
+        return a + b * i + c * v + d * i * v
+
+
+Source = ImageSource | AttributeSource | ProductSource
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A number that depends on one image value, and how."""
+    """A number that depends on what one source gives, and how."""
 
-    source: ImageSource
+    source: Source
     of: Callable[[float], float]
 
 
-Value = float | Curve
+@dataclass(frozen=True, kw_only=True)
+class Sided:
+    """A value that is another one on the back of a surface."""
+
+    front: float | Curve
+    back: float | Curve
+
+
+Value = float | Curve | Sided
 
 
 def lifted(operation: Callable[..., float], *values: Value) -> Value:
-    """An operation on numbers, applied to values that depend on at most one image lookup."""
-    curves = [value for value in values if isinstance(value, Curve)]
-    if not curves:
+    """An operation on numbers, applied to values.
+
+    Raises UnreadableAlphaError where they depend on two sources, unless these are an image and an
+    attribute and the result is linear in each of them.
+    """
+    if any(isinstance(value, Sided) for value in values):
+        front, back = (
+            lifted(operation, *(getattr(v, side) if isinstance(v, Sided) else v for v in values))
+            for side in ("front", "back")
+        )
+        assert not isinstance(front, Sided)
+        assert not isinstance(back, Sided)
+        return Sided(front=front, back=back)
+    sources: list[Source] = []
+    for value in values:
+        if isinstance(value, Curve) and value.source not in sources:
+            sources.append(value.source)
+    if not sources:
         return operation(*values)
-    source = curves[0].source
-    if any(curve.source != source for curve in curves):
-        raise UnreadableAlphaError("alpha comes from two images")
 
-    def of(image_value: float) -> float:
-        return operation(*(x.of(image_value) if isinstance(x, Curve) else x for x in values))
+    def of(*given: float) -> float:
+        known = list(zip(sources, given, strict=True))
+        return operation(
+            *(
+                x.of(next(g for s, g in known if s == x.source)) if isinstance(x, Curve) else x
+                for x in values
+            )
+        )
 
-    return Curve(source=source, of=of)
+    return Curve(source=sources[0], of=of) if len(sources) == 1 else _product(sources, of)
+
+
+def _product(sources: list[Source], of: Callable[..., float]) -> Curve:
+    images = [s for s in sources if isinstance(s, ImageSource)]
+    attributes = [s for s in sources if isinstance(s, AttributeSource)]
+    if len(sources) != 2 or not images or not attributes:
+        what = "images" if len(images) == len(sources) else "sources"
+        raise UnreadableAlphaError(f"alpha comes from two {what}")
+
+    def at(i: float, v: float) -> float:
+        return of(*(i if source is images[0] else v for source in sources))
+
+    a = at(0.0, 0.0)
+    b, c = at(1.0, 0.0) - a, at(0.0, 1.0) - a
+    made = ProductSource(
+        image=images[0],
+        attribute=attributes[0],
+        coefficients=(a, b, c, at(1.0, 1.0) - a - b - c),
+        everywhere=False,
+    )
+
+    def fits(*attribute_values: float) -> bool:
+        grid = [(i, v) for i in (0.0, 0.2, 0.5, 0.9, 1.0) for v in attribute_values]
+        return all(math.isclose(at(*g), made.at(*g), abs_tol=1e-9) for g in grid)
+
+    if not fits(0.0, 0.1, 0.4, 0.7, 1.0):
+        raise UnreadableAlphaError("alpha is no product of its image and its attribute")
+    return Curve(source=replace(made, everywhere=fits(-3.0, 2.0, 9.0)), of=float)
 
 
 def read_value(source: Feed) -> Value:
@@ -73,7 +125,11 @@ def read_value(source: Feed) -> Value:
     if node.type == "LIGHT_PATH":
         return _camera_ray(source.output.name)
     if node.type == "TEX_IMAGE":
-        return Curve(source=_image_source(source), of=float)
+        return Curve(source=image_source(source), of=float)
+    if node.type in ("ATTRIBUTE", "VERTEX_COLOR"):
+        return Curve(source=attribute_source(source), of=float)
+    if node.type == "NEW_GEOMETRY" and source.output.name == "Backfacing":
+        return Sided(front=0.0, back=1.0)
     if node.type == "MATH" and node.operation in _MATH:
         operation, n_inputs = _MATH[node.operation]
         result = lifted(operation, *(read_value(source.input(i)) for i in range(n_inputs)))
@@ -161,88 +217,3 @@ def _described(node: Any) -> str:
     if node.type == "MATH":
         return f"Math ({node.operation.lower().replace('_', ' ')})"
     return str(node.bl_label)
-
-
-def _image_source(source: Feed) -> ImageSource:
-    node = source.node
-    image = node.image
-    if image is None or image.source not in ("FILE", "GENERATED"):
-        raise UnreadableAlphaError("alpha comes from an image that is not a single picture")
-    if node.projection != "FLAT":
-        raise UnreadableAlphaError(f"alpha comes from a {node.projection.lower()} projection")
-    mapping = node.texture_mapping
-    if tuple(mapping.translation) + tuple(mapping.rotation) + tuple(mapping.scale) != (
-        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0
-    ):  # fmt: skip
-        raise UnreadableAlphaError("alpha comes from an image node with its own mapping")
-    uv_map, transform = _coordinates(source.input("Vector"))
-    return ImageSource(
-        image=image.name,
-        library=image.library.filepath if image.library else "",
-        channel=_channel(node, image, source.output),
-        uv_map=uv_map,
-        uv_transform=transform,
-        wrap=node.extension.lower(),
-        interpolation="closest" if node.interpolation == "Closest" else "linear",
-    )
-
-
-def _channel(node: Any, image: Any, output: Any) -> Literal["alpha", "luminance", "premultiplied"]:
-    """Cycles multiplies colour by alpha unless the node's Alpha output is in use, too."""
-    if output.name == "Alpha":
-        return "alpha"
-    apart = image.colorspace_settings.is_data or image.alpha_mode in ("CHANNEL_PACKED", "NONE")
-    return "luminance" if apart or node.outputs["Alpha"].is_linked else "premultiplied"
-
-
-def _coordinates(source: Feed) -> tuple[str | None, Affine2]:
-    node = source.node
-    if node is None:
-        return None, IDENTITY
-    if node.type == "UVMAP" and not node.from_instancer:
-        return node.uv_map or None, IDENTITY
-    if node.type == "TEX_COORD" and source.output.name == "UV" and not node.from_instancer:
-        return None, IDENTITY
-    if node.type == "MAPPING" and source.input("Vector").node is not None:
-        uv_map, inner = _coordinates(source.input("Vector"))
-        return uv_map, _after(inner, _mapping(source))
-    raise UnreadableAlphaError(f"alpha texture coordinates come from a {node.bl_label} node")
-
-
-def _mapping(source: Feed) -> NDArray[np.float64]:
-    """The 4 x 4 matrix of a Mapping node whose inputs are constant."""
-    vectors = {}
-    for name in ("Location", "Rotation", "Scale"):
-        if name not in source.node.inputs or not source.node.inputs[name].enabled:
-            vectors[name] = (0.0, 0.0, 0.0)
-            continue
-        part = source.input(name)
-        if part.node is not None:
-            raise UnreadableAlphaError("alpha texture coordinates come from a varying Mapping node")
-        vectors[name] = tuple(part.socket.default_value)
-    kind = source.node.vector_type
-    if kind not in ("POINT", "TEXTURE") or 0.0 in vectors["Scale"]:
-        raise UnreadableAlphaError(f"alpha texture coordinates come from a {kind.lower()} Mapping")
-    matrix = np.eye(4)
-    matrix[:3, :3] = _rotation(vectors["Rotation"]) * vectors["Scale"]
-    matrix[:3, 3] = vectors["Location"]
-    return matrix if kind == "POINT" else np.linalg.inv(matrix)
-
-
-def _rotation(xyz: tuple[float, ...]) -> NDArray[np.float64]:
-    """The (3, 3) rotation about x, then y, then z by these angles in radians."""
-    (cx, cy, cz), (sx, sy, sz) = np.cos(xyz), np.sin(xyz)
-    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x, np.float64)
-
-
-def _after(inner: Affine2, matrix: NDArray[np.float64]) -> Affine2:
-    """First `inner`, then a 4 x 4 matrix on (u, v, 0)."""
-    a, b, c, d, e, f = inner
-    rows = []
-    for r in range(2):
-        x, y, w = float(matrix[r, 0]), float(matrix[r, 1]), float(matrix[r, 3])
-        rows.append((x * a + y * d, x * b + y * e, x * c + y * f + w))
-    return (*rows[0], *rows[1])

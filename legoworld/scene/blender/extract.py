@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from legoworld.errors import NoMeshError
-from legoworld.scene.blender.alpha_table import AlphaTable
+from legoworld.scene.blender.alpha_table import AlphaTable, Cut
 from legoworld.scene.blender.cameras import refuse_missing_camera, scene_camera
-from legoworld.scene.blender.meshes import CopiedMesh
+from legoworld.scene.blender.meshes import CopiedMesh, MeshCuts
 from legoworld.scene.blender.occurrences import Walk, walk
 from legoworld.scene.blender.opening import open_blend
 from legoworld.scene.blender.placements import resolve_placements
@@ -74,32 +74,42 @@ def _assemble(
 
 
 def _cutouts(alphas: AlphaTable, meshes: list[CopiedMesh]) -> dict[str, Any]:
-    """The cut-out fields of a Snapshot, images in an order that only their content decides."""
-    if all(mesh.cutout is None for mesh in meshes):
+    """The cut-out fields of a Snapshot, cuts in an order that only their content decides."""
+    if all(mesh.cuts is None for mesh in meshes):
         return {}
-    used = np.unique(np.concatenate([m.cutout[0] for m in meshes if m.cutout is not None]))
+    used = np.unique(np.concatenate([m.cuts.cut for m in meshes if m.cuts is not None]))
     order = sorted((int(i) for i in used if i >= 0), key=alphas.sort_key)
-    number = np.full(len(alphas.images) + 1, -1, np.int32)  # the last one: -1 stays -1
+    number = np.full(len(alphas.cuts) + 1, -1, np.int32)  # the last one: -1 stays -1
     number[order] = np.arange(len(order), dtype=np.int32)
-    triangle_cutout, uv = [], []
-    for mesh in meshes:
-        n_triangles = len(mesh.triangles)
-        image, coordinates = mesh.cutout or (
-            np.full(n_triangles, -1, np.int32),
-            np.zeros((n_triangles, 3, 2), np.float32),
-        )
-        triangle_cutout.append(number[image])
-        uv.append(coordinates)
-    images = [alphas.images[i] for i in order]
-    return {
-        "cutouts": tuple(
-            Cutout(name=a.source.image, wrap=a.source.wrap, interpolation=a.source.interpolation)
-            for a in images
-        ),
+    cuts = [m.cuts or _no_cuts(len(m.triangles)) for m in meshes]
+    made = {
+        "cutouts": tuple(_cutout(alphas.cuts[i]) for i in order),
         "cutout_alphas": tuple(alphas.pictures[i] for i in order),
-        "triangle_cutout": np.concatenate(triangle_cutout),
-        "corner_uv": np.concatenate(uv),
+        "triangle_cutout": number[np.concatenate([c.cut for c in cuts])],
+        "corner_uv": np.concatenate([c.uv for c in cuts]),
     }
+    if any(c.alpha is not None for c in cuts):
+        made["corner_alpha"] = np.concatenate(
+            [np.ones((len(c.cut), 3), np.float32) if c.alpha is None else c.alpha for c in cuts]
+        )
+    return made
+
+
+def _no_cuts(n_triangles: int) -> MeshCuts:
+    return MeshCuts(
+        cut=np.full(n_triangles, -1, np.int32),
+        uv=np.zeros((n_triangles, 3, 2), np.float32),
+        alpha=None,
+    )
+
+
+def _cutout(cut: Cut) -> Cutout:
+    if cut.image is None:
+        return Cutout(name="", wrap="extend", interpolation="closest", sides=cut.sides)
+    source = cut.image.source
+    return Cutout(
+        name=source.image, wrap=source.wrap, interpolation=source.interpolation, sides=cut.sides
+    )
 
 
 def _render_settings(scene: Any) -> RenderSettings:

@@ -1,13 +1,15 @@
 """Which surfaces a material's alpha removes: the declared rule, read from the shader nodes.
 
 Alpha below `ALPHA_THRESHOLD` removes the surface: all of it where alpha is constant, sample by
-sample where it comes from an image through a UV map (as it is, inverted, scaled, or compared with
-a constant). Glass and other transmission is a surface; a material with only a volume is not one.
-What the rule cannot read is opaque, with a warning that names the material.
+sample where it comes from an image through a UV map, from an attribute of the mesh, or from their
+product (as it is, inverted, scaled, or compared with a constant). It may be another rule on the
+back of a surface. Glass and other transmission is a surface; a material with only a volume is not
+one. What the rule cannot read is opaque, with a warning that names the material.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -15,9 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import ALPHA_THRESHOLD
+from legoworld.scene.blender.alpha_attributes import LUMINANCE_RGB, AttributeSource
+from legoworld.scene.blender.alpha_images import ImageSource
 from legoworld.scene.blender.alpha_values import (
-    LUMINANCE_RGB,
-    ImageSource,
+    Curve,
+    ProductSource,
+    Sided,
     Value,
     clamped,
     lifted,
@@ -41,7 +46,29 @@ class ImageAlpha:
     above: bool
 
 
-AlphaRule = Whole | ImageAlpha
+@dataclass(frozen=True, kw_only=True)
+class AttributeAlpha:
+    """The surface is there where `of` the source's value is >= `ALPHA_THRESHOLD`.
+
+    Where that is depends on the values a mesh has: see `cut_meshes`.
+    """
+
+    source: AttributeSource | ProductSource
+    of: Callable[[float], float]
+
+
+OneSided = Whole | ImageAlpha | AttributeAlpha
+
+
+@dataclass(frozen=True, kw_only=True)
+class SidedAlpha:
+    """One rule for the front of a surface, another for its back."""
+
+    front: OneSided
+    back: OneSided
+
+
+AlphaRule = OneSided | SidedAlpha
 
 
 def material_rule(material: Any) -> tuple[AlphaRule, list[str]]:
@@ -103,28 +130,61 @@ def baked(value: NDArray[np.float32], rule: ImageAlpha) -> NDArray[np.uint8]:
 
 def alpha_rule(alpha: Value) -> AlphaRule:
     """Where alpha reaches `ALPHA_THRESHOLD`. Raises UnreadableAlphaError unless one cut says it."""
+    if not isinstance(alpha, Sided):
+        return one_sided_rule(alpha)
+    front, back = one_sided_rule(alpha.front), one_sided_rule(alpha.back)
+    return front if front == back else SidedAlpha(front=front, back=back)
+
+
+def one_sided_rule(alpha: float | Curve) -> OneSided:
+    """`alpha_rule` of a value that is the same on both sides."""
     if isinstance(alpha, float):
         return "there" if alpha >= ALPHA_THRESHOLD else "gone"
-    values = [i / _GRID for i in range(_GRID + 1)]
-    there = [alpha.of(value) >= ALPHA_THRESHOLD for value in values]
+    if not isinstance(alpha.source, ImageSource):
+        return AttributeAlpha(source=alpha.source, of=alpha.of)
+    cut = find_cut(alpha.of, 0.0, 1.0)
+    if isinstance(cut, str):
+        return cut
+    if alpha.source.wrap == "clip" and not cut.above:
+        raise UnreadableAlphaError("alpha is an inverted image that is clipped at its border")
+    return ImageAlpha(source=alpha.source, cut=cut.at, above=cut.above)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValueCut:
+    """A surface is there where a value is >= `at` (<= `at`, when not `above`)."""
+
+    at: float
+    above: bool
+
+
+def find_cut(
+    of: Callable[[float], float], low: float, high: float
+) -> Literal["there", "gone"] | ValueCut:
+    """Where in low..high `of` reaches `ALPHA_THRESHOLD`.
+
+    Raises UnreadableAlphaError where it does so more than once.
+    """
+    values = [low + (high - low) * (i / _GRID) for i in range(_GRID + 1)]
+    there = [of(value) >= ALPHA_THRESHOLD for value in values]
     changes = [i for i in range(_GRID) if there[i] != there[i + 1]]
     if not changes:
         return "there" if there[0] else "gone"
     if len(changes) > 1:
-        raise UnreadableAlphaError("alpha is not a rising or falling function of its image")
+        raise UnreadableAlphaError(
+            "alpha is not a rising or falling function of what it is read of"
+        )
     above = there[-1]
-    if alpha.source.wrap == "clip" and not above:
-        raise UnreadableAlphaError("alpha is an inverted image that is clipped at its border")
     gone, shown = values[changes[0]], values[changes[0] + 1]
     if not above:
         gone, shown = shown, gone
     for _ in range(60):
         middle = (gone + shown) / 2.0
-        if alpha.of(middle) >= ALPHA_THRESHOLD:
+        if of(middle) >= ALPHA_THRESHOLD:
             shown = middle
         else:
             gone = middle
-    return ImageAlpha(source=alpha.source, cut=shown, above=above)
+    return ValueCut(at=shown, above=above)
 
 
 def _shader_alpha(source: Feed) -> Value:

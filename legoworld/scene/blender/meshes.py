@@ -27,18 +27,29 @@ class Triangles:
         return type(self)(vertices=self.vertices[keep], corners=self.corners[keep])
 
 
+@dataclass(frozen=True, kw_only=True)
+class MeshCuts:
+    """What decides within triangles that alpha cuts in part.
+
+    cut: (T,) int32 index into the cuts of the walk's `AlphaTable`, -1 for none; uv: (T, 3, 2)
+    float32; alpha: (T, 3) float32 at the corners, None for 1.
+    """
+
+    cut: NDArray[np.int32]
+    uv: NDArray[np.float32]
+    alpha: NDArray[np.float32] | None
+
+
 @dataclass(kw_only=True)
 class CopiedMesh:
     """One mesh as it shows, in its own frame: faces that alpha removes are left out.
 
-    vertices: (V, 3) float32; triangles: (T, 3) int32. cutout: (T,) int32 index into the walk's
-    alpha images, -1 for none, with (T, 3, 2) float32 texture coordinates; None where no triangle
-    has one.
+    vertices: (V, 3) float32; triangles: (T, 3) int32. cuts: None where no triangle has one.
     """
 
     vertices: NDArray[np.float32]
     triangles: NDArray[np.int32]
-    cutout: tuple[NDArray[np.int32], NDArray[np.float32]] | None
+    cuts: MeshCuts | None
 
 
 def mesh_vertices(mesh: Any) -> NDArray[np.float32]:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from legoworld.errors import NonFiniteGeometryError
 from legoworld.scene.blender.alpha_table import AlphaTable
+from legoworld.scene.blender.cut_meshes import MeshCutter
 from legoworld.scene.blender.meshes import (
     CopiedMesh,
+    MeshCuts,
     Triangles,
-    corner_uv,
     mesh_triangles,
     mesh_vertices,
-    transformed,
     triangle_materials,
 )
 from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
@@ -165,50 +165,32 @@ class _Walker:
         if held_out:
             there, hidden = np.zeros_like(there), there | hidden
         return (
-            self._add(mesh, vertices, triangles.chosen(there), rule[there]),
-            self._add(mesh, vertices, triangles.chosen(hidden), rule[hidden]),
+            self._add(shown, vertices, triangles.chosen(there), rule[there]),
+            self._add(shown, vertices, triangles.chosen(hidden), rule[hidden]),
         )
 
     def _add(
         self,
-        mesh: Any,
+        shown: Any,
         vertices: NDArray[np.float32],
         triangles: Triangles,
         rule: NDArray[np.int32],
     ) -> int:
         """Keep these triangles of a mesh as a mesh of their own; -1 when there are none."""
-        image = self.result.alphas.image_of(rule)
-        cutout = (image, self._uv(mesh, triangles, image)) if (image >= 0).any() else None
-        return self._keep(vertices, triangles, cutout)
+        left, cuts = MeshCutter(
+            mesh=shown.data, shown=shown, alphas=self.result.alphas, warnings=self.result.warnings
+        ).cut(triangles, rule)
+        return self._keep(vertices, left, cuts)
 
     def _keep(
-        self,
-        vertices: NDArray[np.float32],
-        triangles: Triangles,
-        cutout: tuple[NDArray[np.int32], NDArray[np.float32]] | None,
+        self, vertices: NDArray[np.float32], triangles: Triangles, cuts: MeshCuts | None
     ) -> int:
         if not len(triangles.vertices):
             return -1
         self.result.meshes.append(
-            CopiedMesh(vertices=vertices, triangles=triangles.vertices, cutout=cutout)
+            CopiedMesh(vertices=vertices, triangles=triangles.vertices, cuts=cuts)
         )
         return len(self.result.meshes) - 1
-
-    def _uv(self, mesh: Any, triangles: Triangles, image: NDArray[np.int32]) -> NDArray[np.float32]:
-        """(T, 3, 2) texture coordinates of the triangles that an image cuts; 0 for the others."""
-        uv = np.zeros((len(image), 3, 2), np.float32)
-        for index in np.unique(image[image >= 0]):
-            source = self.result.alphas.images[index].source
-            values = corner_uv(mesh, source.uv_map, triangles.corners)
-            if values is None:  # Cycles then reads (0, 0) everywhere
-                values = np.zeros_like(uv)
-            uv[image == index] = transformed(values[image == index], source.uv_transform)
-        if not np.isfinite(uv).all():
-            self.result.warnings.add(
-                f"mesh {mesh.name!r} has texture coordinates that are NaN or infinite: read as 0"
-            )
-            uv[~np.isfinite(uv)] = 0.0
-        return uv
 
 
 def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:

@@ -108,10 +108,10 @@ class ThinMeshes:
     def _fate(self, rule: int, shown: Any, *, held_out: bool) -> tuple[bool, bool]:
         """Whether a material's surface is there, and whether it holds out; never both."""
         rules = np.array([rule], np.int32)
-        if self.alphas.image_of(rules)[0] >= 0:
+        if self.alphas.rule_of(rule) is not None:
             self.warnings.add(
-                f"object {shown.original.name!r} has hair or points with an image for alpha: "
-                "taken as opaque"
+                f"object {shown.original.name!r} has hair or points whose alpha comes from an "
+                "image, an attribute or the side that is seen: taken as opaque"
             )
         there, holdout = bool(self.alphas.is_there(rules)[0]), self.alphas.is_holdout(rules)[0]
         if held_out:
@@ -141,7 +141,7 @@ class ThinMeshes:
         vertices, triangles = parts[0] if len(parts) == 1 else joined(parts)
         if not len(triangles):
             return -1
-        self.meshes.append(CopiedMesh(vertices=vertices, triangles=triangles, cutout=None))
+        self.meshes.append(CopiedMesh(vertices=vertices, triangles=triangles, cuts=None))
         return len(self.meshes) - 1
 
 

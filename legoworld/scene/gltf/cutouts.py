@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,21 @@ from legoworld.scene.gltf.pictures import LARGEST_SIDE_PX, alpha_of, size_wh
 from legoworld.scene.gltf.verdicts import Budget
 from legoworld.scene.snapshot import Cutout, Wrap
 
-Cut = tuple[int, NDArray[np.float32]]
+PictureCut = tuple[int, NDArray[np.float32]]
 """Index of a cut-out, and (T, 3, 2) float32 texture coordinates with v upwards."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cut:
+    """What decides within the triangles of a primitive.
+
+    cutout: (T,) int32 index of a cut-out, -1 for none; uv: (T, 3, 2) float32, v upwards; alpha:
+    (T, 3) float32 at the corners, None for 1.
+    """
+
+    cutout: NDArray[np.int32]
+    uv: NDArray[np.float32]
+    alpha: NDArray[np.float32] | None
 
 
 class Pictures:
@@ -33,10 +47,23 @@ class Pictures:
         self._decoded: dict[int, NDArray[np.uint8] | None] = {}
         self._known: dict[tuple[Any, ...], int] = {}
 
-    def cut(self, rule: TextureAlpha, uv: NDArray[np.float32], material: str) -> Cut | None:
-        """The cut-out of triangles with glTF texture coordinates uv (T, 3, 2); None if opaque."""
+    def plain(self) -> int:
+        """The cut-out of one opaque texel: only the corners' alpha decides."""
+        if ("plain",) not in self._known:
+            self._known[("plain",)] = len(self.cutouts)
+            self.cutouts.append(Cutout(name="", wrap="extend", interpolation="closest"))
+            self.alphas.append(np.full((1, 1), 255, np.uint8))
+        return self._known[("plain",)]
+
+    def cut(
+        self, rule: TextureAlpha, uv: NDArray[np.float32], material: str, *, enough: float
+    ) -> PictureCut | None:
+        """The cut-out of triangles with glTF texture coordinates uv (T, 3, 2); None if opaque.
+
+        enough: the alpha of a picture, 0..1, that cuts nothing.
+        """
         alpha = self._alpha(rule.image, material)
-        if alpha is None or (alpha >= rule.cutoff * 255).all():
+        if alpha is None or (alpha >= enough * 255).all():
             return None
         uv_up = _transformed(uv, rule)
         tiling = _tiling(rule, uv_up, alpha.shape)

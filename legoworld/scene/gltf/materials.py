@@ -43,14 +43,20 @@ class TextureAlpha:
 Alpha = Literal["opaque", "gone"] | TextureAlpha
 
 
+@dataclass(frozen=True, kw_only=True)
+class VertexAlpha:
+    """A surface is there where gain x vertex alpha x the picture's alpha >= `ALPHA_THRESHOLD`.
+
+    texture: its own cutoff is `ALPHA_THRESHOLD`, so that its picture stays as it is.
+    """
+
+    gain: float
+    texture: TextureAlpha | None
+
+
 def material_alpha(document: Fields, material: Fields, vertex_alpha: float) -> Alpha:
     """A material's alpha rule on a surface of one vertex colour alpha."""
-    mode = material.text("alphaMode", "OPAQUE")
-    if mode not in ("OPAQUE", "BLEND", "MASK"):
-        raise material.wrong("alphaMode", "OPAQUE, BLEND or MASK")
-    if mode == "OPAQUE":
-        return "opaque"
-    threshold = ALPHA_THRESHOLD if mode == "BLEND" else material.number("alphaCutoff", 0.5)
+    threshold = _threshold(material)
     factor, texture = _base_color(material)
     factor *= vertex_alpha
     if threshold <= 0:
@@ -60,6 +66,30 @@ def material_alpha(document: Fields, material: Fields, vertex_alpha: float) -> A
     if texture is None:
         return "opaque"
     return _texture_alpha(document, texture, threshold / factor)
+
+
+def varying_alpha(document: Fields, material: Fields) -> Literal["opaque", "gone"] | VertexAlpha:
+    """A material's alpha rule on a surface whose vertex colours differ in alpha."""
+    threshold = _threshold(material)
+    factor, texture = _base_color(material)
+    if threshold <= 0:
+        return "opaque"
+    if factor <= 0:
+        return "gone"
+    return VertexAlpha(
+        gain=factor * ALPHA_THRESHOLD / threshold,
+        texture=None if texture is None else _texture_alpha(document, texture, ALPHA_THRESHOLD),
+    )
+
+
+def _threshold(material: Fields) -> float:
+    """The alpha from which on a surface is there; 0 where it always is."""
+    mode = material.text("alphaMode", "OPAQUE")
+    if mode not in ("OPAQUE", "BLEND", "MASK"):
+        raise material.wrong("alphaMode", "OPAQUE, BLEND or MASK")
+    if mode == "OPAQUE":
+        return 0.0
+    return ALPHA_THRESHOLD if mode == "BLEND" else material.number("alphaCutoff", 0.5)
 
 
 def _base_color(material: Fields) -> tuple[float, Fields | None]:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.gltf.accessors import Accessors, as_float32
 from legoworld.scene.gltf.buffers import Buffers
+from legoworld.scene.gltf.cut_surfaces import CutSurfaces
 from legoworld.scene.gltf.cutouts import Cut, Pictures
 from legoworld.scene.gltf.draco import DracoMesh, decode
 from legoworld.scene.gltf.fields import Fields
-from legoworld.scene.gltf.materials import TextureAlpha, material_alpha
 from legoworld.scene.gltf.nodes import Node, Tree
 from legoworld.scene.gltf.posing import default_weights, joint_matrices, morphed, skinned
 from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload, refuse_non_finite
@@ -49,10 +49,10 @@ class Meshes:
         self._accessors = accessors
         self._budget = budget
         self._meshes = document.children("meshes")
-        self._materials = document.children("materials")
         self._skins = document.children("skins")
         used = sorted({node.mesh for node in tree.nodes if node.mesh >= 0 and node.visible})
         self._primitives = Primitives(document, accessors, self._draco(used, buffers), budget)
+        self._surfaces = CutSurfaces(document, self._primitives, self.pictures, budget)
         self._known: dict[tuple[Any, ...], int] = {}
         self._joints: dict[int, NDArray[np.float64]] = {}
 
@@ -92,10 +92,10 @@ class Meshes:
         primitive = self._primitives.read(fields, mesh_name)
         if primitive is None:
             return None
-        alpha = self._alpha(primitive, mesh_name)
-        if alpha == "gone":
+        left = self._surfaces.cut(primitive)
+        if left is None:
             return None
-        cut = self._cut(primitive, alpha) if isinstance(alpha, TextureAlpha) else None
+        triangles, cut = left
         posed = "targets" in fields or skin >= 0
         vertices = primitive.positions
         if posed:
@@ -103,7 +103,7 @@ class Meshes:
             refuse_non_finite(vertices, mesh_name)
         return Part(
             vertices=vertices,
-            triangles=primitive.triangles,
+            triangles=triangles,
             shared=(fields.place,) if posed else primitive.stored_as,
             cut=cut,
         )
@@ -135,48 +135,3 @@ class Meshes:
             self._budget.take(4 * len(positions) * 24, "joints and weights")
             influences.append((joints.astype(np.int64), as_float32(stored)))
         return skinned(positions, influences, self._joints[skin], self._budget)
-
-    def _alpha(
-        self, primitive: Primitive, mesh_name: str
-    ) -> Literal["opaque", "gone"] | TextureAlpha:
-        number = primitive.fields.index("material", len(self._materials))
-        if number < 0:
-            return "opaque"
-        material = self._materials[number]
-        if material.text("alphaMode", "OPAQUE") == "OPAQUE":
-            return "opaque"
-        return material_alpha(self._document, material, self._vertex_alpha(primitive, mesh_name))
-
-    def _vertex_alpha(self, primitive: Primitive, mesh_name: str) -> float:
-        """The alpha of COLOR_0 where all vertices have the same; 1, with a warning, elsewhere."""
-        if "COLOR_0" not in primitive.fields.child("attributes"):
-            return 1.0
-        stored = self._primitives.attribute(primitive.fields, "COLOR_0")
-        if stored.values.shape[1] != 4 or not len(stored.values):
-            return 1.0
-        alpha = stored.values[:, 3]
-        if (alpha == alpha[0]).all():
-            first = type(stored)(values=stored.values[:1], normalized=True)
-            return float(as_float32(first)[0, 3])
-        self._primitives.warnings.add(
-            f"mesh {mesh_name!r}: alpha that varies by vertex is not read; taken as opaque there"
-        )
-        return 1.0
-
-    def _cut(self, primitive: Primitive, rule: TextureAlpha) -> Cut | None:
-        number = primitive.fields.index("material", len(self._materials))
-        material = self._materials[number].text("name") or f"material {number}"
-        name = f"TEXCOORD_{rule.uv_set}"
-        if name not in primitive.fields.child("attributes"):
-            self.pictures.warnings.add(
-                f"material {material!r}: a mesh has no {name}; its surface is taken as opaque"
-            )
-            return None
-        stored = self._primitives.attribute(primitive.fields, name)
-        if stored.values.shape != (len(primitive.positions), 2):
-            raise unreadable(f"{primitive.fields.place}: {name} is not VEC2 a vertex")
-        self._budget.take(2 * 48 * len(primitive.triangles), name)
-        uv = as_float32(stored)
-        if not np.isfinite(uv).all():
-            raise unreadable(f"{primitive.fields.place}: {name} holds NaN or infinity")
-        return self.pictures.cut(rule, uv[primitive.triangles], material)

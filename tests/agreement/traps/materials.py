@@ -18,14 +18,14 @@ def small_picture() -> None:
     render.resolution_x, render.resolution_y = 200, 150
 
 
-def cards(materials: list[Any]) -> None:
+def cards(materials: list[Any], kind: str = "plane", **shape: Any) -> None:
     """A row of upright cards with UVs, before the wall, one for each material."""
     small_picture()
     step = 9.0 / len(materials)
     for i, one in enumerate(materials):
         at = (step * (i - (len(materials) - 1) / 2), 0, 1.2)
         card = solid(
-            "plane", one.name, at, scale=(0.45 * step, 1, 1), turn=(90, 0, 0), material=one
+            kind, one.name, at, scale=(0.45 * step, 1, 1), turn=(90, 0, 0), material=one, **shape
         )
         scale, offset = one.get("uv", (1.0, 0.0))
         for point in card.data.uv_layers[0].uv:
