@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,14 +23,15 @@ from legoworld.evaluation.depth.arrays import (
 )
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.depth.resampling import check_size
 from legoworld.files import write_npz
 from legoworld.track import TrackImage
 
-SUFFIXES: Final = (".npy", ".npz", ".pfm", ".exr", ".png")
 _DECLARE: Final = (
-    "say it with --space, and integers with --unit (disparity: as float32); in an .npz, name the "
-    "array values"
+    "say it with --space, and integers with --unit (disparity: as float32); name an array of "
+    "several with --array"
 )
 
 
@@ -49,29 +51,18 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthSource:
-    """A folder and what is declared of its arrays. cameras: by file name; "" is for every photo."""
+    """A folder and what is declared of its arrays.
+
+    cameras: by file name; "" is for every photo. array: the name in an .npz or .exr; suffix: what
+    the files' names end in.
+    """
 
     folder: Path
     space: str | None
     unit: str | None
     cameras: Mapping[str, Camera]
-
-
-def depth_source_file(source: DepthSource, image: TrackImage) -> Path | None:
-    """The photo's array below the folder; None without one. DepthFileError when there are two."""
-    found = [p for s in SUFFIXES if (p := source.folder / f"{image.scene}{s}").is_file()]
-    if len(found) > 1:
-        raise DepthFileError(
-            f"{image.file_name} has more than one depth file",
-            found=", ".join(path.name for path in found),
-            expected="one",
-        )
-    return found[0] if found else None
-
-
-def depth_files(folder: Path) -> Iterator[Path]:
-    """Every file below a folder that could be a photo's array, in the order of their paths."""
-    return (p for p in sorted(folder.rglob("*")) if p.suffix in SUFFIXES and p.is_file())
+    array: str | None = None
+    suffix: str | None = None
 
 
 def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArray:
@@ -81,8 +72,9 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
     DepthPredictionError when no scorer could use it: of another size than the photo, or without
     a single prediction.
     """
+    assert image.size_wh is not None
     camera = source.cameras.get(image.file_name, source.cameras.get(""))
-    array = _labelled(path, source, camera)
+    array = _labelled(path, source, camera, partial(check_size, truth_wh=image.size_wh))
     if camera and camera.size_wh not in (None, array.size_wh):
         raise DepthFileError(
             f"{path.name} is of another size than its intrinsics",
@@ -100,18 +92,22 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
         unit=array.unit,
         intrinsics_px=None,
         source=path.name,
+        stored=array.stored,
     )
 
 
-def _labelled(path: Path, source: DepthSource, camera: Camera | None) -> DepthArray:
+def _labelled(
+    path: Path, source: DepthSource, camera: Camera | None, check: SizeCheck
+) -> DepthArray:
     """The array as the file or the command declares it; what it lacks is an option here."""
     declared = Declaration(
         space=source.space,
         unit=source.unit,
+        array=source.array,
         intrinsics_px=camera.intrinsics_px if camera else None,
     )
     try:
-        return read_labelled(path, declared)
+        return read_labelled(path, declared, check_size=check, accept_float16=True)
     except DepthFileError as error:
         undeclared = DECLARATION in error.next_step or error.next_step.startswith("declare")
         raise DepthFileError(
@@ -170,5 +166,7 @@ def _camera(entry: Mapping[str, Any]) -> Camera:
     if min(fx, fy) <= 0:
         raise ValueError(f"fx, fy = {fx:g}, {fy:g}, which are no focal lengths")
     known = "width" in entry or "height" in entry
-    size = (int(entry["width"]), int(entry["height"])) if known else None
+    size = (entry["width"], entry["height"]) if known else None
+    if size is not None and any(type(side) is not int or side < 1 for side in size):
+        raise ValueError(f"width, height = {size}, which are no size")
     return Camera(intrinsics_px=(fx, fy, cx, cy), size_wh=size)

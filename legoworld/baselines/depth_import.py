@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
+from typing import Final
 
 from legoworld.baselines.baseline_import import (
     ImportRequest,
@@ -12,13 +13,11 @@ from legoworld.baselines.baseline_import import (
 )
 from legoworld.baselines.baseline_run import BaselineResult, Progress
 from legoworld.baselines.depth_folder import (
-    SUFFIXES,
     DepthSource,
-    depth_files,
-    depth_source_file,
     planar_depth,
     write_array,
 )
+from legoworld.baselines.depth_matching import Match, Matches, match_files
 from legoworld.baselines.records import (
     Record,
     ResultMissingError,
@@ -27,6 +26,8 @@ from legoworld.baselines.records import (
     is_intact,
 )
 from legoworld.errors import LegoWorldError, UsageError
+from legoworld.evaluation.depth.arrays import DepthArray
+from legoworld.evaluation.depth.pictures import SUFFIXES
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.readouts.depth import depth_file
 from legoworld.running import run_folder
@@ -35,6 +36,7 @@ from legoworld.track import TrackImage
 from legoworld.wording import counted
 
 Say = Callable[[str], None]
+_FLOAT16: Final = "the file holds float16: three digits, and nothing beyond 65504"
 
 
 def import_depth(
@@ -50,14 +52,17 @@ def import_depth(
         "folder": source.folder.resolve().name,
         "space": source.space,
         "unit": source.unit,
+        "array": source.array,
+        "suffix": source.suffix,
         "cameras_sha256": sha256_of_text(
             canonical_json({n: [*c.intrinsics_px] for n, c in source.cameras.items()})
         )
         if source.cameras
         else None,
     }
-    _refuse_unusable(request, source, images)
-    _notice_strangers(source, images, notice)
+    matches = match_files(source.folder, images, source.suffix)
+    _refuse_unusable(request, source, images, matches)
+    _notice_names(matches, notice)
     with run_folder.locked(request.run):
         configuration = import_configuration(request, images, imported)
         earlier = run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
@@ -66,7 +71,7 @@ def import_depth(
         check_disk(request.run, sizes, notice, next_step="free some space, or choose another -o")
         with run_folder.journal(request.run) as journal:
             records = []
-            for record in _depth_records(request, source, images, by_id):
+            for record in _depth_records(request, source, matches, by_id):
                 records.append(run_folder.append(journal, record))
                 progress(record["row"])
         return write_import(request, records, configuration)
@@ -75,57 +80,78 @@ def import_depth(
 def _depth_records(
     request: ImportRequest,
     source: DepthSource,
-    images: Sequence[TrackImage],
+    matches: Matches,
     earlier: Mapping[int, Record],
 ) -> Iterator[Record]:
-    for image in images:
+    for image in request.track.images:
         try:
             if not request.was_run_on(image):
                 raise ResultMissingError("not among the images it was run on")
-            path = _existing(source, image)
-            entry = {"source": {"file": path.name, "sha256": sha256_of_file(path)}}
+            match = _existing(matches, image)
+            file = match.path.relative_to(source.folder).as_posix()
+            digest = sha256_of_file(match.path)
+            entry = {"source": {"file": file, "sha256": digest, "matched_by": match.how}}
             if image.id in earlier and is_intact(earlier[image.id], request.run, entry):
                 yield earlier[image.id]
                 continue
-            write_array(request.run / depth_file(image.scene), planar_depth(path, source, image))
-            yield depth_record(image, request.run, entry)
+            array = planar_depth(match.path, source, image)
+            write_array(request.run / depth_file(image.scene), array)
+            yield _with_reading(depth_record(image, request.run, entry), array)
         except LegoWorldError as error:
             yield failed_record(image, error)
 
 
-def _notice_strangers(source: DepthSource, images: Sequence[TrackImage], notice: Say) -> None:
-    known = {f"{image.scene}{suffix}" for image in images for suffix in SUFFIXES}
-    names = (path.relative_to(source.folder).as_posix() for path in depth_files(source.folder))
-    strangers = [name for name in names if name not in known]
+def _with_reading(record: Record, array: DepthArray) -> Record:
+    """The record with what of the file was read, and a warning where it is less than float32."""
+    stored = array.stored
+    assert stored is not None
+    scene = {
+        **record["scene"],
+        "read": {"array": stored.array, "dtype": stored.dtype, "shape": list(stored.shape)},
+    }
+    row = record["row"]
+    if stored.dtype == "float16":
+        row = {**row, "warnings": [*row["warnings"], _FLOAT16]}
+    return {**record, "scene": scene, "row": row}
+
+
+def _notice_names(matches: Matches, notice: Say) -> None:
+    """How files were matched where not by the photos' own paths, and those of no photo."""
+    strangers = matches.strangers
     if strangers:
         files = counted(len(strangers), "file is", "files are")
         notice(f"{files} of no photo of the track, such as {strangers[0]}")
+    for how, count in sorted(Counter(m.how for m in matches.by_image.values()).items()):
+        if how != "same_path":
+            files = counted(count, "file is", "files are")
+            notice(f"{files} matched by: {how.replace('_', ' ')}")
 
 
 def _refuse_unusable(
-    request: ImportRequest, source: DepthSource, images: Sequence[TrackImage]
+    request: ImportRequest, source: DepthSource, images: Sequence[TrackImage], matches: Matches
 ) -> None:
     """Raise the first array's error when not one array is usable, before anything is written."""
     first_error: LegoWorldError | None = None
     for image in images:
         try:
-            path = depth_source_file(source, image) if request.was_run_on(image) else None
-            if path is not None:
-                planar_depth(path, source, image)
+            match = matches.of(image) if request.was_run_on(image) else None
+            if match is not None:
+                planar_depth(match.path, source, image)
                 return
         except LegoWorldError as error:
             first_error = first_error or error
-    other = next((p.relative_to(source.folder) for p in depth_files(source.folder)), None)
+    other = f", but {matches.strangers[0]}" if matches.strangers else ""
     raise first_error or UsageError(
         "the folder has no depth of the track's photos",
-        found=f"nothing like {images[0].scene}.npy" + (f", but {other}" if other else ""),
-        expected="<file_name without extension>.npy, .npz, .pfm, .exr or .png",
+        found=f"nothing like {images[0].scene}.npy{other}",
+        expected=f"<file_name without extension> and one of {' '.join(SUFFIXES)}",
+        next_step="for names with something more before the format, pass --suffix",
     )
 
 
-def _existing(source: DepthSource, image: TrackImage) -> Path:
-    path = depth_source_file(source, image)
-    if path is None:
-        expected = f"{image.scene}.npy, .npz, .pfm, .exr or .png"
+def _existing(matches: Matches, image: TrackImage) -> Match:
+    match = matches.of(image)
+    if match is None:
+        expected = f"{image.scene}.npy, or another of {' '.join(SUFFIXES)}"
         raise ResultMissingError("there is no depth file", found="nothing", expected=expected)
-    return path
+    return match

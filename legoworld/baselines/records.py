@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,9 @@ def depth_record(image: TrackImage, run: Path, source: dict[str, Any]) -> Record
     path = run / name
     if not path.is_file():
         raise AnswerInvalidError("the depth file was not written", expected=name)
-    array = read_labelled(path, Declaration())
+    assert image.size_wh is not None
+    check = partial(check_size, truth_wh=image.size_wh)
+    array = read_labelled(path, Declaration(), check_size=check)
     row = _ok_row(image) | {
         "rendered_wh": list(array.size_wh),
         "depth": {

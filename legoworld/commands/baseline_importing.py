@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from legoworld.baselines.baseline_run import BaselineResult
     from legoworld.baselines.box_formats import BoxFormat
     from legoworld.baselines.category_ids import CategoryIds
+    from legoworld.baselines.depth_folder import DepthSource
 
 
 @click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
@@ -51,6 +52,10 @@ if TYPE_CHECKING:
     help="Depth: the numbers' unit: m, mm or m/N such as m/5000; of 16-bit integers mm, m/N, "
     "sun_rgbd or nyu_raw.",
 )
+@click.option("--array", help="Depth: the name of the array in an .npz, of the channel in an .exr.")
+@click.option(
+    "--suffix", help="Depth: what the files' names add to the photos', such as _pred or _pred.npy."
+)
 @click.option(
     "--intrinsics",
     type=options.EXISTING_FILE,
@@ -71,6 +76,8 @@ def import_command(
     subset: bool,
     space: str | None,
     unit: str | None,
+    array: str | None,
+    suffix: str | None,
     intrinsics: Path | None,
     overwrite: bool,
     as_json: bool,
@@ -81,7 +88,8 @@ def import_command(
 
     Whatever `legoworld evaluate` would refuse is refused here. Categories and photos are matched
     by name where the results carry names. Depth arrays mirror the track: <file_name without
-    extension>.npy, .npz, .pfm, .exr or .png; an image without one is missing.
+    extension>.npy, .npz, .pfm, .exr, .png or .tiff; docs/baselines.md says which other names are
+    understood. An image without one is missing.
 
     \b
     Examples:
@@ -95,7 +103,8 @@ def import_command(
     from legoworld.baselines.baseline_import import images_run as read_images_run
 
     images, protocol = baseline_output.track_of(task, track)
-    for_depth = {"--space": space, "--unit": unit, "--intrinsics": intrinsics}
+    for_depth: dict[str, object] = {"--space": space, "--unit": unit, "--intrinsics": intrinsics}
+    for_depth |= {"--array": array, "--suffix": suffix}
     for_boxes = {"--box-format": box_format if task != "coco" else None}
     for_labels = {
         "--label-map": label_map,
@@ -124,7 +133,8 @@ def import_command(
         overwrite=overwrite,
     )
     if task == "eth3d":
-        result = _import_depth(request, source, space, unit, intrinsics, quiet=quiet)
+        depth = _depth_source(source, space, unit, intrinsics, array, suffix)
+        result = _import_depth(request, depth, quiet=quiet)
     else:
         result = _import_detections(
             request, source, box_format, category_ids, label_map, quiet=quiet
@@ -169,22 +179,31 @@ def _import_detections(
     )
 
 
-def _import_depth(
-    request: ImportRequest,
-    source: Path,
+def _depth_source(
+    folder: Path,
     space: str | None,
     unit: str | None,
     intrinsics: Path | None,
-    *,
-    quiet: bool,
-) -> BaselineResult:
+    array: str | None,
+    suffix: str | None,
+) -> DepthSource:
     from legoworld.baselines.depth_folder import DepthSource, read_cameras_file
+
+    return DepthSource(
+        folder=folder,
+        space=space,
+        unit=unit,
+        cameras=read_cameras_file(intrinsics) if intrinsics else {},
+        array=array,
+        suffix=suffix,
+    )
+
+
+def _import_depth(request: ImportRequest, source: DepthSource, *, quiet: bool) -> BaselineResult:
     from legoworld.baselines.depth_import import import_depth
 
-    cameras = read_cameras_file(intrinsics) if intrinsics else {}
-    declared = DepthSource(folder=source, space=space, unit=unit, cameras=cameras)
     return baseline_output.with_progress(
-        lambda progress, say: import_depth(request, declared, progress=progress, notice=say),
+        lambda progress, say: import_depth(request, source, progress=progress, notice=say),
         len(request.track.images),
         quiet=quiet,
     )

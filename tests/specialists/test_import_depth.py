@@ -161,6 +161,8 @@ NOT_INTRINSICS = {
     "a boolean": '{"fx": true, "fy": 50, "cx": 32, "cy": 24}',
     "a text": '{"fx": "50", "fy": 50, "cx": 32, "cy": 24}',
     "no focal length": '{"fx": 0, "fy": 50, "cx": 32, "cy": 24}',
+    "a size without end": '{"fx": 9, "fy": 9, "cx": 32, "cy": 2, "width": Infinity, "height": 48}',
+    "no size": '{"fx": 9, "fy": 9, "cx": 32, "cy": 2, "width": 0, "height": 48}',
     "half of a size": '{"fx": 50, "fy": 50, "cx": 32, "cy": 24, "width": 64}',
     "no cy": '{"fx": 50, "fy": 50, "cx": 32}',
     "a list": "[50, 50, 32, 24]",
@@ -201,7 +203,11 @@ USELESS = {
     "another size": (DEPTH[:, :40], "of another size; found: 40x48"),
     "no number": (DEPTH * np.nan, "no prediction at any pixel; found: no finite number above 0"),
     "all behind the camera": (-DEPTH, "no prediction at any pixel"),
-    "16-bit floats": (DEPTH.astype(np.float16), "numbers of the wrong type"),
+    "complex numbers": (DEPTH.astype(np.complex64), "numbers of the wrong type"),
+    "far too large": (
+        np.lib.stride_tricks.as_strided(DEPTH, (4000, 4000), (0, 0)),
+        "of anoth",
+    ),
     "three channels": (np.dstack([DEPTH] * 3), "not one depth image"),
 }
 
