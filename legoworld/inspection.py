@@ -70,7 +70,13 @@ def inspect_scene(
     grouping = group(scene.snapshot, labels)
     size = size_wh or scene.snapshot.render.size_wh
     seen = view(scene.snapshot, grouping, size)
-    warnings = [*changed, *scene.snapshot.warnings, *grouping.warnings, *labels.warnings]
+    warnings = [
+        *changed,
+        *scene.files.warnings,
+        *scene.snapshot.warnings,
+        *grouping.warnings,
+        *labels.warnings,
+    ]
     if aspect_differs(scene.snapshot.render, size):
         w, h = scene.snapshot.render.size_wh
         warnings.append(

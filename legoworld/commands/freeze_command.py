@@ -61,6 +61,9 @@ def command(
 def _print(
     rows: list[dict[str, Any]], bad: list[dict[str, Any]], *, quiet: bool, verbose: bool
 ) -> None:
+    for row in () if quiet else rows:
+        for warning in row["warnings"]:
+            click.echo(f"warning: {row['scene']}: {warning}")
     for row in rows:
         if row["status"] == "ok" and (not verbose or quiet):
             continue

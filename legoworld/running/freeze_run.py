@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import closing
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 from legoworld.errors import (
@@ -19,7 +19,7 @@ from legoworld.files import TEMPORARY_SUFFIX
 from legoworld.running.engines import ENGINES, EngineName, Job, machine_lost
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.cache import SnapshotCache
+from legoworld.scene.cache import SnapshotCache, bpy_version
 from legoworld.scene.folder import (
     BLEND,
     FROZEN,
@@ -32,6 +32,7 @@ from legoworld.scene.folder import (
 )
 from legoworld.scene.freeze import FileHash, FrozenFiles, Hashes, hash_files, write_frozen
 from legoworld.scene.labels import read_labels_file
+from legoworld.scene.outside import leaves_scenes
 from legoworld.scene.reading import read_scene
 from legoworld.scene.side_files import provenance_in, read_side_file
 from legoworld.track import track_of_folder
@@ -82,6 +83,7 @@ def _lost(folder: SceneFolder, what: str) -> dict[str, Any]:
         "scene": folder.name,
         "status": "failed",
         "checks": {BLEND: _complaint(machine_lost(what))},
+        "warnings": [],
     }
 
 
@@ -104,9 +106,24 @@ def freeze_scene(
     if PROVENANCE in artefacts:
         checks[PROVENANCE] = _check(lambda: _read_provenance(folder))
     if checks[BLEND]["code"] not in _NOT_THE_SCENES_FAULT:
-        write_frozen(folder, artefacts, dependencies, checks)
+        write_frozen(folder, artefacts, dependencies, checks, bpy=bpy_version())
     good = all(check["status"] == "ok" for check in checks.values())
-    return {"scene": folder.name, "status": "ok" if good else "invalid", "checks": checks}
+    return {
+        "scene": folder.name,
+        "status": "ok" if good else "invalid",
+        "checks": checks,
+        "warnings": _not_portable(folder, dependencies),
+    }
+
+
+def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:
+    """What the scene reads and takes along to no other machine."""
+    return [
+        f"{BLEND} reads {PurePath(name).name} from outside of the scenes: on another machine the "
+        "scene is not this one; pack the file into the .blend or put it beside it"
+        for name, found in dependencies.items()
+        if found is not None and leaves_scenes(name, folder)
+    ]
 
 
 def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, dict[str, Any]]]:

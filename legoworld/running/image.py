@@ -18,10 +18,17 @@ from legoworld.readouts.tasks import Protocol
 from legoworld.running.engines import machine_lost
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source, find_scene
-from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
+from legoworld.scene.folder import BLEND, LABELS, PROVENANCE, SceneFolder, Source, find_scene
+from legoworld.scene.freeze import (
+    FrozenFiles,
+    Hashes,
+    checked_artefacts,
+    hash_files,
+    hashed_dependencies,
+)
 from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels, labels_in, resolve_labels
+from legoworld.scene.outside import leaves_scenes
 from legoworld.scene.reading import ReadScene, read_hashed_side_file, read_scene
 from legoworld.scene.scratch import scratch_folder
 from legoworld.scene.side_files import provenance_in
@@ -149,12 +156,23 @@ def _unchanged(record: Record, image: TrackImage, options: ImageOptions) -> bool
     folder, now = _found(image, options)
     if _hashes(now.artefacts) != scene["files"] or now.frozen != scene["frozen"]:
         return False
-    if _hashes(hash_files(folder.path, scene["dependencies"])) != scene["dependencies"]:
+    if _hashes(_dependencies_now(folder, now, scene, options)) != scene["dependencies"]:
         return False
     if "depth" not in row:
         return bool(row["predictions_sha256"] == _predictions_sha256(record["predictions"]))
     path: Path = options.run / row["depth"]["file"]
     return path.is_file() and sha256_of_file(path) == row["depth"]["sha256"]
+
+
+def _dependencies_now(
+    folder: SceneFolder, now: FrozenFiles, scene: dict[str, Any], options: ImageOptions
+) -> Hashes:
+    """The content now of what a scene was read with; empty where it is not known where that is."""
+    if not any(leaves_scenes(name, folder) for name in scene["dependencies"]):
+        return hash_files(folder.path, scene["dependencies"])
+    blend = now.artefacts.get(BLEND)
+    names = options.cache.dependencies(blend.sha256) if options.cache and blend else None
+    return hashed_dependencies(folder, names or (), now, read_by=BLEND).dependencies
 
 
 @contextmanager
@@ -216,7 +234,7 @@ def _record(
     full_size = image.size_wh or snapshot.render.size_wh
     size_wh = resampled_size(full_size, options.max_side)
     seen = view(snapshot, grouping, size_wh, threads=options.threads)
-    warnings = [*snapshot.warnings, *labels.warnings, *grouping.warnings]
+    warnings = [*scene.files.warnings, *snapshot.warnings, *labels.warnings, *grouping.warnings]
     if aspect_differs(snapshot.render, full_size):
         w, h = snapshot.render.size_wh
         warnings.append(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
 from typing import Any, Final, Literal
 
 from legoworld import __version__
@@ -30,6 +30,7 @@ from legoworld.scene.folder import (
     PROGRAM,
     SceneFolder,
 )
+from legoworld.scene.outside import leaves_scenes, recorded_name
 from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, invalid, read_side_file
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.
@@ -49,11 +50,15 @@ class FileHash:
 
 @dataclass(frozen=True, kw_only=True)
 class FrozenFiles:
-    """The files of a scene as they are now. `frozen` tells whether a frozen.json vouches."""
+    """The files of a scene as they are now. `frozen` tells whether a frozen.json vouches.
+
+    dependencies: until the scene file was read, what frozen.json lists.
+    """
 
     artefacts: Hashes
     dependencies: Hashes
     frozen: Literal["frozen.json", "at_readout"]
+    warnings: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
@@ -103,12 +108,18 @@ def write_frozen(
     artefacts: Hashes,
     dependencies: Hashes,
     checks: Mapping[str, dict[str, Any]],
+    *,
+    bpy: str | None = None,
 ) -> None:
-    """Write frozen.json: the hashes, and the verdict of each artefact's check."""
+    """Write frozen.json: the hashes, and the verdict of each artefact's check.
+
+    bpy: the version that opened scene.blend. It stands for all that ships with Blender.
+    """
     good = all(check["status"] == "ok" for check in checks.values())
     document = {
         "schema_version": SCHEMA_VERSION,
         "legoworld": __version__,
+        "bpy": bpy,
         "status": "ok" if good else "invalid",
         "checks": dict(checks),
         "covers": list(ARTEFACTS),
@@ -172,8 +183,55 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
         )
     covered = {n: now.get(n) for n in {*now, *record.artefacts} if n in record.covers}
     _refuse_changes(record.artefacts, covered)
-    _refuse_changes(record.dependencies, hash_files(scene.path, record.dependencies))
+    # What lies elsewhere is compared when the scene file was read and has said where it lies.
+    near = {n: h for n, h in record.dependencies.items() if not leaves_scenes(n, scene)}
+    _refuse_changes(near, hash_files(scene.path, near))
     return FrozenFiles(artefacts=now, dependencies=record.dependencies, frozen="frozen.json")
+
+
+def hashed_dependencies(
+    scene: SceneFolder, names: Iterable[str], files: FrozenFiles, *, read_by: str
+) -> FrozenFiles:
+    """The files of a scene whose scene file, `read_by`, reads these others.
+
+    Raises SceneInvalidError when there is a frozen.json that does not list one of them, and
+    SceneChangedError when one outside of SCENES is not what it lists. A name that frozen.json
+    lists and the scene file does not read is a warning.
+    """
+    real = {_listed(name, scene, files): name for name in names}
+    hashes = {
+        recorded: hash_files(scene.path, [name])[name] for recorded, name in sorted(real.items())
+    }
+    warnings: tuple[str, ...] = ()
+    if files.frozen == "frozen.json":
+        _refuse_unlisted(read_by, [n for n in hashes if n not in files.dependencies])
+        far = {n: h for n, h in files.dependencies.items() if leaves_scenes(n, scene)}
+        if read_by == BLEND:
+            _refuse_changes(
+                {n: h for n, h in far.items() if n in hashes},
+                {n: h for n, h in hashes.items() if n in far},
+            )
+            warnings = tuple(
+                f"{FROZEN} lists {PurePath(n).name}, which {BLEND} does not read: freeze the scene "
+                "again, so that it can be read on other machines"
+                for n in sorted({*far} - {*hashes})
+            )
+    return replace(files, dependencies=hashes, warnings=(*files.warnings, *warnings))
+
+
+def _listed(name: str, scene: SceneFolder, files: FrozenFiles) -> str:
+    """The name that a dependency has on record; records of the first kind hold paths."""
+    return name if name in files.dependencies else recorded_name(name, scene)
+
+
+def _refuse_unlisted(read_by: str, unlisted: list[str]) -> None:
+    if unlisted:
+        raise SceneInvalidError(
+            f"{read_by} reads files that frozen.json does not list",
+            found=", ".join(unlisted[:5]),
+            expected="a record of every file the scene consists of",
+            next_step="freeze the scene again; a .glb must have everything embedded",
+        )
 
 
 def _refuse_changes(recorded: Hashes, now: Hashes) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source
-from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
+from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files, hashed_dependencies
 from legoworld.scene.scratch import scratch_folder
 from legoworld.scene.side_files import SideFile, read_side_file
 from legoworld.scene.snapshot import Snapshot, load, save
@@ -62,8 +62,7 @@ def _read(
 ) -> ReadScene:
     names = cache.dependencies(blend_sha256)
     if names is not None:
-        _refuse_unlisted(BLEND, names, files)
-        known = replace(files, dependencies=hash_files(scene.path, names))
+        known = hashed_dependencies(scene, names, files, read_by=BLEND)
         stored = _stored(cache.snapshot_path(blend_sha256, known.dependencies))
         if stored is not None:
             return ReadScene(snapshot=stored[0], snapshot_sha256=stored[1], files=known)
@@ -101,21 +100,16 @@ def _read_with_blender(
                 "output": str(output.resolve()),
             }
         )
-        _refuse_unlisted(BLEND, answer["dependencies"], files)
-        dependencies = hash_files(scene.path, answer["dependencies"])
+        known = hashed_dependencies(scene, answer["dependencies"], files, read_by=BLEND)
         # The file may have been replaced meanwhile: what was hashed must be what was read.
         if hash_files(scene.path, [BLEND]) != {BLEND: files.artefacts[BLEND]}:
             raise _changed(scene, BLEND)
-        stored = cache.snapshot_path(blend_sha256, dependencies)
+        stored = cache.snapshot_path(blend_sha256, known.dependencies)
         stored.parent.mkdir(parents=True, exist_ok=True)
         output.replace(stored)
         cache.put_dependencies(blend_sha256, answer["dependencies"])
     snapshot, content = load(stored)
-    return ReadScene(
-        snapshot=snapshot,
-        snapshot_sha256=content,
-        files=replace(files, dependencies=dependencies),
-    )
+    return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
 
 
 def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFiles) -> ReadScene:
@@ -134,7 +128,7 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
         )
     names = cache.dependencies(glb.sha256) if cache else None
     if cache is not None and names is not None:
-        known = _with_files_of_glb(scene, names, files)
+        known = hashed_dependencies(scene, names, files, read_by=GLB)
         stored = _stored(cache.snapshot_path(glb.sha256, known.dependencies))
         if stored is not None:
             return ReadScene(snapshot=stored[0], snapshot_sha256=stored[1], files=known)
@@ -143,7 +137,7 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
         raise _changed(scene, GLB)
     parsed = parse_glb(data)
     names = external_files(parsed.document, scene.path)
-    known = _with_files_of_glb(scene, names, files)
+    known = hashed_dependencies(scene, names, files, read_by=GLB)
     snapshot = snapshot_of_glb(parsed, scene.path)
     # A file beside it may have been replaced meanwhile: what was hashed must be what was read.
     if hash_files(scene.path, names) != known.dependencies:
@@ -153,24 +147,6 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
     content = save(snapshot, cache.snapshot_path(glb.sha256, known.dependencies))
     cache.put_dependencies(glb.sha256, names)
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
-
-
-def _with_files_of_glb(scene: SceneFolder, names: list[str], files: FrozenFiles) -> FrozenFiles:
-    """The files with what scene.glb reads besides itself."""
-    _refuse_unlisted(GLB, names, files)
-    return replace(files, dependencies=hash_files(scene.path, names))
-
-
-def _refuse_unlisted(name: str, names: list[str], files: FrozenFiles) -> None:
-    """A frozen.json must vouch for everything a scene file reads."""
-    unlisted = [other for other in names if other not in files.dependencies]
-    if files.frozen == "frozen.json" and unlisted:
-        raise SceneInvalidError(
-            f"{name} reads files that frozen.json does not list",
-            found=", ".join(unlisted[:5]),
-            expected="a record of every file the scene consists of",
-            next_step="freeze the scene again; a .glb must have everything embedded",
-        )
 
 
 def read_hashed_side_file(scene: SceneFolder, name: str, files: FrozenFiles) -> SideFile | None:

@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import bpy
+
+from legoworld.scene.blender.shipped import is_needed, own_copy
+
+_BLEND: Final = re.compile(r"\.blend\d*$", re.IGNORECASE)
 
 
 def dependencies(blend: Path) -> list[str]:
     """Linked libraries, unpacked images, caches and so on, there or not, sorted.
 
     Paths are relative to the .blend's folder; one that the file gives as an absolute path outside
-    of that folder stays absolute, because it means the same wherever the scene stands.
+    of that folder stays absolute, because it means the same wherever the scene stands. What ships
+    with Blender is not among them: its version vouches for it.
     """
     folder = blend.parent
+    libraries = [library for library in bpy.data.libraries if is_needed(library)]
     absolute = bpy.utils.blend_paths(absolute=True, packed=False, local=False)
     written = bpy.utils.blend_paths(absolute=False, packed=False, local=False)
-    found = {
-        _name(Path(path), raw, folder) for path, raw in zip(absolute, written, strict=True) if path
-    }
-    for library in bpy.data.libraries:
-        if library.packed_file is None:
-            found.add(_name(library_path(library), library.filepath, folder))
+    # Data that was appended keeps the path of the .blend it came from, which is never read again,
+    # and so does what is packed: Blender lists both. The others are the libraries below.
+    read = {(p, raw) for p, raw in zip(absolute, written, strict=True) if not _BLEND.search(p)}
+    read |= {(str(library_path(library)), library.filepath) for library in libraries}
+    found = {_name(Path(p), raw, folder) for p, raw in read if p and own_copy(p) is None}
     for cache in _cache_folders(blend):
         found |= {_name(p, "//", folder) for p in cache.rglob("*") if p.is_file()}
     found.discard(blend.name)
@@ -37,6 +43,11 @@ def library_path(library: Any) -> Path:
 
 def _name(path: Path, written: str, folder: Path) -> str:
     normal = os.path.normpath(path)
+    as_written = os.path.normpath(written.removeprefix("//").replace("\\", "/"))
+    if written.startswith("//") and os.path.normpath(folder / as_written) == normal:
+        return (
+            as_written  # the same wherever the scene stands, also where it climbs beyond the root
+        )
     relative = os.path.relpath(normal, folder)
     if written.startswith("//") or not relative.startswith(os.pardir):
         return relative

@@ -11,6 +11,7 @@ import bpy
 
 from legoworld.errors import MissingLibraryError, UnreadableBlendError
 from legoworld.scene.blender.dependencies import library_path
+from legoworld.scene.blender.shipped import is_needed, read_own_copies
 from legoworld.scene.blender.viewport import unwatched
 
 _MARKER: Final = "legoworld_not_replaced"
@@ -58,6 +59,7 @@ def open_blend(path: Path) -> OpenFile:
             expected="a file saved by Blender 2.5 to 5.0",
             next_step="save the scene again, or run its program with `legoworld execute`",
         )
+    read_own_copies()
     _refuse_missing_libraries()
     warnings = [f"Blender complained on opening: {complaint}"] if complaint else []
     if tuple(bpy.data.version) > tuple(bpy.app.version_file):
@@ -75,7 +77,7 @@ def _refuse_missing_libraries() -> None:
     found = sorted(
         f"{Path(library.filepath).name!r} does not exist"
         for library in bpy.data.libraries
-        if library.packed_file is None and not library_path(library).exists()
+        if is_needed(library) and not library_path(library).exists()
     )
     found += sorted(
         f"{type(block).__name__.lower()} {block.name!r} is not in "
