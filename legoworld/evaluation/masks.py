@@ -37,6 +37,12 @@ def overlaps(detections: Shapes, truths: Shapes, crowd: Sequence[int]) -> NDArra
     return np.asarray(_API.iou(detections, truths, list(crowd)), np.float64)
 
 
+def union(masks: Sequence[Rle]) -> Rle:
+    """The pixels that any of some compressed masks of one size covers."""
+    merged: Rle = _API.merge(list(masks))
+    return merged
+
+
 def compressed(mask: Any, size_hw: tuple[int, int]) -> Rle:
     """Polygons or any RLE as compressed RLE with bytes, the way annToRLE makes it."""
     made: Rle

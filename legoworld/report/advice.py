@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from legoworld.evaluation.folder import Row
+from legoworld.evaluation.masks import overlaps
 from legoworld.report.detection_images import DetectionImage, SideImage
+from legoworld.report.parts import Parts, lone_part, parts_of_truths
 from legoworld.report.shapes import drawn_predictions
 from legoworld.wording import counted
 
@@ -17,6 +19,14 @@ _ORDER: Final = ("bad", "warn", "note")
 #: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.
 _LOOSE_IOU: Final = 0.75
 
+#: Below it, a truth of another category is a neighbour, not what a prediction stands for.
+_NEAR_IOU: Final = 0.3
+#: Why a prediction is not counted, by its outcome.
+_NOT_COUNTED: Final = {
+    "unverified": ", in a category that is not annotated in this photo",
+    "ignored": ", which the evaluator ignores in this photo",
+    "over_cap": ", beyond the evaluator's cap",
+}
 #: What became of a labelled object without a pixel, by the readout's word, and what helps.
 _UNSEEN: Final = {
     "no_area": "it has no surface: give it a mesh, or label the object that has one",
@@ -51,7 +61,9 @@ def detection_advice(
     """Everything to say of one side's answer to a photo; what to do only where it is a scene."""
     found = failure_advice(side.run_row)
     if not found:
-        found += _missed(image, side, names) + _false(task, image, side, names)
+        parts = parts_of_truths(task, image, side)
+        found += _missed(task, image, side, names, parts)
+        found += _parts(image, parts, names) + _false(task, image, side, names, parts)
         found += _loose(image, side, names) + _counted(side)
         if scene:
             found += _labels(side.run_row)
@@ -70,11 +82,29 @@ def failure_advice(run_row: Row) -> list[Advice]:
     return [Advice(level="bad", what=f"no output ({run_row['status']}): {what}", do=do)]
 
 
-def _missed(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> list[Advice]:
-    missed = [t for t, s in zip(image.truths, side.errors.truth, strict=True) if s == "missed"]
+def _missed(
+    task: str,
+    image: DetectionImage,
+    side: SideImage,
+    names: Mapping[int, str],
+    parts: Sequence[Parts],
+) -> list[Advice]:
+    """Truths that nothing counted is near: covered by what is not counted, or not there at all."""
+    covered = {p.truth for p in parts}
+    missed, found = [], []
+    for g, (truth, state) in enumerate(zip(image.truths, side.errors.truth, strict=True)):
+        cover = side.errors.cover[g]
+        if state != "missed" or g in covered:
+            continue
+        if cover is None:
+            missed.append(truth)
+        else:
+            iou = side.errors.cover_iou[g] or 0.0
+            found.append(
+                _covered(task, names[truth["category_id"]], side.entries[cover], names, iou)
+            )
     by_name = Counter(names[t["category_id"]] for t in missed)
     unlabelled = [str(u["name"]) for u in side.run_row.get("unlabelled") or ()]
-    found = []
     for name, n in sorted(by_name.items(), key=lambda x: (-x[1], x[0])):
         alike = [u for u in unlabelled if _alike(name, u)]
         if alike:
@@ -93,39 +123,90 @@ def _missed(image: DetectionImage, side: SideImage, names: Mapping[int, str]) ->
     return found
 
 
+def _covered(task: str, name: str, entry: Row, names: Mapping[int, str], iou: float) -> Advice:
+    """A missed truth where a prediction stands that the evaluator does not count."""
+    other, why = names[entry["category_id"]], _NOT_COUNTED.get(entry["outcome_50"], "")
+    return Advice(
+        level="bad",
+        what=f"missed: 1 x {name}; {other} covers it (IoU {iou:.2f}){why}",
+        do=f"it is built already: if it is a {name}, set {task}_category = {name} on it",
+    )
+
+
+def _parts(image: DetectionImage, parts: Sequence[Parts], names: Mapping[int, str]) -> list[Advice]:
+    found = []
+    for p in parts:
+        name = names[image.truths[p.truth]["category_id"]]
+        what = (
+            f"{len(p.predictions)} x {name} are parts of one {name} of the truth: together they "
+            f"cover it (IoU {p.together_iou:.2f}, the best alone {p.best_iou:.2f})"
+        )
+        do = "label the whole once: the category on the parts' parent or collection, not on each"
+        found.append(Advice(level="bad", what=what, do=do))
+    return found
+
+
 def _false(
-    task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str]
+    task: str,
+    image: DetectionImage,
+    side: SideImage,
+    names: Mapping[int, str],
+    parts: Sequence[Parts],
 ) -> list[Advice]:
-    """A finding of every false positive, the same ones together."""
+    """A finding of every false positive that is no part, the same ones together."""
     found: Counter[Advice] = Counter()
-    for p in drawn_predictions(task, image, side):
-        if p["k"] is not None:
-            truth = None if p["t"] is None else image.truths[p["t"]]
-            found[_false_one(p, truth, names)] += 1
+    told = {d for p in parts for d in p.predictions}
+    for d, p in enumerate(drawn_predictions(task, image, side)):
+        if p["k"] is None or d in told:
+            continue
+        truth = None if p["t"] is None else image.truths[p["t"]]
+        whole = lone_part(task, image, d, side) if p["k"] in ("background", "both") else None
+        if whole is not None:
+            found[_part_alone(names[p["c"]], side.errors.truth[whole])] += 1
+        else:
+            taken = truth is not None and side.errors.truth[p["t"]] == "found"
+            found[_false_one(p, truth, names, taken=taken)] += 1
     return [
         Advice(level=a.level, what=f"{n} x {a.what}" if n > 1 else a.what, do=a.do)
         for a, n in found.items()
     ]
 
 
-def _false_one(drawn: Row, truth: Row | None, names: Mapping[int, str]) -> Advice:
+def _part_alone(name: str, state: str) -> Advice:
+    """A small thing of a category inside a truth of it."""
+    again = " that is found already" if state == "found" else ""
+    return Advice(
+        level="bad",
+        what=f"{name} is a small part of a {name} of the truth{again}",
+        do="label the whole object, not a part of it",
+    )
+
+
+def _false_one(drawn: Row, truth: Row | None, names: Mapping[int, str], *, taken: bool) -> Advice:
+    """taken: another prediction has found the truth."""
     name = names[drawn["c"]]
     if truth is None:
         return Advice(
             level="bad",
             what=f"{name} where the truth has nothing",
-            do="not in the photo, or not counted there: remove it or its category",
+            do="not in the photo, or not annotated there: remove it or its category",
         )
     other, iou = names[truth["category_id"]], f"(IoU {drawn['i']:.2f})"
+    if drawn["k"] == "both" and drawn["i"] < _NEAR_IOU:
+        return Advice(
+            level="bad",
+            what=f"{name} where the truth has nothing; nearest: {other} {iou}",
+            do="not in the photo, or not annotated there: remove it or its category",
+        )
     off = _edges(drawn["box"], truth["bbox"])
     what, do = {
         "classification": (
             f"{name} stands where the truth has {other} {iou}",
-            f"is it a {other}? then set its category so",
+            f"if it is one, set category = {other} on it",
         ),
         "localisation": (
             f"{name} overlaps its truth too little {iou}: {off}",
-            "move or resize it to the photo",
+            _how_to_fit(drawn, truth, taken=taken),
         ),
         "both": (
             f"{name} overlaps only another category's truth, {other} {iou}, too little: {off}",
@@ -137,6 +218,19 @@ def _false_one(drawn: Row, truth: Row | None, names: Mapping[int, str]) -> Advic
         ),
     }[drawn["k"]]
     return Advice(level="bad", what=what, do=do)
+
+
+def _how_to_fit(drawn: Row, truth: Row, *, taken: bool) -> str:
+    """What helps a prediction that overlaps a truth of its category too little."""
+    if taken:
+        return (
+            "another one has found that truth: if this is another object, move it to its place; "
+            "if not, remove it"
+        )
+    fits = overlaps([drawn["box"]], [truth["bbox"]], [0])[0, 0] >= _LOOSE_IOU
+    if "rle" in drawn and fits:
+        return "its box fits, its mask does not: model its outline and holes, and what hides it"
+    return "move or resize it to the photo"
 
 
 def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> list[Advice]:

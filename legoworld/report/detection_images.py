@@ -109,15 +109,16 @@ def _overlaps(
     """(D, G) IoU as the evaluator measures it: of boxes for coco, of masks for lvis."""
     if not truths or not predictions:
         return np.zeros((len(predictions), len(truths)))
+    found = shapes(task, image, predictions), shapes(task, image, truths)
+    return overlaps(*found, [0] * len(truths))
+
+
+def shapes(task: str, image: Row, rows: Sequence[Row]) -> list[Any]:
+    """What is compared of predictions or truths: boxes for coco, compressed masks for lvis."""
     if task == "coco":
-        shapes = [p["bbox"] for p in predictions], [t["bbox"] for t in truths]
-    else:
-        size_hw = image["height"], image["width"]
-        shapes = (
-            [compressed(p["segmentation"], size_hw) for p in predictions],
-            [compressed(t["segmentation"], size_hw) for t in truths],
-        )
-    return overlaps(*shapes, [0] * len(truths))
+        return [row["bbox"] for row in rows]
+    size_hw = image["height"], image["width"]
+    return [compressed(row["segmentation"], size_hw) for row in rows]
 
 
 def _by_image(rows: Sequence[Row]) -> dict[int, list[Row]]:

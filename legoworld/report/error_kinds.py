@@ -36,7 +36,9 @@ class ImageErrors:
 
     kind: of each prediction, None where it is no false positive; about: the truth it took or fails
     on, None where there is none; iou: its IoU with that truth; truth: each truth's state, "reached"
-    when a classification or localisation error would find it; finder: the prediction that found it.
+    when a classification or localisation error would find it; finder: the prediction that found it;
+    cover: of each missed truth the prediction that is not counted and overlaps it most, where that
+    is enough to find it, and cover_iou: by how much.
     """
 
     kind: tuple[Kind | None, ...]
@@ -44,6 +46,8 @@ class ImageErrors:
     iou: tuple[float | None, ...]
     truth: tuple[TruthState, ...]
     finder: tuple[int | None, ...]
+    cover: tuple[int | None, ...]
+    cover_iou: tuple[float | None, ...]
 
     def counts(self) -> dict[str, int]:
         """How many of each of KINDS."""
@@ -82,6 +86,8 @@ def image_errors(
         "ignored" if i else "found" if u else "reached" if r else "missed"
         for i, u, r in zip(ignored, used, reached, strict=True)
     ]
+    uncounted = np.array([name not in ("tp", "fp") for name in outcome], bool)
+    cover = [_cover(iou[:, g], uncounted) if s == "missed" else None for g, s in enumerate(states)]
     overlap = [None if g is None else float(iou[d, g]) for d, g in enumerate(about)]
     return ImageErrors(
         kind=tuple(kinds),
@@ -89,7 +95,17 @@ def image_errors(
         iou=tuple(overlap),
         truth=tuple(states),
         finder=tuple(finder),
+        cover=tuple(cover),
+        cover_iou=tuple(None if d is None else float(iou[d, g]) for g, d in enumerate(cover)),
     )
+
+
+def _cover(iou: NDArray[np.float64], uncounted: NDArray[np.bool_]) -> int | None:
+    """The prediction that is not counted and would find a truth; iou: (D,) with it."""
+    of_uncounted = np.where(uncounted, iou, 0.0)
+    if not len(iou) or of_uncounted.max() < FOREGROUND_IOU:
+        return None
+    return int(of_uncounted.argmax())
 
 
 def _finders(

@@ -1,0 +1,163 @@
+"""What an author is told of one photo: the finding, and the step that mends it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from legoworld.report.advice import detection_advice
+from legoworld.report.detection_images import DetectionImage, SideImage, _errors
+
+CUP, TABLE, DINING_TABLE = 1, 2, 3
+NAMES = {CUP: "cup", TABLE: "table", DINING_TABLE: "dining_table"}
+SIZE = (100, 120)  # height, width
+
+Box = tuple[int, int, int, int]
+
+
+def shaped(task: str, box: Box) -> dict[str, Any]:
+    """A box, or the mask that fills it."""
+    x, y, w, h = box
+    if task == "coco":
+        return {"bbox": [x, y, w, h], "area": w * h}
+    mask = np.zeros(SIZE, np.uint8, order="F")
+    mask[y : y + h, x : x + w] = 1
+    flat = mask.flatten(order="F")
+    edges = np.flatnonzero(np.diff(flat, prepend=0, append=0)).tolist()
+    counts = np.diff([0, *edges, len(flat)] if edges[-1] != len(flat) else [0, *edges]).tolist()
+    return {
+        "bbox": [x, y, w, h],
+        "area": w * h,
+        "segmentation": {"size": list(SIZE), "counts": counts},
+    }
+
+
+def advice(
+    task: str,
+    truths: list[tuple[Box, int]],
+    predictions: list[tuple[Box, int, str]],
+    *,
+    scene: bool = True,
+) -> list[str]:
+    """Each finding as "what => do"; predictions are (box, category, outcome at IoU 0.5)."""
+    image = {"id": 1, "height": SIZE[0], "width": SIZE[1]}
+    true = tuple({**shaped(task, b), "category_id": c, "id": i} for i, (b, c) in enumerate(truths))
+    entries = tuple(
+        {**shaped(task, b), "category_id": c, "score": 1.0, "outcome_50": outcome}
+        for b, c, outcome in predictions
+    )
+    side = SideImage(
+        row={"n_unverified": 0, "n_lost_to_cap": 0},
+        run_row={"status": "ok"},
+        scene=None,
+        entries=entries,
+        errors=_errors(task, image, true, entries),
+    )
+    found = detection_advice(
+        task, DetectionImage(image=image, truths=true, sides=(side,)), side, NAMES, scene=scene
+    )
+    return [f"{a['what']} => {a['do']}" for a in found]
+
+
+def test_a_missed_truth_that_an_uncounted_prediction_covers_is_built_already() -> None:
+    table = (10, 20, 80, 60)
+    (said,) = advice("lvis", [(table, TABLE)], [((10, 20, 80, 59), DINING_TABLE, "unverified")])
+    assert said == (
+        "missed: 1 x table; dining_table covers it (IoU 0.98), in a category that is not annotated "
+        "in this photo => it is built already: if it is a table, set lvis_category = table on it"
+    )
+    assert "build it" in advice("lvis", [(table, TABLE)], [])[0]
+    far = advice("lvis", [(table, TABLE)], [((10, 20, 30, 59), DINING_TABLE, "unverified")])
+    assert far[0].startswith("missed: 1 x table => build it")
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "outcome"),
+    [
+        ((10, 10, 20, 30), (30, 10, 20, 30), "fp"),  # either half: IoU 0.5, not enough
+        ((10, 10, 26, 30), (36, 10, 14, 30), "tp"),  # one part finds the truth alone
+        ((10, 10, 12, 30), (22, 10, 2, 30), "fp"),  # one is under the background's IoU
+    ],
+)
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+def test_two_labelled_parts_of_one_thing_are_one_finding(
+    task: str, left: Box, right: Box, outcome: str
+) -> None:
+    truth = (10, 10, 41, 31) if outcome == "fp" and right[0] == 30 else (10, 10, 40, 30)
+    if right[0] == 22:
+        truth = (10, 10, 25, 30)
+    said = advice(task, [(truth, CUP)], [(left, CUP, outcome), (right, CUP, "fp")])
+    assert said[0].startswith("2 x cup are parts of one cup of the truth: together they cover it")
+    assert "label the whole once: the category on the parts' parent" in said[0]
+    assert not any("move or resize" in s or "missed" in s for s in said)
+
+
+def test_copies_of_the_whole_are_no_parts() -> None:
+    whole = (10, 10, 40, 30)
+    said = advice("coco", [(whole, CUP)], [(whole, CUP, "tp"), ((10, 10, 40, 29), CUP, "fp")])
+    assert [s.partition(" (")[0] for s in said] == ["one more cup on a truth that is found already"]
+
+
+def test_two_things_beside_each_other_are_no_parts() -> None:
+    said = advice(
+        "coco",
+        [((10, 10, 20, 30), CUP), ((60, 10, 20, 30), CUP)],
+        [((10, 10, 20, 12), CUP, "fp"), ((60, 10, 20, 12), CUP, "fp")],
+    )
+    assert [s.partition(" (")[0] for s in said] == ["2 x cup overlaps its truth too little"]
+    assert said[0].endswith("move or resize it to the photo")
+
+
+def test_a_lone_small_part_is_told_to_label_the_whole() -> None:
+    (missed, part) = advice("coco", [((10, 10, 60, 60), CUP)], [((20, 20, 9, 9), CUP, "fp")])
+    assert missed.startswith("missed: 1 x cup")
+    assert part == (
+        "cup is a small part of a cup of the truth => label the whole object, not a part of it"
+    )
+
+
+def test_a_second_one_beside_a_found_truth_is_not_told_to_fit_it() -> None:
+    truth = (10, 10, 40, 40)
+    said = advice("coco", [(truth, CUP)], [(truth, CUP, "tp"), ((25, 25, 40, 40), CUP, "fp")])
+    assert len(said) == 1
+    assert "another one has found that truth" in said[0]
+
+
+def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
+    """A ring is predicted as its filled box would be: the box is right."""
+    truth, frame = (10, 10, 40, 40), (10, 10, 40, 40)
+    ring = shaped("lvis", truth)
+    mask = np.zeros(SIZE, np.uint8)
+    mask[10:50, 10:50] = 1
+    mask[14:46, 14:46] = 0
+    edges = np.flatnonzero(np.diff(mask.flatten(order="F"), prepend=0)).tolist()
+    ring["segmentation"]["counts"] = np.diff([0, *edges, mask.size]).tolist()
+    image = {"id": 1, "height": SIZE[0], "width": SIZE[1]}
+    true = ({**ring, "category_id": CUP, "id": 1},)
+    entry = {**shaped("lvis", frame), "category_id": CUP, "score": 1.0, "outcome_50": "fp"}
+    side = SideImage(
+        row={"n_unverified": 0, "n_lost_to_cap": 0},
+        run_row={"status": "ok"},
+        scene=None,
+        entries=(entry,),
+        errors=_errors("lvis", image, true, (entry,)),
+    )
+    view = DetectionImage(image=image, truths=true, sides=(side,))
+    (said,) = detection_advice("lvis", view, side, NAMES, scene=True)
+    assert said["do"].startswith("its box fits, its mask does not")
+
+
+def test_a_neighbour_is_not_what_a_prediction_stands_for() -> None:
+    said = advice("coco", [((10, 10, 40, 40), TABLE)], [((30, 30, 40, 40), CUP, "fp")])
+    assert any(
+        s.startswith("cup where the truth has nothing; nearest: table (IoU 0.14)") for s in said
+    )
+
+
+def test_a_baseline_is_told_what_and_not_what_to_do() -> None:
+    halves = [((10, 10, 20, 30), CUP, "fp"), ((30, 10, 20, 30), CUP, "fp")]
+    (said,) = advice("coco", [((10, 10, 41, 31), CUP)], halves, scene=False)
+    assert said.startswith("2 x cup are parts of one cup")
+    assert said.endswith("=> ")
