@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.files import write_npz
+from legoworld.visibility.projection import Projection
 
+#: Of the .npz: 2 has `format_version` and `intrinsics_px` beside version 1's array and space.
+FORMAT_VERSION: Final = 2
 #: Bytes of one .npz besides the depth values: zip headers and the space's name, rounded up.
 _CONTAINER_BYTES = 4096
 
@@ -18,9 +22,24 @@ def depth_file(scene: str) -> str:
     return f"depth/{scene}.npz"
 
 
-def write_depth(path: Path, depth_z_m: NDArray[np.float32]) -> None:
-    """Write (H, W) float32 planar depth in metres, +inf where there is no geometry."""
-    write_npz(path, {"depth_z_m": depth_z_m, "space": np.array("depth")})
+def write_depth(
+    path: Path, depth_z_m: NDArray[np.float32], projection: Projection | None = None
+) -> None:
+    """Write (H, W) float32 planar depth in metres, +inf where there is no geometry.
+
+    projection: what the array was made with, at its size. A perspective one becomes
+    `intrinsics_px` = fx, fy, cx, cy (float64, pixels, origin at the top left corner of the top left
+    pixel: u = fx x / z + cx); an orthographic one has no such numbers.
+    """
+    arrays: dict[str, NDArray[Any]] = {
+        "depth_z_m": depth_z_m,
+        "space": np.array("depth"),
+        "format_version": np.array(FORMAT_VERSION),
+    }
+    if projection is not None and not projection.orthographic:
+        p = projection
+        arrays["intrinsics_px"] = np.array([p.fx, p.fy, p.cx, p.cy], np.float64)
+    write_npz(path, arrays)
 
 
 def depth_file_bytes(size_wh: tuple[int, int]) -> int:

@@ -276,7 +276,7 @@ def _record(
 def _write_depth_file(image: TrackImage, seen: View, options: ImageOptions) -> dict[str, Any]:
     name = depth_file(image.scene if image.scene != "." else image.file_name)
     path = options.run / name
-    write_depth(path, seen.buffers.depth_z_m)
+    write_depth(path, seen.buffers.depth_z_m, seen.projection)
     return {
         "file": name,
         "space": "depth",

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import zipfile
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pycocotools import mask as coco_mask
 
-from legoworld.readouts.depth import resampled_size, write_depth
+from legoworld.cards import load_card
+from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.readouts.depth import FORMAT_VERSION, resampled_size, write_depth
 from legoworld.readouts.exports import ColumnRuns, box_predictions, mask_predictions
 from legoworld.scene.instances import Instance
 from legoworld.visibility.kernel import Buffers
@@ -118,6 +125,39 @@ def test_depth_files_say_what_they_hold(tmp_path):
     again = tmp_path / "again.npz"
     write_depth(again, depth)
     assert again.read_bytes() == (tmp_path / "a" / "b.npz").read_bytes()
+    assert int(stored["format_version"]) == 2
+    assert "intrinsics_px" not in stored.files
+
+
+def test_depth_files_hold_the_pinhole_they_were_made_with(tmp_path):
+    depth = np.arange(6, dtype=np.float32).reshape(2, 3)
+    camera = Projection(orthographic=False, fx=1 / 3, fy=70.5, cx=1.5, cy=-2, z_near=0.1, z_far=9)
+    write_depth(tmp_path / "a.npz", depth)
+    write_depth(tmp_path / "b.npz", depth, camera)
+    write_depth(tmp_path / "c.npz", depth, replace(camera, orthographic=True))
+    stored = np.load(tmp_path / "b.npz", allow_pickle=False)
+    assert stored["intrinsics_px"].dtype == np.float64
+    assert stored["intrinsics_px"].tolist() == [1 / 3, 70.5, 1.5, -2]
+    read = read_labelled(tmp_path / "b.npz", Declaration())
+    assert read.intrinsics_px == (1 / 3, 70.5, 1.5, -2)
+    assert np.array_equal(read.values, depth)
+    assert (tmp_path / "c.npz").read_bytes() == (tmp_path / "a.npz").read_bytes()
+    card = load_card("eth3d")
+    assert set(stored.files) == set(card.value("export.fields"))
+    assert card.value("export.format_version") == FORMAT_VERSION
+    arrays = []
+    for name in "ab":  # the array itself is the same bytes
+        with zipfile.ZipFile(tmp_path / f"{name}.npz") as archive:
+            arrays.append(archive.read("depth_z_m.npy"))
+    assert arrays[0] == arrays[1]
+
+
+@pytest.mark.parametrize("version", [0, 3, 2.0, [2]])
+def test_a_depth_file_of_another_version_is_refused(tmp_path, version):
+    path = tmp_path / "a.npz"
+    np.savez(path, depth_z_m=np.ones((2, 3), np.float32), space="depth", format_version=version)
+    with pytest.raises(DepthFileError, match="of a format that is not known"):
+        read_labelled(path, Declaration())
 
 
 @pytest.mark.parametrize(

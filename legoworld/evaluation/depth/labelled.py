@@ -21,11 +21,12 @@ from legoworld.evaluation.depth.pictures import (
     read_npz_array,
     read_picture,
 )
+from legoworld.readouts.depth import FORMAT_VERSION
 
 #: A readout's array: planar z in metres by its name.
 DEPTH_Z_M: Final = "depth_z_m"
 VALUES: Final = "values"
-_LABELS: Final = ("space", "unit", "intrinsics_px")
+_LABELS: Final = ("space", "unit", "intrinsics_px", "format_version")
 
 
 def read_labelled(
@@ -38,10 +39,10 @@ def read_labelled(
     """A depth file of any accepted format. DepthFileError says why it cannot be used.
 
     An .npz carries its own labels: an array `depth_z_m` with space "depth" (a readout's), or
-    `values` with `space`, `unit` (absent or "" when unknown) and, for ray_distance,
-    `intrinsics_px` = fx, fy, cx, cy. Every other format has what was declared of it. Axes of length
-    1 around the picture's two are dropped. check_size: told of the size that the header claims,
-    before the array is read. accept_float16: such numbers become float32.
+    `values` with `space`, `unit` (absent or "" when unknown); both may have `intrinsics_px` = fx,
+    fy, cx, cy, which ray_distance needs. Every other format has what was declared of it. Axes of
+    length 1 around the picture's two are dropped. check_size: told of the size that the header
+    claims, before the array is read. accept_float16: such numbers become float32.
     """
     try:
         if path.suffix.lower() == ".npz":
@@ -90,6 +91,7 @@ def _read_npz(
     contents = npz_contents(path, _LABELS)
     name = _picture_name(path, contents, declared.array)
     own = contents.labels
+    _check_version(own, path)
     space = _agreed("space", _text(own, "space", path), declared.space, path)
     unit = _agreed("unit", _text(own, "unit", path), declared.unit, path)
     if name == DEPTH_Z_M:
@@ -165,6 +167,20 @@ def _agreed(name: str, own: str | None, other: str | None, path: Path) -> str | 
             expected="one",
         )
     return own if own is not None else other
+
+
+def _check_version(arrays: dict[str, NDArray[Any]], path: Path) -> None:
+    """Files without a version are the first, or somebody else's."""
+    version = arrays.get("format_version")
+    if version is None:
+        return
+    if version.ndim != 0 or version.dtype.kind != "i" or not 1 <= int(version) <= FORMAT_VERSION:
+        raise DepthFileError(
+            f"{path.name} is of a format that is not known",
+            found=f"format_version {version.tolist()!r}",
+            expected=f"1 to {FORMAT_VERSION}",
+            next_step="read it with the version of legoworld that wrote it",
+        )
 
 
 def _intrinsics(arrays: dict[str, NDArray[Any]], path: Path) -> Intrinsics | None:
