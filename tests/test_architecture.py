@@ -19,6 +19,7 @@ ROOMS = [
         "catalog",
         "system_libraries",
         "places",
+        "processors",
         "wording",
     ),
     ("colmap",),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, TypeVar
 import click
 
 from legoworld.conventions import SCHEMA_VERSION
+from legoworld.processors import usable_cores
 from legoworld.wording import did_you_mean
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -178,13 +178,6 @@ def notifier(quiet: bool) -> Callable[[str], None]:
             click.echo(text, err=True)
 
     return notice
-
-
-def usable_cores() -> int:
-    """CPU cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def engine_cores(engine: str) -> int:

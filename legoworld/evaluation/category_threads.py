@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
+
+from legoworld.processors import usable_cores
 
 _MOST_THREADS: Final = 8
 
 
 def category_threads() -> ThreadPoolExecutor:
     """A pool of a thread for each core. Its results are added in the categories' order."""
-    return ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1))
+    return ThreadPoolExecutor(min(_MOST_THREADS, usable_cores()))

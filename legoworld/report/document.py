@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from legoworld.processors import usable_cores
 from legoworld.report.advice import detection_advice
 from legoworld.report.depth_images import DepthImage, depth_advice, depth_images
 from legoworld.report.detection_images import DetectionImage, detection_images
@@ -59,7 +59,7 @@ class _Photos:
     def read(self, wanted: Sequence[tuple[str, tuple[int, int] | None]]) -> None:
         """Read photos, several at a time; the page holds them in the order wanted."""
         new = [key for key in dict.fromkeys(wanted) if key not in self.known]
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        with ThreadPoolExecutor(usable_cores()) as pool:
             found = pool.map(lambda key: page_photo(self.folder, *key), new)
             for key, photo in zip(new, found, strict=True):
                 position = None

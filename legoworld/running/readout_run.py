@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -15,6 +14,7 @@ from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import canonical_json, sha256_of_text
+from legoworld.processors import usable_cores
 from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
 from legoworld.running import run_folder
@@ -175,7 +175,7 @@ def summarise(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> 
 def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
     """Records in the order they are done; worker processes end with this generator."""
     workers = max(1, min(request.workers, len(todo)))
-    threads = max(1, (os.cpu_count() or 1) // workers) if request.engine == "local" else 1
+    threads = max(1, usable_cores() // workers) if request.engine == "local" else 1
     options = replace(request.image_options, threads=threads)
     apart = request.engine == "local" and worth_processes(workers, len(todo))
     reader = ReaderProcess if apart else SceneReader

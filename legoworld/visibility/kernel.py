@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, ShapeError
+from legoworld.processors import usable_cores
 from legoworld.visibility.library import AlphaStruct, SurfacesStruct, ViewStruct, library
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import (
@@ -69,7 +70,8 @@ def render(
     """Instance and depth of the nearest surface at each pixel centre.
 
     size_wh: pixels, 1..8192 each; depth_scale: metres per scene unit, multiplies z in float64
-    before it is rounded to float32; threads: None = one per CPU this process may use.
+    before it is rounded to float32; threads: None = one per CPU this process may use. Where the
+    system starts fewer threads, fewer draw: the bytes are the same.
     Raises ShapeError for arrays or numbers the kernel cannot work with, KernelBuildError when the
     library is missing or stale, LegoWorldError when memory runs out.
     """
@@ -126,8 +128,7 @@ def _prepare(
     _check_view(projection, size_wh, depth_scale)
     if threads is not None and threads < 1:
         raise ShapeError("threads is not a count", found=str(threads), expected="at least 1")
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    count = (available or 1) if threads is None else threads
+    count = usable_cores() if threads is None else threads
     view = ViewStruct(
         fx=projection.fx,
         fy=projection.fy,

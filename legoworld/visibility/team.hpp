@@ -7,28 +7,46 @@
 #include <cstring>
 #include <mutex>
 #include <new>
+#include <system_error>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 namespace lw {
 
-// Runs body(worker) on every worker and lets them meet at barriers.
+// Runs body(worker) on every worker and lets them meet at barriers. Where the system starts fewer threads
+// than were asked for, the team is smaller: the result is the same.
 class Team {
  public:
-  explicit Team(int size) : size_(size < 1 ? 1 : size) {}
+  explicit Team(int wanted) {
+    others_.reserve(static_cast<size_t>(wanted < 1 ? 0 : wanted - 1));
+    try {
+      for (int worker = 1; worker < wanted; ++worker) {
+        others_.emplace_back([this, worker] { serve(worker); });
+      }
+    } catch (const std::system_error&) {  // no more threads
+    } catch (const std::bad_alloc&) {
+    }
+    size_ = static_cast<int>(others_.size()) + 1;
+  }
+  Team(const Team&) = delete;
+  Team& operator=(const Team&) = delete;
+  ~Team() {
+    begin(nullptr, nullptr);
+    for (std::thread& other : others_) other.join();
+  }
 
   int size() const { return size_; }
   bool failed() const { return failed_.load(std::memory_order_relaxed); }
 
+  // Once in a team's life.
   template <class Body>
   void run(Body&& body) {
-    std::vector<std::thread> others;
-    others.reserve(static_cast<size_t>(size_));
-    for (int worker = 1; worker < size_; ++worker) {
-      others.emplace_back([&body, worker] { body(worker); });
-    }
+    begin([](void* what, int worker) { (*static_cast<std::remove_reference_t<Body>*>(what))(worker); },
+          &body);
     body(0);
-    for (std::thread& other : others) other.join();
+    for (std::thread& other : others_) other.join();
+    others_.clear();
   }
 
   // One phase: a worker that runs out of memory must still reach the barrier.
@@ -45,6 +63,26 @@ class Team {
   }
 
  private:
+  typedef void (*Call)(void* body, int worker);
+
+  void begin(Call call, void* body) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      begun_ = true;
+      call_ = call;
+      body_ = body;
+    }
+    all_begin_.notify_all();
+  }
+
+  void serve(int worker) {
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      all_begin_.wait(lock, [this] { return begun_; });
+    }
+    if (call_ != nullptr) call_(body_, worker);
+  }
+
   void meet() {
     if (size_ == 1) return;
     std::unique_lock<std::mutex> lock(mutex_);
@@ -58,9 +96,13 @@ class Team {
     all_here_.wait(lock, [&] { return generation != generation_; });
   }
 
-  const int size_;
   std::mutex mutex_;
-  std::condition_variable all_here_;
+  std::condition_variable all_begin_, all_here_;
+  bool begun_ = false;
+  Call call_ = nullptr;
+  void* body_ = nullptr;
+  std::vector<std::thread> others_;
+  int size_ = 1;
   int waiting_ = 0;
   int64_t generation_ = 0;
   std::atomic<bool> failed_{false};

@@ -15,7 +15,7 @@ from visibility.kernel_scenes import (
     sphere,
 )
 
-from legoworld.visibility.kernel import render
+from legoworld.visibility.kernel import coverage, render
 
 AHEAD = np.array([0, 0, 1])
 
@@ -182,3 +182,24 @@ def test_ids_up_to_the_largest_are_told_apart():
     boxes = [pixel_rectangle(camera, 10 * i, 0, 10 * i + 10, 20) for i in range(3)]
     surfaces = place(boxes, [(i, IDENTITY, ident) for i, ident in enumerate(ids)])
     assert set(np.unique(render(surfaces, camera, size_wh).instance)) == {-1, *ids}
+
+
+def test_both_clip_planes_are_part_of_the_view():
+    """A surface through both planes, with samples exactly on them: each is still there."""
+    size = (16, 4)
+    camera = pixel_camera(size, orthographic=True, fx=1.0, fy=1.0, z_near=1.5, z_far=8.5)
+    # Planar z is x + 5, so column i has i - 2.5, exactly.
+    corners = [(-8, -2, -3), (8, -2, 13), (8, 2, 13), (-8, 2, -3)]
+    seen = render(place([mesh(corners, [(0, 1, 2), (0, 2, 3)])]), camera, size)
+    expected = np.full(size[::-1], np.inf, np.float32)
+    expected[:, 4:12] = np.arange(4, 12) - 2.5
+    np.testing.assert_array_equal(seen.depth_z_m, expected)
+
+
+@pytest.mark.parametrize("z", [1.5, 8.5])
+def test_what_lies_wholly_in_a_clip_plane_covers_pixels(z):
+    size = (16, 4)
+    camera = pixel_camera(size, z_near=1.5, z_far=8.5)
+    card = place([pixel_rectangle(camera, 2, 1, 9, 3, z)])
+    assert coverage(card, camera, size).tolist() == [5]
+    assert (render(card, camera, size).instance == 0).sum() == 14
