@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+import re
+from typing import ClassVar, Final
+
+_UNPRINTABLE: Final = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+
+
+def printable(text: str) -> str:
+    """The text without what a terminal obeys or a file cannot hold, each replaced by U+FFFD.
+
+    Names and messages come from untrusted files: C0 and C1 controls but for tab and newline (escape
+    sequences), marks that turn the direction of writing, and halves of surrogate pairs.
+    """
+    return _UNPRINTABLE.sub("\ufffd", text)
 
 from legoworld import exit_codes
 
 
 def one_line(text: str, limit: int = 400) -> str:
-    """The text with all white space runs turned into single spaces, cut at `limit` characters."""
-    flat = " ".join(text.split())
+    """The text, printable, with white space runs as single spaces, cut at `limit` characters."""
+    flat = printable(" ".join(text.split()))
     return flat if len(flat) <= limit else flat[: limit - 1] + "…"
 
 

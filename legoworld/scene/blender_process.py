@@ -6,9 +6,11 @@ import contextlib
 import json
 import os
 import selectors
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +26,8 @@ from legoworld.errors import (
     one_line,
 )
 from legoworld.scene.scratch import ScratchFolder
-from legoworld.workers.environment import ChildKind, child_environment, python_path
+from legoworld.workers.descendants import resident_bytes
+from legoworld.workers.environment import blender_environment
 
 _POLL_S: Final = 0.02
 #: A worker that has read this many files is replaced: Blender's memory grows slowly with each.
@@ -52,6 +55,7 @@ class BlenderProcess:
         self._home: ScratchFolder | None = None
         self._served = 0
         self._aborted = False
+        self._starting = threading.Lock()
 
     def __enter__(self) -> Self:
         return self
@@ -71,18 +75,22 @@ class BlenderProcess:
         self._home = ScratchFolder("legoworld-blender-")
         home = self._home.path
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "legoworld.scene.blender.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._stderr,
-            text=True,
-            encoding="utf-8",
-            cwd=_made(home, "empty"),
-            start_new_session=True,  # Ctrl-C is for the command: it decides what becomes of workers
-            env=_environment(_made(home, "blender"), _made(home, "temporary")),
-            pass_fds=(self._home.owner_fd,),
-        )
+        empty, environment = _made(home, "empty"), _environment(home)
+        with self._starting:  # an abort comes before the process is made, or finds it
+            if self._aborted:
+                raise self._crashed()
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "legoworld.scene.blender.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._stderr,
+                text=True,
+                encoding="utf-8",
+                cwd=empty,
+                start_new_session=True,  # Ctrl-C is for the command: it decides what becomes of it
+                env=environment,
+                pass_fds=(self._home.owner_fd,),
+            )
         self._served = 0
 
     def request(self, message: dict[str, Any]) -> dict[str, Any]:
@@ -113,14 +121,14 @@ class BlenderProcess:
 
     def abort(self) -> None:
         """End the process from another thread: its request fails, and so does every later one."""
-        self._aborted = True
-        if self._process is not None:
-            self._process.kill()
+        with self._starting:
+            self._aborted = True
+            self._kill()
 
     def close(self) -> None:
         """End the process, whatever it is doing."""
         if self._process is not None:
-            self._process.kill()
+            self._kill()
             self._process.wait()
             for pipe in (self._process.stdin, self._process.stdout):
                 if pipe is not None:
@@ -186,8 +194,14 @@ class BlenderProcess:
     def _process_failed(self) -> None:
         """Stop a process that cannot be used any more; its log is kept for the message."""
         if self._process is not None:
-            self._process.kill()
+            self._kill()
             self._process.wait()
+
+    def _kill(self) -> None:
+        """Kill the worker's whole session; once it is reaped its number may be another's."""
+        if self._process is not None and self._process.returncode is None:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
 
     def _crashed(self) -> WorkerCrashedError:
         code = None
@@ -236,35 +250,16 @@ class BlenderProcess:
             self.close()
 
 
-def resident_bytes(pid: int) -> int:
-    """A process's resident memory; 0 when it is gone."""
-    try:
-        if sys.platform == "linux":
-            pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-            return pages * os.sysconf("SC_PAGE_SIZE")
-        out = subprocess.run(
-            ["ps", "-o", "rss=", "-p", str(pid)], capture_output=True, text=True, check=False
-        )
-        return int(out.stdout or 0) * 1024
-    except (OSError, ValueError, IndexError):
-        return 0
-
-
 def _made(folder: Path, name: str) -> Path:
     path = folder / name
     path.mkdir()
     return path
 
 
-def _environment(home: Path, temporary: Path) -> dict[str, str]:
+def _environment(home: Path) -> dict[str, str]:
     """The worker's environment: no user preferences, no start-up files, this legoworld.
 
     Blender makes a folder for temporary files and one for thumbnails, and a killed Blender leaves
     them: they lie where they are removed with the process.
     """
-    return child_environment(ChildKind.BLENDER, home=home, temporary=temporary) | {
-        "PYTHONPATH": python_path(Path(__file__).parents[2]),
-        "PYTHONHASHSEED": "0",
-        "BLENDER_USER_RESOURCES": str(home),
-        "BLENDER_USER_CONFIG": str(home),
-    }
+    return blender_environment(home=_made(home, "blender"), temporary=_made(home, "temporary"))

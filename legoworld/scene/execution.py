@@ -2,58 +2,205 @@
 
 from __future__ import annotations
 
-import shutil
+import hashlib
+import json
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import LegoWorldError, SceneInvalidError
-from legoworld.files import readable_json, sha256_of_file, write_text
-from legoworld.scene.artefacts import check_picture, without_metadata
+from legoworld.errors import (
+    LegoWorldError,
+    SceneInvalidError,
+    UnreadableBlendError,
+    WorkerMemoryError,
+    from_reason,
+)
+from legoworld.files import atomic_path, readable_json, sha256_of_file, write_text
+from legoworld.scene.artefacts import check_glb, check_picture, without_metadata
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
-from legoworld.scene.folder import BLEND, FROZEN, GLB, PICTURE, PROGRAM
+from legoworld.scene.execution_verdicts import (
+    ProgramLimitError,
+    ProgramOutputError,
+    ended_early,
+    over_limit,
+)
+from legoworld.scene.folder import BLEND, EXECUTION, FROZEN, GLB, PICTURE, PROGRAM
+from legoworld.scene.program_report import REPORT, ProgramReport, read_report
 from legoworld.scene.scratch import scratch_folder
+from legoworld.workers.results import take_file
+from legoworld.workers.sandbox import (
+    Confinement,
+    Protections,
+    Sandbox,
+    SandboxLimits,
+    protections,
+)
 
-EXECUTION: Final = "execution.json"
+_OK: Final = {"status": "ok", "code": "ok", "reason": None}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Execution:
-    """How a program ended and what it left. error: {"type", "message", "line"} or None."""
+    """How a program ended and what it left.
+
+    error: {"type", "message", "line"} or None; check: how scene.blend opened in another process;
+    sandbox: what the program was kept from.
+    """
 
     status: str  # complete | stopped
     error: dict[str, Any] | None
     files: tuple[str, ...]
     warnings: tuple[str, ...]
+    check: dict[str, Any]
+    sandbox: Protections
 
 
-def execute(program: Path, output: Path, *, limits: Limits, picture: bool) -> Execution:
-    """Run a program in its own process and an empty folder, and export into `output`.
+def execute(
+    program: Path,
+    output: Path,
+    *,
+    limits: Limits,
+    picture: bool,
+    sandbox: Confinement = "auto",
+    inputs: Sequence[Path] = (),
+) -> Execution:
+    """Run a program in a sandbox and an empty folder, and export into `output`.
 
-    Raises the worker's errors (crash, time, memory) and ProgramBuiltNothing; what the output folder
-    held is then as it was.
+    inputs: files and folders that the program may read. Its process exports the scene; another one,
+    which it never touched, opens the scene and renders the picture. Raises the program's verdict
+    (`execution_verdicts`, built nothing); what the output folder held is then as it was.
     """
+    held = protections(sandbox)
+    source = program.read_bytes()
     output.mkdir(parents=True, exist_ok=True)
     with (
-        scratch_folder(".executing-", output) as made,
-        BlenderProcess(limits) as blender,
+        scratch_folder(".executing-", output) as scratch,
+        BlenderProcess(limits) as reader,
     ):
-        answer = blender.request(
-            {
-                "kind": "execute",
-                "program": str(program.resolve()),
-                "output": str(made.resolve()),
-            }
-        )
-        warnings = list(answer["warnings"])
-        if "render" in answer["skipped"]:
+        made = scratch / "made"
+        made.mkdir()
+        report = _run(program, inputs, scratch, made, limits, held)
+        warnings = list(report.warnings)
+        if "render" in report.skipped:
             warnings.append(f"the program's own render calls were skipped; see {PICTURE}")
-        if picture:
-            warnings += _picture(blender, made)
-        return _deliver(program, made, output, answer["error"], warnings)
+        check = _check(reader, made, warnings)
+        if picture and check["code"] != "no_camera":
+            warnings += _picture(reader, made)
+        return _deliver(source, made, output, report, warnings, check, held)
+
+
+def _run(
+    program: Path,
+    inputs: Sequence[Path],
+    scratch: Path,
+    made: Path,
+    limits: Limits,
+    held: Protections,
+) -> ProgramReport:
+    """Run the program and move what it left into `made`; raises its verdict."""
+    workspace = scratch / "sandbox"
+    workspace.mkdir()
+    allowed = SandboxLimits(time_s=limits.time_s, memory_bytes=limits.memory_bytes)
+    program = program.resolve()
+    with Sandbox(workspace, allowed, held, owner=scratch) as sandbox:
+        request = {
+            "program": str(program),
+            "output": str(sandbox.seen("output")),
+            "report": str(sandbox.seen("output") / REPORT),
+            "deadline": sandbox.deadline,
+        }
+        sandbox.start(
+            # Unbuffered: what a program printed before it crashed is its last word.
+            [
+                *(sys.executable, "-u", "-m", "legoworld.scene.blender.program_host"),
+                json.dumps(request),
+            ],
+            [program, *(path.resolve() for path in inputs)],
+        )
+        ending = sandbox.wait()
+        report = read_report(_taken(workspace, REPORT, made))
+        if ending.over is not None:
+            raise over_limit(ending, ending.over, report.at, allowed, program)
+        if not report.done:
+            raise ended_early(ending, report.at, program)
+        _refuse_failure(report, allowed)
+        if _taken(workspace, BLEND, made) is None:
+            raise _no_scene("no such file")
+        _taken(workspace, GLB, made)
+    return report
+
+
+def _taken(workspace: Path, name: str, made: Path) -> Path | None:
+    """A file of the program's output, moved into `made`; None where it left none."""
+    try:
+        return made / name if take_file(workspace / "output", name, made) else None
+    except ValueError as error:
+        raise _no_scene(f"{name}: {error}") from error
+
+
+def _no_scene(found: str) -> ProgramOutputError:
+    return ProgramOutputError(
+        f"the program replaced its own {BLEND}",
+        found=found,
+        expected=f"{BLEND} and {GLB} as they were exported",
+        next_step="let the program leave its output folder alone: the scene is exported for it",
+    )
+
+
+def _refuse_failure(report: ProgramReport, allowed: SandboxLimits) -> None:
+    """Raise why there is no scene, where the report says that there is none."""
+    reason = report.reason
+    if reason is None:
+        return
+    if reason["code"] == WorkerMemoryError.code:
+        raise ProgramLimitError(
+            "the program's scene did not fit into memory while it was exported",
+            found="MemoryError",
+            expected="a scene that Blender can export",
+            next_step="build less geometry (subdivision, arrays, particles)",
+        )
+    if reason["code"] == "full":
+        raise ProgramLimitError(
+            "the program's scene could not be written",
+            found=reason["found"],
+            expected=f"files of at most {allowed.disk_bytes / 2**30:g} GiB and room on the disk",
+            next_step="build less geometry, or make room on the disk",
+        )
+    if reason["code"] == "export":
+        raise ProgramOutputError(
+            "the program's scene could not be exported",
+            found=reason["found"],
+            expected="a scene that Blender can save",
+            next_step="the program may have replaced what Blender needs: run it in Blender",
+        )
+    raise from_reason(reason)
+
+
+def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> dict[str, Any]:
+    """Open what the program left, in a process it never touched; the verdict on scene.blend.
+
+    Raises ProgramOutputError for what is no .blend. A scene.glb that is none is not delivered.
+    """
+    glb = made / GLB
+    if glb.is_file():
+        try:
+            check_glb(glb)
+        except SceneInvalidError as error:
+            glb.unlink()
+            warnings.append(f"{GLB} is not delivered: {error}")
+    try:
+        reader.request({"kind": "check", "blend": str(made.resolve() / BLEND)})
+    except UnreadableBlendError as error:
+        raise _no_scene(f"{error.what}: {error.found}") from error
+    except LegoWorldError as error:
+        warnings.append(f"{BLEND} cannot be read as it is: {error}")
+        return {"status": error.status, "code": error.code, "reason": str(error)}
+    return dict(_OK)
 
 
 def _picture(blender: BlenderProcess, made: Path) -> list[str]:
@@ -72,11 +219,13 @@ def _picture(blender: BlenderProcess, made: Path) -> list[str]:
 
 
 def _deliver(
-    program: Path,
+    source: bytes,
     made: Path,
     output: Path,
-    error: dict[str, Any] | None,
+    report: ProgramReport,
     warnings: list[str],
+    check: dict[str, Any],
+    held: Protections,
 ) -> Execution:
     files = tuple(name for name in (BLEND, GLB, PICTURE) if (made / name).is_file())
     for name in (BLEND, GLB, PICTURE):
@@ -84,25 +233,35 @@ def _deliver(
             (made / name).replace(output / name)
         else:
             (output / name).unlink(missing_ok=True)  # of an earlier program
-    if program.resolve() != (output / PROGRAM).resolve():
-        shutil.copyfile(program, output / PROGRAM)
+    _write_program(source, output / PROGRAM)
     if (output / FROZEN).is_file():
         warnings.append(f"{FROZEN} is of the earlier scene: freeze again")
     execution = Execution(
-        status="stopped" if error else "complete",
-        error=error,
+        status="stopped" if report.error else "complete",
+        error=report.error,
         files=files,
         warnings=tuple(warnings),
+        check=check,
+        sandbox=held,
     )
     document = {
         "schema_version": SCHEMA_VERSION,
         "legoworld": __version__,
         "bpy": bpy_version(),
-        "program_sha256": sha256_of_file(output / PROGRAM),
+        "program_sha256": hashlib.sha256(source).hexdigest(),
         "status": execution.status,
-        "error": error,
+        "error": report.error,
         "files": {name: sha256_of_file(output / name) for name in files},
         "warnings": warnings,
+        "check": check,
+        "sandbox": held.document(),
     }
     write_text(output / EXECUTION, readable_json(document))
     return execution
+
+
+def _write_program(source: bytes, path: Path) -> None:
+    """The program as it was before it ran: it may have written to its own file since."""
+    if not path.is_file() or path.read_bytes() != source:
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(source)

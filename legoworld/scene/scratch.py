@@ -9,11 +9,12 @@ from __future__ import annotations
 import fcntl
 import os
 import platform
-import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from legoworld.workers.removal import remove_folder
 
 
 class ScratchFolder:
@@ -29,7 +30,7 @@ class ScratchFolder:
         try:
             self.owner_fd = _owned(self.path)
         except BaseException:
-            shutil.rmtree(self.path, ignore_errors=True)
+            remove_folder(self.path)
             raise
 
     def close(self) -> None:
@@ -37,7 +38,7 @@ class ScratchFolder:
         if self.owner_fd < 0:
             return
         try:
-            shutil.rmtree(self.path, ignore_errors=True)
+            remove_folder(self.path)
         finally:
             os.close(self.owner_fd)
             self.owner_fd = -1
@@ -80,6 +81,6 @@ def _sweep(prefix: str, parent: Path) -> None:
         except OSError:
             continue  # it has its owner
         else:
-            shutil.rmtree(folder, ignore_errors=True)
+            remove_folder(folder)
         finally:
             os.close(descriptor)

@@ -117,6 +117,16 @@ def child_environment(
     return environment
 
 
+def blender_environment(*, home: Path, temporary: Path) -> dict[str, str]:
+    """The environment of a Python that imports bpy: no user preferences or start-up files."""
+    return child_environment(ChildKind.BLENDER, home=home, temporary=temporary) | {
+        "PYTHONPATH": python_path(Path(__file__).parents[2]),
+        "PYTHONHASHSEED": "0",
+        "BLENDER_USER_RESOURCES": str(home),
+        "BLENDER_USER_CONFIG": str(home),
+    }
+
+
 def passed(declared: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
     """The declared names that the caller has: what a record of the run can say, never a value."""
     caller = os.environ if caller is None else caller

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from legoworld import cli
-from legoworld.scene.blender_process import BlenderProcess, Limits, resident_bytes
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.workers.descendants import resident_bytes
 
 pytestmark = pytest.mark.blender
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from legoworld import cli
+from legoworld.scene.execution_verdicts import ended_early, over_limit
+from legoworld.workers.sandbox import Ending, SandboxLimits
 
 pytestmark = pytest.mark.blender
 
@@ -100,13 +102,85 @@ def test_a_program_that_builds_nothing_leaves_nothing(tmp_path, program, capsys)
     assert list(output.iterdir()) == []
 
 
-def test_a_program_that_hangs_or_kills_its_process_is_a_verdict(tmp_path, capsys):
-    code, _ = execute(tmp_path, "while True: pass\n", "--time-limit", "3")
+@pytest.mark.parametrize(
+    ("program", "options", "words"),
+    [
+        (
+            "while True: pass\n",
+            ("--time-limit", "3"),
+            ("the program did not", "after 3 s", "raise --time-limit"),
+        ),
+        (
+            "import ctypes\n\nctypes.string_at(0)\n",
+            (),
+            ("the program crashed in Blender", "SIGSEGV, at line 3", "change what the program"),
+        ),
+        (
+            "import os\nprint('enough')\nos._exit(7)\n",
+            (),
+            ("the program ended its process", "exit code 7; its last line: enough", "os._exit"),
+        ),
+        (
+            "import time\nheld = bytearray(b'x') * (2 << 30)\ntime.sleep(60)\n",
+            ("--memory-limit", "1"),
+            ("used too much memory", "more than 1 GiB", "raise --memory-limit"),
+        ),
+    ],
+    ids=["hangs", "crashes", "leaves", "grows"],
+)
+def test_what_a_program_did_is_said_of_the_program(tmp_path, capsys, program, options, words):
+    """Not of a scene: nothing was built yet that could be damaged or simplified."""
+    code, output = execute(tmp_path, program, *options)
     assert code == 2
-    assert "no answer after 3 s" in capsys.readouterr().err
-    code, _ = execute(tmp_path, "import os\nos.abort()\n")
-    assert code == 2
-    assert "signal 6" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    for word in words:
+        assert word in said
+    assert list(output.iterdir()) == []
+
+
+def test_the_line_that_hangs_or_crashes_is_the_programs_own():
+    """faulthandler's stack, innermost first: Blender's own files and the program's."""
+    stack = (
+        "Timeout (0:00:03)!\nThread 0x7f (most recent call first):\n"
+        '  File "/bpy/ops.py", line 109 in __call__\n  File "/p/scene.py", line 12 in add\n'
+        '  File "/p/scene.py", line 40 in <module>\n'
+    )
+    limits = SandboxLimits(time_s=3.0, memory_bytes=1 << 30)
+    ending = Ending(code=None, over="time", last_output="built 3\n" + stack)
+    error = over_limit(ending, "time", "program", limits, Path("/p/scene.py"))
+    assert error.found == "still running after 3 s, at line 12"
+    assert (error.status, error.code) == ("timeout", "program_timeout")
+    error = over_limit(ending, "time", None, limits, Path("/p/scene.py"))
+    assert "Blender was still starting" in error.found
+    crash = "built 3\nFatal Python error: Segmentation fault\n\nCurrent t" + stack[18:]
+    ending = Ending(code=-11, over=None, last_output=crash)
+    error = ended_early(ending, "program", Path("/p/scene.py"))
+    assert error.found == "SIGSEGV, at line 12; its last line: built 3"
+    assert "while its scene was exported" in ended_early(ending, "export", Path("/p/s.py")).what
+    assert ended_early(ending, None, Path("/p/s.py")).code == "blender_not_started"
+
+
+def test_a_program_that_exits_by_itself_says_with_what(tmp_path, capsys):
+    program = BUILD + "import sys\nsys.exit(3)\n"
+    code, output = execute(tmp_path, program, "--no-picture")
+    assert code == 1
+    assert execution(output)["error"] == {
+        "type": "SystemExit 3",
+        "message": "the program ended itself with exit code 3",
+        "line": len(program.splitlines()),
+    }
+
+
+def test_a_scene_without_a_camera_is_whole_and_says_what_it_lacks(tmp_path):
+    program = BUILD.replace("bpy.context.scene.camera = camera\n", "")
+    code, output = execute(tmp_path, program)
+    assert code == 0
+    made = execution(output)
+    assert made["check"]["code"] == "no_camera"
+    assert made["status"] == "complete"
+    assert len(made["warnings"]) == 1
+    assert "no active camera" in made["warnings"][0]
+    assert "foreseen" not in json.dumps(made)
 
 
 def test_a_program_runs_in_an_empty_folder_and_leaves_no_trace_there(tmp_path):

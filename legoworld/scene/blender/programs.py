@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -45,15 +46,20 @@ class _Replaced:
         return getattr(self._operators, name)
 
 
-def execute_program(program: Path, output: Path) -> dict[str, Any]:
+def execute_program(program: Path, output: Path, begin: Callable[[str], None]) -> dict[str, Any]:
     """Run a program in the current folder and export scene.blend and scene.glb into `output`.
 
     A program that raises is exported with what it had built, and its error is part of the answer.
-    Raises ProgramBuiltNothingError when there is nothing to export.
+    begin: told "program" and "export" as each begins. Raises ProgramBuiltNothingError when there is
+    nothing to export.
     """
+    begin("program")
     before = _fingerprint()
     skipped: list[str] = []
+    host = os.getpid()
     error = _run(program, skipped)
+    if os.getpid() != host:  # a fork of the program's, which has come to the same end
+        os._exit(0)
     if not any(entry[2] in _SHOWS for entry in _fingerprint() - before):
         raise ProgramBuiltNothingError(
             "the program built nothing",
@@ -61,6 +67,7 @@ def execute_program(program: Path, output: Path) -> dict[str, Any]:
             expected="a program that adds objects to the scene",
             next_step="correct the program and execute it again",
         )
+    begin("export")
     warnings = [*_pack(), *_export(output)]
     return {"error": error, "skipped": sorted(set(skipped)), "warnings": warnings}
 
@@ -137,13 +144,26 @@ def _error(error: BaseException, program: Path) -> dict[str, Any]:
     for frame in traceback.extract_tb(error.__traceback__):
         if frame.filename == str(program):
             line = frame.lineno
-    code = f" {error.code}" if isinstance(error, SystemExit) else ""
-    message = str(error).replace(str(program), program.name)
-    return {
-        "type": type(error).__name__ + code,
-        "message": one_line(message.removeprefix("Error: "), 300),
-        "line": line,
-    }
+    kind, message = type(error).__name__, _message(error)
+    if isinstance(error, SystemExit):
+        kind = one_line(f"{kind} {error.code}", 100)
+        message = f"the program ended itself with {_exit_code(error)}"
+    message = message.replace(str(program), program.name).removeprefix("Error: ")
+    return {"type": kind, "message": one_line(message, 300), "line": line}
+
+
+def _message(error: BaseException) -> str:
+    """The error's text; a class of the program's own may have none."""
+    try:
+        return str(error)
+    except Exception as worse:  # noqa: BLE001  the program wrote it: its failure is said instead
+        return f"an error whose text cannot be made: {type(worse).__name__}"
+
+
+def _exit_code(error: SystemExit) -> str:
+    return (
+        f"exit code {error.code}" if isinstance(error.code, int) else f"exit code 1: {error.code}"
+    )
 
 
 def _describe(error: dict[str, Any]) -> str:

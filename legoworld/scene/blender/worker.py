@@ -93,10 +93,13 @@ def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
     return {"content_sha256": save(snapshot, Path(request["output"])), "dependencies": depends}
 
 
-def _execute(request: dict[str, Any]) -> dict[str, Any]:
-    from legoworld.scene.blender.programs import execute_program
+def _check(request: dict[str, Any]) -> dict[str, Any]:
+    """Open a .blend that a program left; refused where it does not open or shows nothing."""
+    from legoworld.scene.blender.cameras import refuse_missing_camera
+    from legoworld.scene.blender.opening import open_blend
 
-    return execute_program(Path(request["program"]), Path(request["output"]))
+    refuse_missing_camera(open_blend(Path(request["blend"])).scene)
+    return {}
 
 
 def _picture(request: dict[str, Any]) -> dict[str, Any]:
@@ -114,7 +117,7 @@ def _version(_request: dict[str, Any]) -> dict[str, Any]:
 _REQUESTS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "version": _version,
     "snapshot": _snapshot,
-    "execute": _execute,
+    "check": _check,
     "picture": _picture,
 }
 

@@ -1,0 +1,64 @@
+"""The process a scene program runs in: one program, then its end.
+
+It has no channel to legoworld: what it says of the program's end is a file in the sandbox, which
+the program could have written as well. Nothing rests on it but how the program itself ended; the
+scene is read by another process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import faulthandler
+import json
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.errors import LegoWorldError, WorkerMemoryError
+
+#: How long before the time limit the program's line is printed.
+_SAY_BEFORE_S: Final = 0.3
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def main() -> int:
+    """Run sys.argv[1], a JSON object: program, output, report (paths), deadline (monotonic s)."""
+    request = json.loads(sys.argv[1])
+    # Where a crash or the time limit finds the program is on standard error.
+    faulthandler.enable()
+    left_s = request["deadline"] - time.monotonic() - _SAY_BEFORE_S
+    faulthandler.dump_traceback_later(max(left_s, 0.01))
+    report = Path(request["report"])
+
+    def say(answer: dict[str, Any]) -> None:
+        with contextlib.suppress(OSError):  # a report that is not there is a verdict, too
+            report.write_text(json.dumps(answer), encoding="utf-8")
+
+    say(_answer(Path(request["program"]), Path(request["output"]), say))
+    # Some add-ons and caches abort in Blender's own exit code; all results are written by now.
+    os._exit(0)
+
+
+def _answer(program: Path, output: Path, say: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+    from legoworld.scene.blender.programs import execute_program
+
+    try:
+        return {"ok": True, **execute_program(program, output, lambda at: say({"at": at}))}
+    except LegoWorldError as error:
+        return {"ok": False, "reason": error.reason()}
+    except MemoryError:
+        return {"ok": False, "reason": {"code": WorkerMemoryError.code}}
+    except Exception as error:  # noqa: BLE001  reported; the program may have broken anything
+        traceback.print_exception(error)
+        full = isinstance(error, OSError) and error.errno in _FULL
+        text = f"{type(error).__name__}: {error}"
+        return {"ok": False, "reason": {"code": "full" if full else "export", "found": text}}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

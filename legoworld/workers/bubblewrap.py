@@ -1,0 +1,126 @@
+"""Bubblewrap: a program that sees its workspace, Python and Blender, and no network.
+
+https://github.com/containers/bubblewrap; `apt-get install bubblewrap`.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import shutil
+import site
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from legoworld.errors import one_line
+
+#: Where the scratch folder is seen inside; TMPDIR's default place is the scratch folder's, too.
+INSIDE: Final = Path("/sandbox")
+TEMPORARY_INSIDE: Final = Path("/tmp")
+
+#: The system's programs and libraries, and how they are found.
+_SYSTEM: Final = (
+    "/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/nix/store",
+    "/etc/alternatives", "/etc/fonts", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d",
+    "/etc/localtime",
+)  # fmt: skip
+_PROBE_WITHIN_S: Final = 20.0
+_PACKAGE: Final = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bubblewrap:
+    """A bubblewrap that works here. program: its path; version: as it prints it."""
+
+    program: str
+    version: str
+
+
+@functools.cache
+def find_bubblewrap() -> Bubblewrap | str:
+    """The installed bubblewrap after a trial run; otherwise why it cannot be used."""
+    program = shutil.which("bwrap")
+    if program is None:
+        return "bubblewrap is not installed"
+    try:
+        version = _output([program, "--version"]).split()[-1]
+        _output([program, *_namespaces(), *_shown([]), "--", sys.executable, "-I", "-S", "-c", ""])
+    except (OSError, subprocess.SubprocessError, IndexError) as error:
+        words = getattr(error, "stderr", None) or str(error)
+        return one_line(f"bubblewrap cannot make namespaces here: {words}", 200)
+    return Bubblewrap(program=program, version=version)
+
+
+def confined(
+    bubblewrap: Bubblewrap, argv: Sequence[str], *, scratch: Path, read_only: Sequence[Path]
+) -> list[str]:
+    """The command that runs `argv` confined.
+
+    scratch: the only folder it can write to, seen as INSIDE; its `temporary` is TEMPORARY_INSIDE.
+    read_only: files and folders it can read besides Python, Blender and the system's libraries.
+    """
+    return [
+        bubblewrap.program,
+        *_namespaces(),
+        "--bind", str(scratch), str(INSIDE),
+        "--bind", str(scratch / "temporary"), str(TEMPORARY_INSIDE),
+        *_shown(read_only),
+        "--remount-ro", "/",
+        "--chdir", str(INSIDE / "empty"),
+        "--", *argv,
+    ]  # fmt: skip
+
+
+def _namespaces() -> list[str]:
+    """Nothing shared: no network, other processes, message queues; ended with its parent."""
+    return [
+        "--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL",
+        "--proc", "/proc", "--dev", "/dev",
+    ]  # fmt: skip
+
+
+def _shown(read_only: Sequence[Path]) -> list[str]:
+    """Options that show folders and files under their own names, without their neighbours."""
+    options: list[str] = []
+    for name in _SYSTEM:
+        path = Path(name)
+        if path.is_symlink() and path.parent == Path("/"):
+            options += ["--symlink", str(path.readlink()), name]
+        elif path.exists():
+            options += ["--ro-bind", name, name]
+    shown = [Path(name) for name in _SYSTEM]
+    for path in sorted({*_python(), *read_only}, key=lambda p: len(p.parts)):
+        if not any(path.is_relative_to(other) for other in shown):
+            options += ["--ro-bind", str(path), str(path)]
+            shown.append(path)
+    return options
+
+
+@functools.cache
+def _python() -> tuple[Path, ...]:
+    """What this Python consists of, with this package, bpy and numpy."""
+    folders = {Path(sys.prefix), Path(sys.base_prefix), Path(sys.base_exec_prefix), _PACKAGE}
+    if site.ENABLE_USER_SITE:
+        folders.add(Path(site.getusersitepackages()))
+    for name in ("bpy", "numpy"):
+        spec = importlib.util.find_spec(name)
+        if spec is not None and spec.origin is not None:
+            folders.add(Path(spec.origin).parents[1])
+    link = Path(sys.executable)
+    while link.is_symlink():  # a virtual environment's python leads to another's
+        link = link.parent / link.readlink()
+        folders.add(link)
+    # The home and the root are never shown as a whole, whatever is installed there.
+    too_much = {Path("/"), Path.home(), *Path.home().parents}
+    return tuple(folder for folder in folders if folder.exists() and folder not in too_much)
+
+
+def _output(command: list[str]) -> str:
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=True, timeout=_PROBE_WITHIN_S, env={}
+    )
+    return done.stdout

@@ -1,0 +1,126 @@
+"""Everything a process has started: found, measured and ended, whatever group it has moved to."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+_PROC: Final = Path("/proc")
+_END_WITHIN_S: Final = 10.0
+
+
+def descendants(ancestor: int) -> list[int]:
+    """The processes below one, nearest first.
+
+    A process whose parent died belongs to the nearest subreaper above it, so that what an ancestor
+    which is one has started is found however often it forked. Zombies count: they have ended.
+    """
+    children: dict[int, list[int]] = {}
+    for pid, parent in _parents():
+        children.setdefault(parent, []).append(pid)
+    found: list[int] = []
+    level = children.get(ancestor, [])
+    while level:
+        found += level
+        level = [child for pid in level for child in children.get(pid, [])]
+    return found
+
+
+def memory_bytes(pids: list[int], enough: int) -> int:
+    """The memory that processes hold together.
+
+    Resident memory counts pages that forks share once for each: a sum of more than `enough` is
+    replaced by that of their proportional shares (PSS), which takes the kernel longer.
+    """
+    resident = sum(resident_bytes(pid) for pid in pids)
+    if resident <= enough or len(pids) < 2:
+        return resident
+    shares = [_proportional_bytes(pid) for pid in pids]
+    return sum(
+        resident_bytes(pid) if share is None else share
+        for pid, share in zip(pids, shares, strict=True)
+    )
+
+
+def resident_bytes(pid: int) -> int:
+    """A process's resident memory; 0 when it has ended."""
+    try:
+        if sys.platform == "linux":
+            pages = int((_PROC / str(pid) / "statm").read_text().split()[1])
+            return pages * os.sysconf("SC_PAGE_SIZE")
+        return int(_ps("-o", "rss=", "-p", str(pid)) or 0) * 1024
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def end_all(ancestor: int) -> None:
+    """Kill everything below a process until nothing is left.
+
+    They are stopped first, so that none forks while the others are killed. The ancestor's own
+    children are reaped when it is this process.
+    """
+    deadline = time.monotonic() + _END_WITHIN_S
+    while time.monotonic() < deadline:
+        left = [pid for pid in descendants(ancestor) if _runs(pid)]
+        for sent in (signal.SIGSTOP, signal.SIGKILL):
+            for pid in left:
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.kill(pid, sent)
+        if ancestor == os.getpid():
+            _reap()
+        if not left:
+            return
+        time.sleep(0.002)
+
+
+def _reap() -> None:
+    with contextlib.suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process is more than an entry that its parent has yet to read."""
+    if sys.platform != "linux":
+        state = _ps("-o", "state=", "-p", str(pid)).strip()
+        return bool(state) and not state.startswith("Z")
+    return _stat(pid)[:1] not in ([], ["Z"], ["X"])
+
+
+def _parents() -> list[tuple[int, int]]:
+    """(process, its parent) of every process there is."""
+    if sys.platform != "linux":
+        lines = (line.split() for line in _ps("-A", "-o", "pid=,ppid=").splitlines())
+        return [(int(pid), int(parent)) for pid, parent in lines]
+    try:
+        pids = [int(entry.name) for entry in _PROC.iterdir() if entry.name.isdigit()]
+    except OSError:
+        return []
+    return [(pid, int(fields[1])) for pid in pids if len(fields := _stat(pid)) > 1]
+
+
+def _stat(pid: int) -> list[str]:
+    """State and parent of a process, from what follows its name; none when it has ended."""
+    try:
+        text = (_PROC / str(pid) / "stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return []
+    return text.rpartition(")")[2].split()[:2]
+
+
+def _ps(*options: str) -> str:
+    return subprocess.run(["ps", *options], capture_output=True, text=True, check=False).stdout
+
+
+def _proportional_bytes(pid: int) -> int | None:
+    try:
+        text = (_PROC / str(pid) / "smaps_rollup").read_text()
+        return 1024 * next(int(x.split()[1]) for x in text.splitlines() if x.startswith("Pss:"))
+    except (OSError, ValueError, StopIteration):
+        return None

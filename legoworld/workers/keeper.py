@@ -1,0 +1,118 @@
+"""The process between legoworld and an untrusted program. Run as a program; see sandbox.py.
+
+It is the subreaper of everything the program starts, so that nothing escapes by forking twice, and
+ends all of it when the program ends or legoworld does, however that happens. Standard input is the
+line to legoworld: it says "end" (b"e") or closes. Standard output takes one line of JSON when the
+program has ended; the program holds neither.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import os
+import select
+import signal
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from legoworld.workers.descendants import end_all
+from legoworld.workers.removal import remove_folder
+
+_PR_SET_PDEATHSIG: Final = 1
+_PR_SET_CHILD_SUBREAPER: Final = 36
+_LINE: Final = 0
+
+
+def main() -> int:
+    """Run sys.argv[1], a JSON object: argv, cwd, file_bytes, output (a descriptor), scratch."""
+    order = json.loads(sys.argv[1])
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+    waking, woken = os.pipe()
+    os.set_blocking(woken, False)
+    signal.set_wakeup_fd(woken, warn_on_full_buffer=False)
+    signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
+    keeper = os.getpid()
+    child = os.fork()
+    if child == 0:
+        _become(order, keeper)
+    os.close(order["output"])
+    code = _wait(child, waking)
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(child, signal.SIGKILL)  # all there is to end where there is no subreaper
+    end_all(keeper)
+    if code is not None:
+        _say({"code": code})
+    # The folder is guarded until legoworld has taken what it needs from it.
+    if os.read(_LINE, 1) != b"e":  # legoworld was killed
+        remove_folder(Path(order["scratch"]))
+    return 0
+
+
+def _wait(child: int, waking: int) -> int | None:
+    """The program's exit code, below 0 a signal; None when it is to be ended first."""
+    while True:
+        pid, status = _ended_child()
+        if pid == child:
+            return os.waitstatus_to_exitcode(status)
+        if pid:
+            continue  # somebody's orphan
+        ready, _, _ = select.select([_LINE, waking], [], [])
+        if _LINE in ready:
+            return None
+        os.read(waking, 512)
+
+
+def _ended_child() -> tuple[int, int]:
+    try:
+        return os.waitpid(-1, os.WNOHANG)
+    except ChildProcessError:
+        return 0, 0
+
+
+def _become(order: dict[str, Any], keeper: int) -> None:
+    """The program: a session of its own, its limits, no descriptor but its three."""
+    try:
+        os.setsid()
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != keeper:
+            os._exit(127)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        _limit(order["file_bytes"])
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.dup2(order["output"], 1)
+        os.dup2(order["output"], 2)
+        os.closerange(3, 1 << 16)
+        os.chdir(order["cwd"])
+        os.execv(order["argv"][0], order["argv"])
+    except (OSError, ValueError) as error:
+        os.write(2, f"{order['argv'][0]}: {error}\n".encode())
+    finally:
+        os._exit(127)
+
+
+def _limit(file_bytes: int) -> None:
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    _soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    if hard == resource.RLIM_INFINITY or hard > file_bytes:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, file_bytes))
+
+
+def _prctl(option: int, value: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def _say(message: dict[str, Any]) -> None:
+    with contextlib.suppress(OSError):  # legoworld was killed
+        os.write(1, json.dumps(message).encode() + b"\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

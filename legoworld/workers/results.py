@@ -1,0 +1,33 @@
+"""Taking files out of a folder that an untrusted program could write to."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+
+def take_file(folder: Path, name: str, into: Path) -> bool:
+    """Move a file of a sandbox into a folder of ours; False where there is none.
+
+    Only a regular file with no other name is taken: a link, a FIFO or a device is not followed or
+    opened. ValueError says what stands in the file's place.
+    """
+    try:
+        source = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except (FileNotFoundError, NotADirectoryError):
+        raise ValueError("no folder to look in") from None
+    except OSError as error:
+        raise ValueError(error.strerror) from error
+    try:
+        os.rename(name, into / name, src_dir_fd=source)
+    except FileNotFoundError:
+        return False
+    finally:
+        os.close(source)
+    status = (into / name).lstat()
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink != 1:
+        kind = "a file with another name, too" if stat.S_ISREG(status.st_mode) else "no plain file"
+        raise ValueError(kind)
+    (into / name).chmod(0o644)
+    return True

@@ -1,0 +1,319 @@
+"""One sandbox for untrusted programs: confined by bubblewrap where it works, limited everywhere.
+
+The program is started by a keeper (keeper.py) that ends all it has started. See docs/sandbox.md for
+what holds with bubblewrap, what holds without it, and what does not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import selectors
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Final, Literal, Self
+
+from legoworld import exit_codes
+from legoworld.errors import LegoWorldError
+from legoworld.workers.bubblewrap import (
+    INSIDE,
+    TEMPORARY_INSIDE,
+    Bubblewrap,
+    confined,
+    find_bubblewrap,
+)
+from legoworld.workers.descendants import descendants, end_all, memory_bytes
+from legoworld.workers.environment import blender_environment
+
+Confinement = Literal["auto", "bubblewrap", "limits"]
+Limit = Literal["time", "memory", "disk", "output", "processes"]
+
+_KEEPER: Final = Path(__file__).with_name("keeper.py")
+_FOLDERS: Final = ("empty", "home", "temporary", "output")
+_TAIL_BYTES: Final = 64 << 10
+_LOOK_EVERY_S: Final = 0.05
+_LOOK_AT_DISK_EVERY_S: Final = 0.5
+_MOST_FILES: Final = 100_000
+_END_WITHIN_S: Final = 15.0
+
+
+class SandboxUnavailableError(LegoWorldError):
+    """Bubblewrap was asked for and cannot be used on this machine."""
+
+    code = "sandbox_unavailable"
+    exit_code = exit_codes.BLOCKED
+
+
+@dataclass(frozen=True, kw_only=True)
+class SandboxLimits:
+    """What a program and everything it starts may use together.
+
+    disk_bytes: of its workspace, and of any single file; output_bytes: what it may print.
+    """
+
+    time_s: float
+    memory_bytes: int
+    disk_bytes: int = 4 << 30
+    output_bytes: int = 64 << 20
+    processes: int = 512
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ending:
+    """How a program ended.
+
+    code: its exit code, below 0 the signal that ended it; None when `over` names the limit it was
+    ended for. last_output: the end of what it printed.
+    """
+
+    code: int | None
+    over: Limit | None
+    last_output: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Protections:
+    """What a sandbox holds and does not hold. why_not: why there is no bubblewrap."""
+
+    bubblewrap: str | None
+    why_not: str | None
+
+    @property
+    def holds(self) -> list[str]:
+        """Names of the protections that are in force."""
+        linux = sys.platform == "linux"
+        return [
+            *(_WITH_BUBBLEWRAP if self.bubblewrap else ()),
+            *_EVERYWHERE,
+            *(_ON_LINUX if linux else ()),
+        ]
+
+    @property
+    def does_not_hold(self) -> list[str]:
+        """Names of the protections that another machine would have."""
+        held = self.holds
+        return [p for p in (*_WITH_BUBBLEWRAP, *_EVERYWHERE, *_ON_LINUX) if p not in held]
+
+    def document(self) -> dict[str, Any]:
+        """As execution.json has it."""
+        return {
+            "bubblewrap": self.bubblewrap,
+            "why_not": self.why_not,
+            "holds": self.holds,
+            "does_not_hold": self.does_not_hold,
+        }
+
+
+_WITH_BUBBLEWRAP: Final = ("network", "files", "other processes")
+_EVERYWHERE: Final = ("environment", "time", "output", "file size", "workspace size")
+_ON_LINUX: Final = ("memory with child processes", "child processes ended")
+
+
+def protections(confinement: Confinement) -> Protections:
+    """What a sandbox would hold here. SandboxUnavailableError where bubblewrap is a must."""
+    if confinement == "limits":
+        return Protections(bubblewrap=None, why_not="not asked for")
+    found = find_bubblewrap()
+    if isinstance(found, Bubblewrap):
+        return Protections(bubblewrap=found.version, why_not=None)
+    if confinement == "bubblewrap":
+        raise SandboxUnavailableError(
+            "bubblewrap cannot be used",
+            found=found,
+            expected="a bubblewrap that may make user namespaces",
+            next_step="apt-get install bubblewrap, or allow user namespaces on this machine",
+        )
+    return Protections(bubblewrap=None, why_not=found)
+
+
+class Sandbox:
+    """A program in a sandbox, from its start to the end of everything it started.
+
+    scratch: an empty folder for its files. The program starts in `scratch/empty`, and its results
+    are looked for in `scratch/output`. owner: the folder that the keeper removes should legoworld
+    be killed. The time limit begins here.
+    """
+
+    def __init__(
+        self, scratch: Path, limits: SandboxLimits, held: Protections, *, owner: Path
+    ) -> None:
+        self.scratch = scratch.resolve()
+        self._owner = owner.resolve()
+        self._limits = limits
+        self._confined = held.bubblewrap is not None
+        #: When the time limit is reached, in time.monotonic() seconds, in every process.
+        self.deadline = time.monotonic() + limits.time_s
+        self._keeper: subprocess.Popen[bytes] | None = None
+        self._printed: IO[bytes] | None = None
+        self._tail = b""
+        self._printed_bytes = 0
+        for name in _FOLDERS:
+            (scratch / name).mkdir()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def seen(self, name: str) -> Path:
+        """A file or folder of the scratch folder as the program sees it."""
+        return (INSIDE if self._confined else self.scratch) / name
+
+    def start(self, argv: Sequence[str], read_only: Sequence[Path]) -> None:
+        """Start a program. read_only: what it can read besides Python, Blender and libraries."""
+        read_output, write_output = os.pipe()
+        self._printed = open(read_output, "rb", buffering=0)  # noqa: SIM115, PTH123
+        command = list(argv)
+        if self._confined:
+            found = find_bubblewrap()
+            assert isinstance(found, Bubblewrap)
+            command = confined(found, argv, scratch=self.scratch, read_only=read_only)
+        order = {
+            "argv": command,
+            "cwd": str(self.scratch / "empty"),
+            "file_bytes": self._limits.disk_bytes,
+            "output": write_output,
+            "scratch": str(self._owner),
+        }
+        try:
+            self._keeper = subprocess.Popen(
+                [sys.executable, "-I", "-S", str(_KEEPER), json.dumps(order)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C is for the command: closing ends all of it
+                pass_fds=(write_output,),
+                env=self._environment(),
+            )
+        finally:
+            os.close(write_output)
+
+    def wait(self) -> Ending:
+        """Wait for the program's end or for a limit; nothing it started runs afterwards."""
+        keeper = self._keeper
+        assert keeper is not None
+        assert keeper.stdout is not None
+        assert self._printed is not None
+        look, look_at_disk = 0.0, 0.0
+        with selectors.DefaultSelector() as selector:
+            selector.register(keeper.stdout, selectors.EVENT_READ)
+            selector.register(self._printed, selectors.EVENT_READ)
+            while True:
+                ready = {key.fileobj for key, _ in selector.select(_LOOK_EVERY_S)}
+                if self._printed in ready and not self._read_output():
+                    selector.unregister(self._printed)
+                if self._printed_bytes > self._limits.output_bytes:
+                    return self._end_for("output")
+                if keeper.stdout in ready:
+                    return self._ended(keeper.stdout.readline())
+                now = time.monotonic()
+                over = self._over(keeper.pid, now, disk=now > look_at_disk) if now > look else None
+                if now > look_at_disk:
+                    look_at_disk = time.monotonic() + _LOOK_AT_DISK_EVERY_S
+                if now > look:
+                    # Looking at many processes takes time: at most a twentieth of it.
+                    look = time.monotonic() + max(_LOOK_EVERY_S, 20 * (time.monotonic() - now))
+                if over is not None:
+                    return self._end_for(over)
+
+    def close(self) -> None:
+        """End the program with everything it started. The scratch folder stays, for its owner."""
+        keeper, self._keeper = self._keeper, None
+        if keeper is not None:
+            assert keeper.stdin is not None
+            assert keeper.stdout is not None
+            with contextlib.suppress(BrokenPipeError):
+                keeper.stdin.write(b"e")
+                keeper.stdin.flush()
+            try:
+                keeper.wait(_END_WITHIN_S)
+            except subprocess.TimeoutExpired:  # a program has stopped it
+                end_all(keeper.pid)
+                keeper.kill()
+                keeper.wait()
+            with contextlib.suppress(BrokenPipeError):
+                keeper.stdin.close()
+            keeper.stdout.close()
+        if self._printed is not None:
+            self._printed.close()
+            self._printed = None
+
+    def _environment(self) -> dict[str, str]:
+        home = self.seen("home")
+        temporary = TEMPORARY_INSIDE if self._confined else self.seen("temporary")
+        return blender_environment(home=home, temporary=temporary)
+
+    def _read_output(self) -> bool:
+        """Take what was printed, keep its end; False when no more can come."""
+        assert self._printed is not None
+        data = self._printed.read(1 << 16)
+        self._printed_bytes += len(data)
+        self._tail = (self._tail + data)[-_TAIL_BYTES:]
+        return bool(data)
+
+    def _over(self, keeper: int, now: float, *, disk: bool) -> Limit | None:
+        """The limit that is exceeded, if any."""
+        pids = descendants(keeper)
+        if len(pids) > self._limits.processes:
+            return "processes"
+        if memory_bytes(pids, self._limits.memory_bytes) > self._limits.memory_bytes:
+            return "memory"
+        if disk and workspace_bytes(self.scratch) > self._limits.disk_bytes:
+            return "disk"
+        return "time" if now > self.deadline else None
+
+    def _end_for(self, over: Limit) -> Ending:
+        last = self._last_output()
+        self.close()
+        return Ending(code=None, over=over, last_output=last)
+
+    def _ended(self, line: bytes) -> Ending:
+        last = self._last_output()
+        if not line:  # the keeper was killed: by the program, or by the system for memory
+            self.close()
+            return Ending(code=-9, over=None, last_output=last)
+        code: int = json.loads(line)["code"]
+        if self._confined and code > 128:  # how bubblewrap passes on the signal of its program
+            code = 128 - code
+        return Ending(code=code, over=None, last_output=last)
+
+    def _last_output(self) -> str:
+        """The end of what was printed, with what is still in the pipe."""
+        assert self._printed is not None
+        os.set_blocking(self._printed.fileno(), False)
+        with contextlib.suppress(BlockingIOError, TypeError):
+            while self._printed_bytes <= self._limits.output_bytes and self._read_output():
+                pass
+        return self._tail.decode("utf-8", "replace")
+
+
+def workspace_bytes(folder: Path) -> int:
+    """What the files below a folder take on disk; without end where they are too many to count."""
+    total, files = 0, 0
+    pending = [folder]
+    while pending:
+        try:
+            with os.scandir(pending.pop()) as entries:
+                for entry in entries:
+                    files += 1
+                    if files > _MOST_FILES:
+                        return 1 << 62
+                    if entry.is_dir(follow_symlinks=False):
+                        pending.append(Path(entry.path))
+                    else:
+                        total += entry.stat(follow_symlinks=False).st_blocks * 512
+        except OSError:
+            continue  # gone since, or closed to us
+    return total
