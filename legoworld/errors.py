@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import ClassVar, Final
 
+from legoworld import exit_codes
+
 _UNPRINTABLE: Final = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
 )
@@ -17,8 +19,6 @@ def printable(text: str) -> str:
     sequences), marks that turn the direction of writing, and halves of surrogate pairs.
     """
     return _UNPRINTABLE.sub("\ufffd", text)
-
-from legoworld import exit_codes
 
 
 def one_line(text: str, limit: int = 400) -> str:
