@@ -12,6 +12,7 @@ from typing import Any
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.places import Place, folders_holding
+from legoworld.repeats import repeated
 from legoworld.vocabulary import LARGEST_ID, Vocabulary, from_json
 
 _SCENE_FILES = ("scene.blend", "scene.glb")
@@ -167,9 +168,9 @@ def _refuse_annotations(document: dict[str, Any], entries: list[Any], source: st
 def _refuse_duplicates(images: list[TrackImage], source: str) -> None:
     for attribute in ("id", "file_name", "scene"):
         values = [getattr(image, attribute) for image in images]
-        if len(set(values)) != len(values):
+        if twice := repeated(values):
             raise CatalogError(
                 f"the track {source} lists an image twice",
-                found=f"{attribute} {next(v for v in values if values.count(v) > 1)!r}",
+                found=f"{attribute} {twice[0]!r}",
                 expected=f"distinct {attribute}s",
             )

@@ -10,6 +10,7 @@ from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import canonical_json, sha256_of_text
+from legoworld.repeats import repeated
 
 #: Ids above this lose digits where JSON numbers are read as doubles.
 LARGEST_ID: Final = 2**53
@@ -158,11 +159,10 @@ def from_json(entries: object, source: str) -> Vocabulary:
     categories.sort(key=lambda c: c.id)
     for attribute in ("id", "name"):
         values = [normal_name(c.name) if attribute == "name" else c.id for c in categories]
-        if len(set(values)) != len(values):
-            twice = next(v for v in values if values.count(v) > 1)
+        if twice := repeated(values):
             raise CatalogError(
                 f"{source} names a category {attribute} twice",
-                found=repr(twice),
+                found=repr(twice[0]),
                 expected=f"distinct {attribute}s",
             )
     return Vocabulary(tuple(categories))

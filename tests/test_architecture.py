@@ -20,6 +20,7 @@ ROOMS = [
         "system_libraries",
         "places",
         "processors",
+        "repeats",
         "wording",
     ),
     ("colmap",),

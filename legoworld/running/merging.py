@@ -12,6 +12,7 @@ from typing import Any
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import atomic_path
 from legoworld.readouts.tasks import TASKS
+from legoworld.repeats import repeated
 from legoworld.running import run_folder
 from legoworld.running.prediction_files import IMAGES_PER_FILE, with_division
 from legoworld.running.readout_run import RunResult, run_document, summarise
@@ -152,7 +153,7 @@ def _whole(folders: list[Path], configurations: list[dict[str, Any]]) -> dict[st
     indices = sorted(c["shard"]["index"] for c in configurations)
     if indices != list(range(1, of + 1)):
         missing = sorted({*range(1, of + 1)} - {*indices})
-        twice = sorted({i for i in indices if indices.count(i) > 1})
+        twice = repeated(indices)
         raise UsageError(
             "the shards do not make up the run",
             found="; ".join(

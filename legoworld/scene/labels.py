@@ -93,9 +93,13 @@ def resolve_labels(
         "object": [(o.name, dict(o.properties)) for o in snapshot.objects],
         "collection": [(c.name, dict(c.properties)) for c in snapshot.collections],
     }
+    owners_of: dict[tuple[Kind, str], list[int]] = {}
+    for kind, entries in by_kind.items() if outside else ():
+        for i, (name, _) in enumerate(entries):
+            owners_of.setdefault((kind, name), []).append(i)
     warnings = []
     for label in _merged(outside):
-        owners = [i for i, (name, _) in enumerate(by_kind[label.kind]) if name == label.name]
+        owners = owners_of.get((label.kind, label.name), [])
         if not owners:
             warnings.append(f"{LABELS} names {label.kind} {label.name!r}: not in the scene")
         for i in owners:
