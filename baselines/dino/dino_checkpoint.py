@@ -13,7 +13,7 @@ import pickle
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import torch
@@ -33,6 +33,25 @@ _SETTINGS = {
     "decoder_module_seq": ["sa", "ca", "ffn"],
     "dilation": False,
 }
+#: Training wrote its arguments as a Namespace of plain values; some paths are pathlib's, under the
+#: module's name of the Python that wrote them. A path opens nothing.
+_ALLOWED: tuple[Any, ...] = (
+    argparse.Namespace,
+    *(
+        (made, f"{module}.{name}")
+        for module in ("pathlib", "pathlib._local")
+        for made, name in (
+            (PurePosixPath, "PosixPath"),
+            (PurePosixPath, "PurePosixPath"),
+            (PureWindowsPath, "WindowsPath"),
+            (PureWindowsPath, "PureWindowsPath"),
+        )
+    ),
+)
+_ULTRALYTICS = (
+    "a model of Ultralytics (YOLO) is run by no baseline: predict with `yolo val save_json=True`"
+    " and pass its predictions.json to `legoworld baseline import`"
+)
 _GET_IT = "download checkpoint0023_4scale.pth of IDEA-Research/DINO's model zoo; see the README"
 
 
@@ -116,15 +135,15 @@ def _unpickle(path: Path) -> dict[str, Any]:
             next_step=_GET_IT,
         )
     try:
-        # The training arguments are an argparse.Namespace of plain values; nothing else is let in.
-        with torch.serialization.safe_globals([argparse.Namespace]):
+        with torch.serialization.safe_globals(list(_ALLOWED)):
             content = torch.load(path, map_location="cpu", weights_only=True)
     except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
+        found = _what_it_asks_for(error)
         raise Refused(
-            "the weight file cannot be read safely",
-            found=_what_it_asks_for(error),
+            "the weight file cannot be read safely, and nothing in it was executed",
+            found=found,
             expected="tensors, plain values and one argparse.Namespace, as torch.save writes them",
-            next_step="download it again; nothing in it was executed",
+            next_step=_ULTRALYTICS if "wants ultralytics." in found else _next_for(error),
         ) from error
     if not isinstance(content, dict):
         raise Refused(
@@ -134,6 +153,16 @@ def _unpickle(path: Path) -> dict[str, Any]:
             next_step=_GET_IT,
         )
     return content
+
+
+def _next_for(error: Exception) -> str:
+    """A file that asks for an object is whole: downloading it again would change nothing."""
+    if "GLOBAL" in str(error):
+        return (
+            "save it again with tensors and plain values only: {'model': state_dict, 'args':"
+            " argparse.Namespace(...)}; or " + _GET_IT
+        )
+    return "download it again"
 
 
 def _what_it_asks_for(error: Exception) -> str:

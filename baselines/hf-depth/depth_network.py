@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,20 +13,33 @@ import torch
 import transformers
 from legoworld_baseline import Refused
 from legoworld_baseline.hugging_face import load_pretrained, read_config
+from legoworld_baseline.image_processors import description, load_processor, processor_record
+from legoworld_baseline.model_kinds import wrong_kind
 from numpy.typing import NDArray
 from PIL import Image
 from torch.nn import functional
 
-Prepare = Callable[[NDArray[np.uint8]], torch.Tensor]
+
+@dataclass(frozen=True, kw_only=True)
+class Preparation:
+    """How a photo becomes a network's input.
+
+    pixel_values: (H, W, 3) uint8 to (1, 3, h, w); mirrored: ZoeDepth's border, see `padding_wh`;
+    record: for provenance.
+    """
+
+    pixel_values: Callable[[NDArray[np.uint8]], torch.Tensor]
+    mirrored: bool
+    record: dict[str, Any]
 
 
 def load_config(folder: Path) -> Any:
     """The model's configuration. Refused when it is no depth estimator."""
     config = read_config(folder)
     if type(config) not in transformers.AutoModelForDepthEstimation._model_mapping:
-        raise Refused(
+        raise wrong_kind(
             "this model does not estimate depth",
-            found=f"model_type {config.model_type!r}",
+            config,
             expected="a model of transformers.AutoModelForDepthEstimation",
         )
     return config
@@ -39,40 +52,38 @@ def load_network(folder: Path, device: str, dtype: str) -> Any:
     )
 
 
-def load_preparation(folder: Path, model_type: str) -> Prepare:
+def load_preparation(folder: Path, model_type: str, backend: str) -> Preparation:
     """From a photo (H, W, 3) to pixel_values (1, 3, h, w) as the checkpoint describes it.
 
-    Refused when the description is absent, needs torchvision, or shows less or more of the photo
-    than the whole (cropped, or padded in a way that is not undone here).
+    backend: of the image processor, "pil" or "torchvision". Refused when the description is
+    absent, needs the other backend, or shows less or more of the photo than the whole (cropped, or
+    padded in a way that is not undone here).
     """
-    path = folder / "preprocessor_config.json"
-    if not path.is_file():
-        raise Refused("the checkpoint does not describe its input", expected=path.name)
-    described = json.loads(path.read_text(encoding="utf-8"))
     if model_type == "depth_pro":
-        return _depth_pro_preparation(described)
-    try:
-        processor = transformers.AutoImageProcessor.from_pretrained(folder, local_files_only=True)
-    except ImportError as error:
-        raise Refused(
-            "this model's image processor needs torchvision, which is not used here",
-            found=" ".join(str(error).split())[:200],
-            expected="a processor that works with Pillow",
-        ) from error
-    padded = getattr(processor, "do_pad", False) and model_type != "zoedepth"
+        return _depth_pro_preparation(description(folder))
+    processor = load_processor(folder, backend)
+    mirrored = model_type == "zoedepth" and bool(processor.do_pad)
+    padded = getattr(processor, "do_pad", False) and not mirrored
     if padded or getattr(processor, "do_center_crop", False):
         raise Refused(
             "the network would not see exactly the whole photo",
             found="do_pad" if padded else "do_center_crop",
             expected="an input that is only resized",
+            next_step="choose another model, or pass its results to `legoworld baseline import`",
         )
-    return lambda photo: processor(images=Image.fromarray(photo), return_tensors="pt").pixel_values
+
+    def prepare(photo: NDArray[np.uint8]) -> torch.Tensor:
+        pixels: torch.Tensor = processor(
+            images=Image.fromarray(photo), return_tensors="pt"
+        ).pixel_values
+        return pixels
+
+    return Preparation(pixel_values=prepare, mirrored=mirrored, record=processor_record(processor))
 
 
-def padding_wh(folder: Path, model_type: str, photo_wh: tuple[int, int]) -> tuple[int, int]:
+def padding_wh(preparation: Preparation, photo_wh: tuple[int, int]) -> tuple[int, int]:
     """How far ZoeDepth's processor mirrors the photo beyond each side, in photo pixels."""
-    described = json.loads((folder / "preprocessor_config.json").read_text(encoding="utf-8"))
-    if model_type != "zoedepth" or not described.get("do_pad", True):
+    if not preparation.mirrored:
         return 0, 0
     width, height = (int(math.sqrt(side / 2) * 3) for side in photo_wh)
     return width, height
@@ -105,7 +116,7 @@ def check_metric(config: Any) -> None:
         )
 
 
-def _depth_pro_preparation(described: dict[str, Any]) -> Prepare:
+def _depth_pro_preparation(described: dict[str, Any]) -> Preparation:
     """Depth Pro's processor exists for torchvision only: normalise, then resize unfiltered."""
     expected = {"resample": 2, "do_resize": True, "do_rescale": True, "do_normalize": True}
     for name, value in expected.items():
@@ -114,6 +125,7 @@ def _depth_pro_preparation(described: dict[str, Any]) -> Prepare:
                 "a Depth Pro with another preprocessing",
                 found=f"{name} {described[name]}",
                 expected=str(value),
+                next_step="choose a Depth Pro with the published preprocessing",
             )
     size = described["size"]["height"], described["size"]["width"]
     mean, std = (
@@ -126,4 +138,5 @@ def _depth_pro_preparation(described: dict[str, Any]) -> Prepare:
             (values - mean) / std, size=size, mode="bilinear", align_corners=False
         )
 
-    return prepare
+    record = {"class": None, "backend": "torch", "settings": described}
+    return Preparation(pixel_values=prepare, mirrored=False, record=record)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from depth_declared import Numbers, declared_numbers
@@ -18,9 +17,8 @@ class Model:
     """A network, how a photo becomes its input, and what its numbers are."""
 
     network: Any
-    prepare: Any
+    preparation: Any
     numbers: Numbers
-    folder: Path
     request: dict[str, Any]
 
 
@@ -35,10 +33,9 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
     numbers = declared_numbers(config, options["space"], options["unit"])
     check_metric(config)
     model = Model(
-        prepare=load_preparation(files.folder, config.model_type),
+        preparation=load_preparation(files.folder, config.model_type, options["backend"]),
         network=load_network(files.folder, request["device"], request["dtype"]),
         numbers=numbers,
-        folder=files.folder,
         request=request,
     )
     provenance = {
@@ -47,10 +44,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
         "libraries": library_versions(LIBRARIES),
         "device": device_type(request["device"]),
         "dtype": request["dtype"],
-        "preprocessing": {
-            "processor": "as config_files describe it, without torchvision",
-            "exif_orientation": "not applied",
-        },
+        "preprocessing": {**model.preparation.record, "exif_orientation": "not applied"},
         "depth": {
             "space": numbers.space,
             "unit": numbers.unit,
@@ -69,8 +63,8 @@ def predict(model: Model, image: dict[str, Any]) -> dict[str, Any]:
 
     size_wh = image["width"], image["height"]
     photo = read_photo(image["path"], *size_wh)
-    values = predicted_depth(model.network, model.prepare(photo))
-    padding = padding_wh(model.folder, model.network.config.model_type, size_wh)
+    values = predicted_depth(model.network, model.preparation.pixel_values(photo))
+    padding = padding_wh(model.preparation, size_wh)
     array = written_array(values, model.numbers.space, size_wh, padding)
     result = write_depth(model.request, image, array, model.numbers.space, model.numbers.unit)
     return {**result, "counts": {"network_px": values.size}}

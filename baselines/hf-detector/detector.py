@@ -13,6 +13,8 @@ import transformers
 from detector_boxes import categories_of_labels
 from legoworld_baseline import Refused, match_labels
 from legoworld_baseline.hugging_face import load_pretrained, read_config
+from legoworld_baseline.image_processors import load_processor
+from legoworld_baseline.model_kinds import wrong_kind
 from numpy.typing import NDArray
 from transformers.image_utils import ChannelDimension
 
@@ -43,13 +45,16 @@ class Labels:
 
 
 def load_detector(
-    folder: Path, labels: Labels, *, device: str, dtype: str, top_k: int | None
+    folder: Path, labels: Labels, *, device: str, dtype: str, top_k: int | None, backend: str
 ) -> Detector:
-    """The model of a folder. Refused when it is no detector or cannot be run as it is."""
+    """The model of a folder. Refused when it is no detector or cannot be run as it is.
+
+    backend: of the image processor, "pil" or "torchvision".
+    """
+    processor = load_processor(folder, backend)
     network = load_pretrained(
         transformers.AutoModelForObjectDetection, folder, device=device, dtype=dtype
     )
-    processor = _processor(folder)
     return Detector(
         network=network,
         processor=processor,
@@ -108,27 +113,12 @@ def detect(detector: Detector, rgb: NDArray[np.uint8]) -> dict[str, torch.Tensor
 def _config(folder: Path) -> Any:
     config = read_config(folder)
     if type(config) not in transformers.AutoModelForObjectDetection._model_mapping:
-        raise Refused(
-            "this model is no detector",
-            found=f"model_type {config.model_type!r}",
+        raise wrong_kind(
+            "this model is no detector of fixed classes",
+            config,
             expected="a model of transformers' AutoModelForObjectDetection",
-            next_step="hf-segmenter and hf-depth run the other kinds",
         )
     return config
-
-
-def _processor(folder: Path) -> Any:
-    try:
-        return transformers.AutoImageProcessor.from_pretrained(
-            folder, backend="pil", local_files_only=True
-        )
-    except (ValueError, OSError, ImportError, KeyError) as error:
-        raise Refused(
-            "the model's preprocessing cannot be used without torchvision",
-            found=" ".join(f"{type(error).__name__}: {error}".split())[:280],
-            expected="preprocessor_config.json of an image processor with a Pillow backend",
-            next_step="choose a model whose processor has one; see the README",
-        ) from error
 
 
 def _post_arguments(processor: Any, config: Any, top_k: int | None) -> dict[str, Any]:

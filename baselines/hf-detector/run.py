@@ -16,6 +16,7 @@ _LIBRARIES = ("torch", "transformers", "numpy", "pillow", "safetensors", "huggin
 def load(request: dict[str, Any]) -> tuple[Detector, dict[str, Any]]:
     """The detector that the request names, and what its numbers depend on."""
     from legoworld_baseline.hugging_face import resolve
+    from legoworld_baseline.image_processors import processor_record
 
     files = resolve(request["weights"], offline=request["offline"])
     from detector import THRESHOLD, load_detector, read_labels
@@ -27,13 +28,13 @@ def load(request: dict[str, Any]) -> tuple[Detector, dict[str, Any]]:
         device=request["device"],
         dtype=request["dtype"],
         top_k=request["options"]["top_k"],
+        backend=request["options"]["backend"],
     )
     provenance = files.provenance() | {
         "network": type(detector.network).__name__,
         "preprocessing": {
-            "class": type(detector.processor).__name__,
+            **processor_record(detector.processor),
             "exif_orientation": "ignored",
-            "settings": _settings(detector.processor),
         },
         "postprocessing": detector.post,
         "labels": {
@@ -65,14 +66,6 @@ def predict(detector: Detector, image: dict[str, Any]) -> dict[str, Any]:
         "predictions": results,
         "counts": {"predictions": len(results), "without_category": without_category},
     }
-
-
-def _settings(processor: Any) -> dict[str, Any]:
-    """What the processor does to a photo, as its JSON file would say it."""
-    import json
-
-    settings: dict[str, Any] = json.loads(processor.to_json_string())
-    return settings
 
 
 if __name__ == "__main__":

@@ -20,10 +20,10 @@ LIBRARIES = ("huggingface-hub", "numpy", "pillow", "pycocotools", "scipy", "torc
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """A network, its image processor, and what becomes of its queries."""
+    """A network, how a photo becomes its input, and what becomes of its queries."""
 
     network: Any
-    processor: Any
+    prepare: Any
     rules: Any
 
 
@@ -38,13 +38,15 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
         )
     files = hugging_face.resolve(request["weights"], offline=request["offline"])
 
+    from segmenter_input import preparation
     from segmenter_instances import Rules
-    from segmenter_network import load_config, load_network, load_processor
+    from segmenter_network import load_config, load_network
 
     labels = load_config(files.folder).id2label
     category_of = match_labels(request, labels.values())
+    prepare, prepared = preparation(files.folder, options["input"])
     model = Model(
-        processor=load_processor(files.folder),
+        prepare=prepare,
         network=load_network(files.folder, request["device"], request["dtype"]),
         rules=Rules(
             categories={n: category_of[name] for n, name in labels.items() if name in category_of},
@@ -60,10 +62,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
         "device": device_type(request["device"]),
         "dtype": request["dtype"],
         "labels": category_of,
-        "preprocessing": {
-            "processor": "as config_files describe it, on Pillow",
-            "exif_orientation": "not applied",
-        },
+        "preprocessing": {**prepared, "exif_orientation": "not applied"},
         "masks": "logits to the network's input, padding cut off, to the photo (bilinear), > 0",
         "score": "share of the class * mean probability inside the mask",
         "threshold": options["min_score"],
@@ -83,7 +82,7 @@ def predict(model: Model, image: dict[str, Any]) -> dict[str, Any]:
 
     size_wh = image["width"], image["height"]
     photo = read_photo(image["path"], *size_wh)
-    said = queries(model.network, model.processor, photo)
+    said = queries(model.network, model.prepare, photo)
     entries, counts = detections(said, model.rules, image["image_id"], size_wh)
     return {"predictions": entries, "counts": counts}
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import torch
 import transformers
-from legoworld_baseline import Refused
 from legoworld_baseline.hugging_face import load_pretrained, read_config
+from legoworld_baseline.model_kinds import wrong_kind
 from numpy.typing import NDArray
-from PIL import Image
+from segmenter_input import Prepare
 
 #: Both give, per query, a distribution over classes and "nothing", and one mask.
 MODEL_TYPES = ("mask2former", "maskformer")
@@ -43,9 +43,7 @@ def load_config(folder: Path) -> Any:
     what = "this segmenter is not one that is read here"
     if semantic and not universal:
         what = "this model gives one class per pixel and no instances"
-    raise Refused(
-        what, found=f"model_type {config.model_type!r}", expected=" or ".join(MODEL_TYPES)
-    )
+    raise wrong_kind(what, config, expected=" or ".join(MODEL_TYPES))
 
 
 def load_network(folder: Path, device: str, dtype: str) -> Any:
@@ -55,22 +53,14 @@ def load_network(folder: Path, device: str, dtype: str) -> Any:
     )
 
 
-def load_processor(folder: Path) -> Any:
-    """The checkpoint's image processor, on Pillow. Refused when it is not described."""
-    path = folder / "preprocessor_config.json"
-    if not path.is_file():
-        raise Refused("the checkpoint does not describe its input", expected=path.name)
-    return transformers.AutoImageProcessor.from_pretrained(folder, local_files_only=True)
-
-
 @torch.inference_mode()
-def queries(network: Any, processor: Any, photo: NDArray[np.uint8]) -> Queries:
+def queries(network: Any, prepare: Prepare, photo: NDArray[np.uint8]) -> Queries:
     """Ask the network about a photo (H, W, 3). ValueError when a number is not finite."""
-    inputs = processor(images=Image.fromarray(photo), return_tensors="pt")
-    pixels, mask = inputs["pixel_values"], inputs["pixel_mask"][0].bool()
+    pixels, shown = prepare(photo)
+    mask = shown[0].bool()
     out = network(
         pixel_values=pixels.to(network.device, network.dtype),
-        pixel_mask=inputs["pixel_mask"].to(network.device),
+        pixel_mask=shown.to(network.device),
     )
     shares = out.class_queries_logits[0].float().softmax(dim=-1)[:, :-1]
     if not torch.isfinite(shares).all():

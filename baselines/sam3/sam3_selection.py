@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,15 +20,23 @@ _MASKS_AT_ONCE = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Candidates:
-    """k candidates in the order of the cut. mask_logits: (k, h, w); the rest (k,)."""
+    """k candidates in the order of the cut. mask_logits: of each, (h, w); the rest (k,)."""
 
     scores: NDArray[np.float32]
     category_ids: NDArray[np.int64]
     queries: NDArray[np.int64]
-    mask_logits: torch.Tensor
+    mask_logits: tuple[torch.Tensor, ...]
 
     def __len__(self) -> int:
         return len(self.scores)
+
+
+_NOTHING = Candidates(
+    scores=np.empty(0, np.float32),
+    category_ids=np.empty(0, np.int64),
+    queries=np.empty(0, np.int64),
+    mask_logits=(),
+)
 
 
 class Selection:
@@ -56,19 +64,35 @@ class Selection:
         self.counts["candidates"] += scores.size
         self.counts["below_score"] += scores.size - above
         self.counts["cut_category"] += above - len(rows)
-        new = Candidates(
-            scores=scores[rows, queries],
-            category_ids=np.asarray(category_ids, np.int64)[rows],
-            queries=queries,
-            mask_logits=answers.mask_logits[torch.from_numpy(rows), torch.from_numpy(queries)],
-        )
-        self._merge(new)
+        ids = np.asarray(category_ids, np.int64)[rows]
+        self._merge(scores[rows, queries], ids, rows, queries, answers.mask_logits)
 
-    def _merge(self, new: Candidates) -> None:
-        old = self.kept
-        n_before = len(new) + (len(old) if old is not None else 0)
-        self.kept = _first(_joined(old, new), self.limits.per_image)
-        self.counts["cut_image"] += n_before - len(self.kept)
+    def _merge(
+        self,
+        scores: NDArray[np.float32],
+        category_ids: NDArray[np.int64],
+        rows: NDArray[np.int64],
+        queries: NDArray[np.int64],
+        mask_logits: torch.Tensor,
+    ) -> None:
+        """Cut by score first; of the new masks, only those that stay are copied."""
+        old = self.kept or _NOTHING
+        scores = np.concatenate([old.scores, scores])
+        category_ids = np.concatenate([old.category_ids, category_ids])
+        queries = np.concatenate([old.queries, queries])
+        order = np.lexsort((queries, category_ids, -scores))[: self.limits.per_image]
+        self.counts["cut_image"] += len(scores) - len(order)
+        self.kept = Candidates(
+            scores=scores[order],
+            category_ids=category_ids[order],
+            queries=queries[order],
+            mask_logits=tuple(
+                old.mask_logits[i]
+                if i < len(old)
+                else mask_logits[int(rows[i - len(old)]), int(queries[i])].clone()
+                for i in map(int, order)
+            ),
+        )
 
     def predictions(self, image_id: int, size_wh: tuple[int, int]) -> list[dict[str, Any]]:
         """Entries of LVIS results in the order of the cut; masks without a pixel are dropped."""
@@ -92,15 +116,17 @@ class Selection:
         return entries
 
 
-def masks_at(mask_logits: torch.Tensor, size_wh: tuple[int, int]) -> Iterator[NDArray[np.bool_]]:
-    """Masks (n, height, width) of logits (k, h, w), some at a time: logits resized, then > 0.
+def masks_at(
+    mask_logits: Sequence[torch.Tensor], size_wh: tuple[int, int]
+) -> Iterator[NDArray[np.bool_]]:
+    """Masks (n, height, width) of k logits (h, w), some at a time: logits resized, then > 0.
 
     Bilinear with pixel centres at .5 (align_corners=False), in float32: the official code's
     order. Resizing probabilities instead and cutting at one half moves edges.
     """
     width, height = size_wh
     for start in range(0, len(mask_logits), _MASKS_AT_ONCE):
-        chunk = mask_logits[start : start + _MASKS_AT_ONCE, None].float()
+        chunk = torch.stack(list(mask_logits[start : start + _MASKS_AT_ONCE]))[:, None].float()
         resized = functional.interpolate(
             chunk, size=(height, width), mode="bilinear", align_corners=False
         )
@@ -129,24 +155,3 @@ def _best_of_each(
     queries = order.ravel()
     passed = scores[rows, queries] >= limits.min_score
     return rows[passed], queries[passed]
-
-
-def _joined(old: Candidates | None, new: Candidates) -> Candidates:
-    if old is None:
-        return new
-    return Candidates(
-        scores=np.concatenate([old.scores, new.scores]),
-        category_ids=np.concatenate([old.category_ids, new.category_ids]),
-        queries=np.concatenate([old.queries, new.queries]),
-        mask_logits=torch.cat([old.mask_logits, new.mask_logits]),
-    )
-
-
-def _first(candidates: Candidates, n: int) -> Candidates:
-    order = np.lexsort((candidates.queries, candidates.category_ids, -candidates.scores))[:n]
-    return Candidates(
-        scores=candidates.scores[order],
-        category_ids=candidates.category_ids[order],
-        queries=candidates.queries[order],
-        mask_logits=candidates.mask_logits[torch.from_numpy(order)],
-    )

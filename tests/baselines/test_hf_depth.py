@@ -278,9 +278,12 @@ def test_zoedepths_padding_is_what_its_processor_adds(size_wh, tmp_path):
     processor.save_pretrained(tmp_path)
     width, height = size_wh
     padded = processor.pad_image(np.zeros((1, height, width), np.float32))
-    left, top = depth_network.padding_wh(tmp_path, "zoedepth", size_wh)
+    mirrored = depth_network.load_preparation(tmp_path, "zoedepth", "pil")
+    left, top = depth_network.padding_wh(mirrored, size_wh)
     assert padded.shape == (1, height + 2 * top, width + 2 * left)
-    assert depth_network.padding_wh(tmp_path, "glpn", size_wh) == (0, 0)
+    transformers.ZoeDepthImageProcessorPil(do_pad=False).save_pretrained(tmp_path)
+    plain = depth_network.load_preparation(tmp_path, "zoedepth", "pil")
+    assert depth_network.padding_wh(plain, size_wh) == (0, 0)
 
 
 # The models
@@ -293,9 +296,11 @@ def test_each_kind_of_checkpoint(name, tmp_path, photo):
     assert (space, unit or None) == TINY[name][3]
     assert result["depth"]["space"] == space
     assert provenance["depth"]["said_by"] == "model_type"
+    assert provenance["preprocessing"]["class"] == TINY[name][1]
+    assert provenance["preprocessing"]["backend"] == "pil"
     # what transformers itself gives for the photo
     network = transformers.AutoModelForDepthEstimation.from_pretrained(folder).eval()
-    processor = transformers.AutoImageProcessor.from_pretrained(folder)
+    processor = transformers.AutoImageProcessor.from_pretrained(folder, backend="pil")
     with Image.open(photo) as picture:
         size_wh = picture.size
         inputs = processor(images=picture.convert("RGB"), return_tensors="pt")

@@ -251,7 +251,7 @@ def request(weights, photo):
         "dtype": "float32",
         "batch_size": 1,
         "offline": True,
-        "options": {"every_category": True, "top_k": None},
+        "options": {"every_category": True, "top_k": None, "backend": "pil"},
         "prompts": None,
         "output": str(photo.parent),
     }
@@ -386,6 +386,7 @@ def test_the_provenance_names_files_and_settings_and_no_path(folder_of, lines_of
     assert found["revision"] is None
     assert found["network"] == "DeformableDetrForObjectDetection"
     assert found["preprocessing"]["class"] == "DeformableDetrImageProcessorPil"
+    assert found["preprocessing"]["backend"] == "pil"
     assert found["preprocessing"]["settings"]["size"] == {"longest_edge": 100, "shortest_edge": 64}
     assert found["postprocessing"] == {"top_k": 100}
     assert found["labels"] == {
@@ -407,7 +408,7 @@ def test_another_process_gives_the_same_answer(folder_of, lines_of, photo, answe
 def test_more_detections_can_be_asked_for_where_the_model_takes_it(
     folder_of, photo, answered, refused
 ):
-    options = {"options": {"every_category": True, "top_k": 250}}
+    options = {"options": {"every_category": True, "top_k": 250, "backend": "pil"}}
     provenance, answer = answered(request(folder_of("deformable-detr"), photo) | options)
     assert provenance["postprocessing"] == {"top_k": 250}
     assert sum(answer["counts"].values()) == 250
@@ -448,7 +449,7 @@ def test_every_category_must_have_a_label_unless_said_otherwise(model, photo, an
     text = refused(request(model, photo))
     assert "toothbrush" in text
     assert "wig" in text
-    subset = {"options": {"every_category": False, "top_k": None}}
+    subset = {"options": {"every_category": False, "top_k": None, "backend": "pil"}}
     provenance, answer = answered(request(model, photo) | subset)
     assert provenance["labels"] == {
         "matched": 79,
@@ -488,7 +489,10 @@ def test_a_checkpoint_that_leaves_parameters_unset_is_refused(model, photo, refu
     ("harm", "said"),
     [
         (lambda folder: (folder / "model.safetensors").unlink(), "holds no weights"),
-        (lambda folder: (folder / "preprocessor_config.json").unlink(), "preprocessing"),
+        (
+            lambda folder: (folder / "preprocessor_config.json").unlink(),
+            "does not describe its preprocessing",
+        ),
         (lambda folder: (folder / "config.json").write_text("{}"), "config.json cannot be used"),
         (lambda folder: (folder / "model.safetensors").write_bytes(bytes(40)), "cannot be loaded"),
         (lambda folder: changed_config(folder, model_type="vit"), "no detector"),
@@ -511,7 +515,7 @@ def test_a_backbone_of_timm_is_refused_in_words(folder_of, photo, tmp_path, refu
         ({"dtype": "int8"}, "int8"),
         ({"device": "nonsense"}, "nonsense"),
         ({"weights": "nowhere/at/all"}, "nowhere/at/all"),
-        ({"weights": "nobody/has-this"}, "cannot be had offline"),
+        ({"weights": "nobody/has-this"}, "no model that can be had offline"),
     ],
 )
 def test_what_cannot_be_done_is_refused(folder_of, photo, change, said, hub_cache, refused):

@@ -14,6 +14,7 @@ transformers = pytest.importorskip("transformers")
 coco_mask = pytest.importorskip("pycocotools.mask")
 importable("hf-segmenter")
 
+import segmenter_input  # noqa: E402
 import segmenter_instances  # noqa: E402
 import segmenter_network  # noqa: E402
 from legoworld_baseline import Refused  # noqa: E402
@@ -223,7 +224,7 @@ def test_each_kind_of_checkpoint(build, processor, tmp_path, photo):
     network = transformers.AutoModelForUniversalSegmentation.from_pretrained(folder).eval()
     with Image.open(photo) as picture:
         width, height = picture.size
-        inputs = transformers.AutoImageProcessor.from_pretrained(folder)(
+        inputs = transformers.AutoImageProcessor.from_pretrained(folder, backend="pil")(
             images=picture.convert("RGB"), return_tensors="pt"
         )
     assert inputs["pixel_values"].shape[-2:] == (160, 160)
@@ -248,6 +249,55 @@ def test_each_kind_of_checkpoint(build, processor, tmp_path, photo):
         assert one[0] == pytest.approx(other[0], rel=1e-4)
         assert one[1] == other[1]
         assert abs(one[2] - other[2]) <= 2
+
+
+@pytest.mark.parametrize(
+    ("photo_hw", "resized_hw"),
+    [
+        ((480, 640), (800, 1067)),  # 1066.67 rounds up; transformers cuts it to 1066
+        ((427, 640), (800, 1199)),
+        ((640, 427), (1199, 800)),
+        ((200, 1000), (267, 1333)),
+        ((800, 800), (800, 800)),
+    ],
+)
+def test_the_authors_sizes(photo_hw, resized_hw):
+    assert segmenter_input.authors_size_hw(photo_hw, 800, 1333) == resized_hw
+
+
+def test_the_authors_input_is_padded_and_the_checkpoints_is_stretched(checkpoint, photo):
+    rgb = np.random.default_rng(0).integers(0, 256, (60, 70, 3)).astype(np.uint8)
+    stretched, record = segmenter_input.preparation(checkpoint, "checkpoint")
+    assert record["input"] == "checkpoint"
+    assert (record["class"], record["backend"]) == ("Mask2FormerImageProcessorPil", "pil")
+    pixels, shown = stretched(rgb)
+    assert (pixels.shape[2:], shown.all().item()) == ((64, 96), True)
+    padded, record = segmenter_input.preparation(checkpoint, "authors")
+    assert record["input"] == "authors"
+    pixels, shown = padded(rgb)
+    # detectron2's steps by hand: Pillow's bilinear resize of bytes, mean and deviation, zeros
+    assert (pixels.shape[2:], int(shown.sum())) == ((64, 96), 64 * 75)
+    resized = np.asarray(Image.fromarray(rgb).resize((75, 64), Image.Resampling.BILINEAR))
+    mean, std = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+    expected = np.zeros((64, 96, 3))
+    expected[:, :75] = (resized / 255 - mean) / std
+    assert np.allclose(pixels[0].permute(1, 2, 0).numpy(), expected, atol=1e-5)
+
+
+def test_the_authors_input_is_on_record_and_gives_other_masks(checkpoint, tmp_path):
+    photo = tmp_path / "photo.png"
+    rgb = np.random.default_rng(0).integers(0, 256, (60, 70, 3)).astype(np.uint8)
+    Image.fromarray(rgb).save(photo)
+    run = program("hf-segmenter")
+    found = {}
+    for how in ("checkpoint", "authors"):
+        options = {**defaults("hf-segmenter"), "input": how}
+        asked = segment_request("lvis", checkpoint, photo, options=options)
+        model, provenance = run.load(asked)
+        assert provenance["preprocessing"]["input"] == how
+        found[how] = run.predict(model, asked["images"][0])["predictions"]
+    assert found["checkpoint"]
+    assert found["checkpoint"] != found["authors"]
 
 
 def test_end_to_end(checkpoint, tmp_path, photo):
@@ -280,13 +330,39 @@ def test_a_semantic_head_is_refused(tmp_path, photo):
     said = ask("hf-segmenter", segment_request("lvis", tmp_path, photo))
     assert "no instances" in said.refused["message"]
     assert "segformer" in said.refused["found"]
+    assert "baseline import" in said.refused["next_step"]
 
 
-@pytest.mark.parametrize("config", [transformers.DetrConfig, transformers.BertConfig])
-def test_a_model_that_is_not_read_here_is_refused(config, tmp_path):
-    (tmp_path / "config.json").write_text(json.dumps({"model_type": config.model_type}))
-    with pytest.raises(Refused, match="not one that is read here"):
+@pytest.mark.parametrize(
+    ("model_type", "next_step"),
+    [
+        ("detr", "baseline run hf-detector"),
+        ("bert", "baseline import"),
+        ("oneformer", "baseline import"),
+        ("eomt", "baseline import"),
+        ("grounding-dino", "baseline run hf-zero-shot"),
+        ("sam3", "baseline run sam3"),
+        ("dpt", "baseline run hf-depth"),
+    ],
+)
+def test_a_model_that_is_not_read_here_is_refused(model_type, next_step, tmp_path):
+    (tmp_path / "config.json").write_text(json.dumps({"model_type": model_type}))
+    with pytest.raises(Refused, match=r"not one that is read here|no instances") as refusal:
         segmenter_network.load_config(tmp_path)
+    assert next_step in refusal.value.reason["next_step"]
+
+
+def test_a_processor_on_another_backend_is_refused(checkpoint, photo, monkeypatch):
+    """transformers falls back to torchvision without a word where it has no other class."""
+
+    class OnTorchvision:
+        backend = "torchvision"
+
+    monkeypatch.setattr(
+        transformers.AutoImageProcessor, "from_pretrained", lambda *_a, **_k: OnTorchvision()
+    )
+    with pytest.raises(Refused, match="for torchvision only"):
+        program("hf-segmenter").load(segment_request("coco", checkpoint, photo))
 
 
 def test_labels_that_do_not_name_every_category_are_refused(checkpoint, photo):

@@ -6,6 +6,7 @@ its folder and from nowhere else: the files that were hashed are those that are 
 
 from __future__ import annotations
 
+import difflib
 import json
 import re
 import sys
@@ -69,10 +70,12 @@ def resolve(weights: str, *, offline: bool) -> ModelFiles:
         return ModelFiles(
             folder=folder, model=model, revision=revision, weights=weight_files(folder)
         )
-    if not _HUB_ID.fullmatch(weights) or folder.is_absolute() or folder.exists():
+    if folder.exists():
+        raise _single_file(folder)
+    if not _HUB_ID.fullmatch(weights) or folder.is_absolute():
         raise Refused(
             "the weights are no folder and no model id",
-            found=weights,
+            found=f"{weights}{_near_folders(folder)}",
             expected="a folder with config.json and its weights, or a hub id like org/name",
             next_step="check the path",
         )
@@ -164,6 +167,33 @@ def weight_files(folder: Path) -> tuple[Path, ...]:
     )
 
 
+def _single_file(path: Path) -> Refused:
+    """What to say of a file where a folder is needed; Ultralytics' files are the usual ones."""
+    next_step = "pass the folder that holds it, with config.json and preprocessor_config.json"
+    if path.suffix == ".pt" and not (path.parent / "config.json").is_file():
+        next_step = (
+            "a .pt of Ultralytics (YOLO) is run by no baseline: predict with `yolo val"
+            " save_json=True` and pass its predictions.json to `legoworld baseline import`;"
+            " a checkpoint of another origin needs its folder in transformers' format"
+        )
+    return Refused(
+        "the weights are a single file",
+        found=path.name,
+        expected="a folder with config.json and its weights, or a hub id like org/name",
+        next_step=next_step,
+    )
+
+
+def _near_folders(folder: Path) -> str:
+    """In parentheses what lies where the path points and has nearly its name; else nothing."""
+    try:
+        names = sorted(p.name for p in folder.parent.iterdir() if p.is_dir())
+    except OSError:
+        return ""
+    near = [str(folder.with_name(n)) for n in difflib.get_close_matches(folder.name, names, n=3)]
+    return f" (near: {', '.join(near)})" if near else ""
+
+
 def _from_hub(weights: str, offline: bool) -> ModelFiles:
     from huggingface_hub import snapshot_download
 
@@ -187,14 +217,18 @@ def _from_hub(weights: str, offline: bool) -> ModelFiles:
 
 def _not_had(weights: str, offline: bool, error: Exception) -> Refused:
     text = " ".join(str(error).split())
-    if offline:
+    near = _near_folders(Path(weights))
+    if near:
+        next_step = f"check the path: there is no folder of that name{near}"
+    elif offline:
         next_step = "run once without --offline, or copy the model's folder and pass its path"
     elif "gated" in type(error).__name__.lower():
         next_step = "accept the model's licence on its page and log in with `hf auth login`"
     else:
         next_step = "check the id and the network, or pass a folder"
     return Refused(
-        f"the model {weights!r} cannot be had{' offline' if offline else ''}",
+        f"{weights!r} is no folder here, and no model that can be had"
+        + (" offline" if offline else ""),
         found=f"{type(error).__name__}: {text[:240]}",
         expected="a model in the hub's cache" if offline else "a model that may be downloaded",
         next_step=next_step,
