@@ -14,7 +14,7 @@ from legoworld_baseline import (
     serve,
     write_depth,
 )
-from legoworld_baseline.devices import check_device, check_dtype, device_type
+from legoworld_baseline.devices import check_dtype, check_dtype_on, device_type
 
 LIBRARIES = ("depth-anything-3", "einops", "numpy", "omegaconf", "opencv-python-headless", "torch")
 
@@ -38,7 +38,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
     check_dtype(request["dtype"])
     files = hugging_face.resolve(request["weights"], offline=request["offline"])
     _check_model_name(files)
-    check_device(request["device"])
+    check_dtype_on(request["dtype"], request["device"])
     import torch
     from da3_network import build, load_weights
     from safetensors.torch import load_file

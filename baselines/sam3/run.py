@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from legoworld_baseline import Refused, hugging_face, library_versions, read_photo, serve
-from legoworld_baseline.devices import device_type
+from legoworld_baseline.devices import check_dtype_on, device_type
 from sam3_options import Options, read_options
 from sam3_prompts import prompt_strings
 
@@ -21,6 +21,7 @@ class Model:
     """
 
     network: Any
+    dtype: str
     text: Any
     category_ids: tuple[int, ...]
     prompts: dict[int, tuple[int, ...]] | None
@@ -38,13 +39,17 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
     files = hugging_face.resolve(request["weights"], offline=request["offline"])
 
     from sam3_loading import load_network, load_tokenizer, preprocessing
-    from sam3_network import text_features
+    from sam3_network import computing_in, text_features
 
-    network = load_network(files.folder, request["device"], request["dtype"])
+    check_dtype_on(request["dtype"], request["device"])
+    network = load_network(files.folder, request["device"])
     tokenizer = load_tokenizer(files.folder, phrases)
+    with computing_in(request["dtype"], network):
+        text = text_features(network, tokenizer, phrases, options.prompts_at_once)
     model = Model(
         network=network,
-        text=text_features(network, tokenizer, phrases, options.prompts_at_once),
+        dtype=request["dtype"],
+        text=text,
         category_ids=category_ids,
         prompts=prompts,
         options=options,
@@ -54,6 +59,9 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
         "libraries": library_versions(LIBRARIES),
         "device": device_type(request["device"]),
         "dtype": request["dtype"],
+        "precision": "float32"
+        if request["dtype"] == "float32"
+        else "weights in float32, the network under autocast",
         "preprocessing": preprocessing(network),
         "masks": "logits resized to the photo (bilinear, float32), then > 0",
         "score": "sigmoid(logit) * sigmoid(presence)",
@@ -76,7 +84,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
 
 def predict(model: Model, image: dict[str, Any]) -> dict[str, Any]:
     """One photo's masks. The photo is encoded once, whatever the number of phrases."""
-    from sam3_network import answers, image_features
+    from sam3_network import answers, computing_in, image_features
     from sam3_selection import Selection
 
     image_id, size_wh = image["image_id"], (image["width"], image["height"])
@@ -84,10 +92,11 @@ def predict(model: Model, image: dict[str, Any]) -> dict[str, Any]:
     rows = range(len(model.category_ids)) if model.prompts is None else model.prompts[image_id]
     selection = Selection(model.options.limits)
     if rows:
-        encoded = image_features(model.network, photo)
         at_once = model.options.prompts_at_once
-        for asked, said in answers(model.network, encoded, model.text, rows, at_once):
-            selection.add([model.category_ids[row] for row in asked], said)
+        with computing_in(model.dtype, model.network):
+            encoded = image_features(model.network, photo)
+            for asked, said in answers(model.network, encoded, model.text, rows, at_once):
+                selection.add([model.category_ids[row] for row in asked], said)
     predictions = selection.predictions(image_id, size_wh)
     return {"predictions": predictions, "counts": {"prompts": len(rows), **selection.counts}}
 

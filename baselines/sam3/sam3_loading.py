@@ -16,8 +16,8 @@ from transformers import CLIPTokenizer, Sam3Model
 _MODEL_TYPES = ("sam3", "sam3_video")
 
 
-def load_network(folder: Path, device: str, dtype: str) -> Any:
-    """Sam3Model with every parameter out of the checkpoint. Refused otherwise."""
+def load_network(folder: Path, device: str) -> Any:
+    """Sam3Model with every parameter out of the checkpoint, in float32. Refused otherwise."""
     config = _json(folder / "config.json")
     if config.get("model_type") not in _MODEL_TYPES:
         raise Refused(
@@ -26,7 +26,7 @@ def load_network(folder: Path, device: str, dtype: str) -> Any:
             expected=" or ".join(_MODEL_TYPES),
             next_step="give facebook/sam3 or a folder with its files",
         )
-    network = load_pretrained(Sam3Model, folder, device=device, dtype=dtype)
+    network = load_pretrained(Sam3Model, folder, device=device, dtype="float32")
     _check_preprocessing(folder, network)
     return network
 

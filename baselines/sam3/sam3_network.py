@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +38,13 @@ class Answers:
 
     scores: torch.Tensor
     mask_logits: torch.Tensor
+
+
+def computing_in(dtype: str, model: Any) -> AbstractContextManager[Any]:
+    """float32 as it is; another type by autocast over float32 weights, as the original runs it."""
+    if dtype == "float32":
+        return nullcontext()
+    return torch.autocast(device_type=model.device.type, dtype=getattr(torch, dtype))
 
 
 def pixel_values(photo: NDArray[np.uint8], side_px: int) -> torch.Tensor:

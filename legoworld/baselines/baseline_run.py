@@ -76,7 +76,7 @@ def run_baseline(
 
         began: list[bool] = []
         batches = {image.id: k // request.batch_size for k, image in enumerate(images)}
-        conversation = Conversation(request, photos, batches, begin, log)
+        conversation = Conversation(request, photos, batches, begin, log, notice)
         records = _journalled(
             request, done, _every_record(conversation, images, todo, photos), progress
         )

@@ -18,6 +18,7 @@ PROJECT: Final = "pyproject.toml"
 PROGRAM: Final = "run.py"
 SHARED: Final = "shared"
 _TASKS: Final = ("coco", "lvis", "eth3d")
+DTYPES: Final = ("float32", "float16", "bfloat16")
 _TYPES: Final[Mapping[str, type]] = {"str": str, "int": int, "float": float, "bool": bool}
 _TRUE_AND_FALSE: Final = {"true": True, "false": False}
 
@@ -39,7 +40,9 @@ class Option:
 class BaselineCard:
     """One baseline. folder: with its run.py; prompts_from_truth: whether it can be given them.
 
-    variables: names of the caller's environment variables that its process needs to see.
+    variables: names of the caller's environment variables that its process needs to see;
+    label_map: whether it matches labels by name; dtype_on_cuda: what the original computes in on a
+    GPU, `--dtype auto`.
     """
 
     name: str
@@ -50,6 +53,8 @@ class BaselineCard:
     options: tuple[Option, ...]
     prompts_from_truth: bool
     variables: tuple[str, ...]
+    label_map: bool
+    dtype_on_cuda: str
     folder: Path
     sha256: str
 
@@ -118,12 +123,17 @@ def read_card(path: Path) -> BaselineCard:
     variables = values.get("variables", [])
     if not isinstance(variables, list) or not all(isinstance(v, str) and v for v in variables):
         raise _error(path, f"variables = {variables!r}", 'a list of names, such as ["HF_TOKEN"]')
+    dtype = values.get("dtype_on_cuda", "float32")
+    if dtype not in DTYPES:
+        raise _error(path, f"dtype_on_cuda = {dtype!r}", " or ".join(DTYPES))
     return BaselineCard(
         **{key: str(text) for key, text in texts.items()},
         tasks=tuple(tasks),
         options=tuple(_option(key, entry, path) for key, entry in sorted(options.items())),
         prompts_from_truth=values.get("prompts_from_truth") is True,
         variables=tuple(variables),
+        label_map=values.get("label_map") is not False,
+        dtype_on_cuda=dtype,
         folder=path.parent,
         sha256=sha256_of_file(path),
     )

@@ -39,7 +39,8 @@ class Conversation:
     """Asks for images until each has a record.
 
     photos: every image's photo; batches: every image's batch number; begin: called with each
-    process's provenance before anything is asked of it, and may refuse it.
+    process's provenance before anything is asked of it, and may refuse it; log, notice: what is
+    said only when asked for, and what is always said.
     """
 
     def __init__(
@@ -49,12 +50,15 @@ class Conversation:
         batches: Mapping[int, int],
         begin: Callable[[dict[str, Any]], None],
         log: Callable[[str], None],
+        notice: Callable[[str], None],
     ) -> None:
         self._request = request
         self._photos = photos
         self._batches = batches
         self._begin = begin
         self._log = log
+        self._notice = notice
+        self._told = False
         self._pending: dict[int, TrackImage] = {}
         self._deaths: Counter[int] = Counter()
         self._environment: dict[str, Any] = {}
@@ -148,6 +152,12 @@ class Conversation:
                 expected='{"provenance": {...}, "environment": {...}}',
             )
         self._environment = environment
+        if self._request.device == "cpu" and "gpu" in environment and not self._told:
+            self._told = True
+            self._notice(
+                f"running on the CPU although torch sees a GPU ({environment['gpu']}): pass "
+                "--device cuda or --device auto"
+            )
         self._begin(message["provenance"])
 
     def _waited_for(self, image_ids: Any) -> list[int]:

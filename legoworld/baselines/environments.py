@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +20,8 @@ from legoworld.files import canonical_json, sha256_of_text, write_text
 
 _STAMP: Final = "legoworld-requirements"
 _PIN: Final = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[[^]]*])?\s*(==\s*(?P<version>[^;,\s]+))?")
+#: What an index of torch's builds serves.
+_TORCH_PACKAGES: Final = ("torch", "torchvision", "torchaudio")
 #: Asked of a baseline's Python: the installed versions of distributions.
 _VERSIONS: Final = """
 import importlib.metadata as m, json, sys
@@ -114,8 +116,19 @@ def problems(card: BaselineCard, python: Path) -> list[str]:
     return lacking
 
 
-def install(card: BaselineCard, notice: Callable[[str], None]) -> Path:
-    """Make the baseline's environment anew, with uv where there is one, and return its Python."""
+def install(
+    card: BaselineCard,
+    notice: Callable[[str], None],
+    *,
+    torch_index: str | None = None,
+    extra: Sequence[str] = (),
+) -> Path:
+    """Make the baseline's environment anew, with uv where there is one, and return its Python.
+
+    torch_index: URL of the package index that torch and torchvision come from, such as one of
+    CPU-only wheels; everything else comes from where packages usually do. extra: packages besides
+    the baseline's own.
+    """
     folder, needed = environment_folder(card), requirements(card)
     uv = shutil.which("uv")
     notice(f"making {folder} with {'uv' if uv else 'venv and pip'}")
@@ -124,16 +137,46 @@ def install(card: BaselineCard, notice: Callable[[str], None]) -> Path:
     folder.parent.mkdir(parents=True, exist_ok=True)
     if uv:
         _run([uv, "venv", "--quiet", "--python", sys.executable, str(folder)])
-        pip = [uv, "pip", "install", "--quiet", "--python", str(_python_in(folder))]
+        # pip compiles what it installs, uv only when told; a baseline's process never writes
+        # bytecode, so without it every start compiles torch and transformers anew.
+        pip = [uv, "pip", "install", "--quiet", "--compile-bytecode"]
+        pip += ["--python", str(_python_in(folder))]
     else:
         _run([sys.executable, "-m", "venv", str(folder)])
         pip = [str(_python_in(folder)), "-m", "pip", "install", "--quiet"]
-    for extra, packages in (([], needed.dependencies), (["--no-deps"], needed.no_deps)):
-        if packages:
-            notice("installing " + ", ".join(packages))
-            _run([*pip, *extra, *packages])
+    for arguments, packages in install_steps(needed, torch_index=torch_index, extra=extra):
+        notice("installing " + ", ".join(packages))
+        _run([*pip, *arguments, *packages])
     write_text(folder / _STAMP, needed.sha256 + "\n")
     return _python_in(folder)
+
+
+def install_steps(
+    needed: Requirements, *, torch_index: str | None, extra: Sequence[str]
+) -> list[tuple[list[str], list[str]]]:
+    """Arguments and packages of each call of pip, in order.
+
+    Torch's own packages come first and alone from `torch_index`: the later steps find them there
+    and add what they depend on from the usual index.
+    """
+    everything = [*needed.dependencies, *extra]
+    of_torch = [text for text in everything if torch_index and _name(text) in _TORCH_PACKAGES]
+    steps = [
+        (["--no-deps", "--index-url", torch_index or ""], of_torch),
+        ([], everything),
+        (["--no-deps"], list(needed.no_deps)),
+    ]
+    return [(arguments, packages) for arguments, packages in steps if packages]
+
+
+def ask_python(python: Path, program: str, *arguments: str) -> str:
+    """What a program prints in a Python. EnvironmentFailedError when it fails."""
+    return _run([str(python), "-c", program, *arguments])
+
+
+def _name(requirement: str) -> str | None:
+    match = _PIN.match(requirement)
+    return match["name"].lower() if match else None
 
 
 def _stamp(card: BaselineCard) -> str:
@@ -145,8 +188,7 @@ def _python_in(folder: Path) -> Path:
 
 
 def _ask(python: Path, names: list[str]) -> dict[str, Any]:
-    done = _run([str(python), "-c", _VERSIONS, json.dumps(names)])
-    found: dict[str, Any] = json.loads(done)
+    found: dict[str, Any] = json.loads(ask_python(python, _VERSIONS, json.dumps(names)))
     return found
 
 

@@ -32,8 +32,23 @@ command.add_command(import_command)
 
 @command.command("install", context_settings=_HELP)
 @click.argument("name")
+@click.option(
+    "--torch-index",
+    metavar="URL",
+    help="Take torch from this package index, such as one of CPU-only or CUDA wheels.",
+)
+@click.option(
+    "--with", "extra", multiple=True, metavar="PACKAGE", help="Install this package, too; repeat."
+)
 @options.output_options
-def install(name: str, as_json: bool, quiet: bool, verbose: bool) -> int:
+def install(
+    name: str,
+    torch_index: str | None,
+    extra: tuple[str, ...],
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
     """Make the environment of the baseline NAME in the user's data folder, anew.
 
     With uv where there is one, with venv and pip otherwise; nothing but its own requirements goes
@@ -42,13 +57,16 @@ def install(name: str, as_json: bool, quiet: bool, verbose: bool) -> int:
     \b
     Examples:
       legoworld baseline install dino
-      legoworld baseline install da3 --json
+      legoworld baseline install da3 --torch-index https://.../whl/cpu
+      legoworld baseline install hf-detector --with torchvision==0.28.0 --json
     """
     from legoworld.baselines import environments
     from legoworld.baselines.cards import load_baseline
 
     card = load_baseline(name)
-    python = environments.install(card, options.notifier(quiet))
+    python = environments.install(
+        card, options.notifier(quiet), torch_index=torch_index, extra=extra
+    )
     lacking = environments.problems(card, python)
     if as_json:
         options.print_json({"baseline": name, "python": str(python), "lacking": lacking})

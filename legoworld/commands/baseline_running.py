@@ -24,13 +24,15 @@ from legoworld.commands import baseline_output, options
     envvar="LEGOWORLD_BASELINE_PYTHON",
     help="A Python that has what the baseline needs [default: its installed environment].",
 )
-@click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, mps.")
+@click.option(
+    "--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, mps; auto: a GPU if any."
+)
 @click.option(
     "--dtype",
-    type=options.Choice(["float32", "float16", "bfloat16"]),
+    type=options.Choice(["float32", "float16", "bfloat16", "auto"]),
     default="float32",
     show_default=True,
-    help="What the network computes in.",
+    help="What the network computes in; auto: what the original does on that device.",
 )
 @click.option(
     "--batch-size",
@@ -104,6 +106,7 @@ def run_command(
       legoworld baseline run sam3 --task lvis --track lvis.json --photos coco \\
           --weights facebook/sam3 -o runs/sam3 --offline --option per_image=300
     """
+    from legoworld.baselines.accelerators import chosen_device, chosen_dtype
     from legoworld.baselines.baseline_run import run_baseline
     from legoworld.baselines.cards import chosen_options, load_baseline
     from legoworld.baselines.environments import chosen_python
@@ -117,7 +120,13 @@ def run_command(
         raise click.UsageError(
             f"the baseline {name} is for {', '.join(card.tasks)}, not for {task}"
         )
+    if label_map is not None and not card.label_map:
+        raise click.UsageError(
+            f"the baseline {name} matches no labels by name, so --label-map would change nothing"
+        )
     images, protocol = baseline_output.track_of(task, track)
+    with_python = chosen_python(card, python)
+    device = chosen_device(device, with_python)
     request = BaselineRequest(
         card=card,
         protocol=protocol,
@@ -125,9 +134,9 @@ def run_command(
         photos=photos,
         weights=weights,
         run=output,
-        python=chosen_python(card, python),
+        python=with_python,
         device=device,
-        dtype=dtype,
+        dtype=chosen_dtype(dtype, device, card),
         batch_size=batch_size,
         options=chosen_options(card, given),
         labels=baseline_output.labels(label_map, protocol),

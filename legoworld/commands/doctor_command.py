@@ -41,7 +41,8 @@ def command(as_json: bool) -> int:
     """Check that this machine has what legoworld needs, and say what to install.
 
     Baselines are looked at in the environments `legoworld baseline install` made, or in the one
-    Python that LEGOWORLD_BASELINE_PYTHON names. One that is not ready is no failure.
+    Python that LEGOWORLD_BASELINE_PYTHON names, with torch's build and the GPUs it sees. One that
+    is not ready is no failure.
 
     \b
     Examples:
@@ -159,6 +160,7 @@ def _baselines() -> list[Finding]:
 
 def _baseline(card: BaselineCard, given: Path | None) -> Finding:
     from legoworld.baselines import environments
+    from legoworld.baselines.accelerators import needs_torch, torch_of
     from legoworld.errors import LegoWorldError
 
     name, install = f"baseline {card.name}", f"legoworld baseline install {card.name}"
@@ -167,14 +169,16 @@ def _baseline(card: BaselineCard, given: Path | None) -> Finding:
         return Finding(
             name=name, good=False, found="no environment", next_step=install, needed=False
         )
+    build = ""
     try:
         lacking = environments.problems(card, python)
+        build = f"; {torch_of(python)}" if needs_torch(card) else ""
     except LegoWorldError as error:
         lacking = [f"{error.what}: {error.found}"]
     return Finding(
         name=name,
         good=not lacking,
-        found="; ".join(lacking) or f"ready, {python}",
+        found=("; ".join(lacking) or f"ready, {python}") + build,
         next_step=f"pip install the rest into {python}" if given else install,
         needed=False,
     )

@@ -11,8 +11,11 @@ import argparse
 import collections
 import math
 import os
+import pathlib
 import pickle
 import sys
+import types
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -304,3 +307,46 @@ def test_settings_that_leave_no_trace_in_the_shapes_are_checked(tmp_path, settin
     path = saved(tmp_path / "c.pth", original_layout(SMALL), ARGUMENTS | setting)
     ((name, value),) = setting.items()
     assert f"{name} = {value!r}" in refusal(path)
+
+
+def test_paths_among_the_arguments_are_plain_values(tmp_path, monkeypatch):
+    """Training scripts keep pathlib's paths; Python 3.13 writes them under another name."""
+    arguments = ARGUMENTS | {
+        "output_dir": Path("/runs/dino"),
+        "data": pathlib.PureWindowsPath("c:/x"),
+    }
+    path = saved(tmp_path / "c.pth", original_layout(SMALL), arguments)
+    assert read_checkpoint(path).epochs == 24
+    build(read_checkpoint(path), SMALL)
+    monkeypatch.setattr(pathlib.PosixPath, "__module__", "pathlib._local")
+    monkeypatch.setitem(sys.modules, "pathlib._local", pathlib)
+    saved(path, original_layout(SMALL), arguments)
+    monkeypatch.undo()
+    with zipfile.ZipFile(path) as archive:
+        (name,) = [n for n in archive.namelist() if n.endswith("data.pkl")]
+        assert b"pathlib._local" in archive.read(name)
+    assert read_checkpoint(path).epochs == 24
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "words"),
+    [
+        ("ultralytics.nn.tasks", "DetectionModel", "baseline import"),
+        ("somewhere.config", "Settings", "save it again with tensors and plain values"),
+    ],
+)
+def test_a_file_that_asks_for_an_object_is_not_downloaded_again(tmp_path, module, name, words):
+    made = type(name, (), {"__module__": module})
+    parts = [".".join(module.split(".")[: n + 1]) for n in range(module.count(".") + 1)]
+    for part in parts:
+        sys.modules[part] = types.ModuleType(part)
+    setattr(sys.modules[module], name, made)
+    try:
+        torch.save({"model": made()}, tmp_path / "yolo.pt")
+    finally:
+        for part in parts:
+            del sys.modules[part]
+    text = refusal(tmp_path / "yolo.pt")
+    assert f"{module}.{name}" in text
+    assert words in text
+    assert "download it again" not in text

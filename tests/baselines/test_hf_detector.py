@@ -503,6 +503,51 @@ def test_a_folder_that_is_not_whole_is_refused(model, photo, harm, said, refused
     assert said in refused(request(model, photo))
 
 
+@pytest.mark.parametrize(
+    ("config", "next_step"),
+    [
+        ({"model_type": "owlv2"}, "baseline run hf-zero-shot"),
+        ({"model_type": "grounding-dino"}, "baseline run hf-zero-shot"),
+        ({"model_type": "mask2former"}, "baseline run hf-segmenter"),
+        ({"model_type": "glpn"}, "baseline run hf-depth"),
+        ({"model_type": "vit"}, "baseline import"),
+    ],
+)
+def test_another_kind_of_model_is_sent_where_it_belongs(
+    tmp_path, model, photo, refused, config, next_step
+):
+    (model / "config.json").write_text(json.dumps(config))
+    assert next_step in refused(request(model, photo))
+
+
+def test_a_processor_for_torchvision_only_is_named(model, photo, refused, monkeypatch):
+    """RF-DETR's, in a Python with torchvision or without: Pillow is the default."""
+    path = model / "preprocessor_config.json"
+    path.write_text(json.dumps({"image_processor_type": "RfDetrImageProcessor"}))
+    text = refused(request(model, photo))
+    assert "for torchvision only" in text
+    assert "--option backend=torchvision" in text
+    options = {"every_category": True, "top_k": None, "backend": "torchvision"}
+    monkeypatch.setitem(sys.modules, "torchvision", None)  # as where it is not installed
+    text = refused(request(model, photo) | {"options": options})
+    assert "torchvision cannot be imported" in text
+    assert "--with torchvision==" in text
+
+
+def test_a_single_file_and_a_mistyped_folder_are_named(tmp_path, photo, refused, monkeypatch):
+    (tmp_path / "yolo11n.pt").write_bytes(b"PK")
+    text = refused(request(tmp_path / "yolo11n.pt", photo))
+    assert "single file" in text
+    assert "Ultralytics" in text
+    assert "baseline import" in text
+    (tmp_path / "models" / "rtdetr_r50").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    text = refused(request("models/rtdert_r50", photo))
+    assert "no folder here" in text
+    assert "near: models/rtdetr_r50" in text
+    assert "check the path" in text
+
+
 def test_a_backbone_of_timm_is_refused_in_words(folder_of, photo, tmp_path, refused):
     folder = Path(shutil.copytree(folder_of("detr"), tmp_path / "timm"))
     changed_config(folder, backbone_config={"model_type": "timm_backbone", "backbone": "resnet50"})

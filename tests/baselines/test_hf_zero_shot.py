@@ -296,7 +296,7 @@ def test_end_to_end(folder_of, photo, tmp_path):
     [
         ({"template": "a photo"}, "no place for the name"),
         ({"template": "{} " * 2}, "no place for the name"),
-        ({"template": "a very long text about a {}, in which nothing fits"}, "longer than"),
+        ({"template": "text " * 16 + "{}"}, "longer than"),
         ({"per_image": 0}, "out of range"),
     ],
 )

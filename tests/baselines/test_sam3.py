@@ -7,7 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
-from baselines.child import ROOT, ask, defaults, importable, request
+from baselines.child import ROOT, ask, defaults, importable, program, request
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -356,6 +356,22 @@ def test_end_to_end_on_a_real_photo(checkpoint, tmp_path, real_data):
     check(ask("sam3", lvis_request(checkpoint, tmp_path, [photo], options)), photo, 12)
 
 
+def test_half_precision_is_autocast_over_float32_weights(checkpoint, tmp_path, photo):
+    run = program("sam3")
+    found = {}
+    for dtype in ("float32", "bfloat16"):
+        asked = {**lvis_request(checkpoint, tmp_path, [photo]), "dtype": dtype}
+        model, provenance = run.load(asked)
+        assert provenance["dtype"] == dtype
+        assert ("autocast" in provenance["precision"]) == (dtype == "bfloat16")
+        assert {p.dtype for p in model.network.parameters()} == {torch.float32}
+        found[dtype] = [p["score"] for p in run.predict(model, asked["images"][0])["predictions"]]
+    assert found["float32"] != found["bfloat16"]
+    n = min(map(len, found.values()))
+    assert n > 10
+    assert np.allclose(found["float32"][:n], found["bfloat16"][:n], atol=0.02)
+
+
 def test_prompts_of_an_image_give_the_same_masks_for_their_categories(
     everything, checkpoint, tmp_path, photo
 ):
@@ -426,7 +442,7 @@ def test_another_model_or_preprocessing_is_refused(checkpoint, tmp_path, file, c
     shutil.copytree(checkpoint, folder)
     (folder / file).write_text(json.dumps(content))
     with pytest.raises(Refused) as refusal:
-        sam3_loading.load_network(folder, "cpu", "float32")
+        sam3_loading.load_network(folder, "cpu")
     assert found in refusal.value.reason["found"]
 
 

@@ -73,7 +73,7 @@ class Scripted:
 
     lines: tuple[str, ...] = ()
 
-    def __init__(self, *_given: Any) -> None:
+    def __init__(self, *_given: Any, **_named: Any) -> None:
         self.left = [m for m in map(read_line, self.lines) if m is not None]
 
     def __enter__(self) -> Scripted:
@@ -89,16 +89,21 @@ class Scripted:
         return "exit code 0"
 
 
-def records_of(request: BaselineRequest, *lines: str) -> dict[int, dict[str, Any]]:
+def records_of(
+    request: BaselineRequest, *lines: str, notices: list[str] | None = None
+) -> dict[int, dict[str, Any]]:
     """The row of each image after these lines, as the files of the run hold it."""
     images = list(request.track.images)
     photos = {i.id: request.photos / i.file_name for i in images}
     began: list[dict[str, Any]] = []
+    notices = [] if notices is None else notices
     script = type("Script", (Scripted,), {"lines": lines})
     before = conversation.BaselineProcess
     conversation.BaselineProcess = script  # type: ignore[misc]
     try:
-        talk = Conversation(request, photos, dict.fromkeys(photos, 0), began.append, str)
+        talk = Conversation(
+            request, photos, dict.fromkeys(photos, 0), began.append, str, notices.append
+        )
         records = list(talk.records(images, images))
     finally:
         conversation.BaselineProcess = before  # type: ignore[misc]
@@ -171,6 +176,16 @@ def test_a_photo_that_goes_away_is_that_images_row(request_of, tmp_path):
     found = records_of(own, HELLO, *answers, DONE)
     assert (found[1]["status"], found[1]["code"]) == ("missing", "missing_photo")
     assert found[2]["status"] == "ok"
+
+
+def test_a_gpu_that_is_there_and_unused_is_named(request_of):
+    hello = line(provenance={}, environment={"gpu": "Some GPU"})
+    answers = [line(image_id=i, predictions=[]) for i in (1, 2)]
+    for device, expected in (("cpu", 1), ("cuda", 0)):
+        notices: list[str] = []
+        request = dataclasses.replace(request_of("coco"), device=device)
+        records_of(request, hello, *answers, DONE, notices=notices)
+        assert len([n for n in notices if "Some GPU" in n and "--device auto" in n]) == expected
 
 
 NUMBERS = (

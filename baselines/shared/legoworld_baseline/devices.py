@@ -33,6 +33,25 @@ def check_dtype(dtype: str) -> None:
         )
 
 
+def check_dtype_on(dtype: str, device: str) -> None:
+    """Refused for a type that is not offered, or that the device has no arithmetic of."""
+    import torch
+
+    check_dtype(dtype)
+    check_device(device)
+    if dtype != "bfloat16" or device_type(device) != "cuda":
+        return
+    with torch.cuda.device(device):
+        supported = torch.cuda.is_bf16_supported(including_emulation=False)
+    if not supported:
+        raise Refused(
+            "the GPU has no bfloat16",
+            found=torch.cuda.get_device_name(device),
+            expected="a GPU with it: NVIDIA's since Ampere",
+            next_step="pass --dtype float32 or --dtype float16",
+        )
+
+
 def device_type(device: str) -> str:
     """What provenance says of a device: "cuda" for "cuda:1"; which one it is changes nothing."""
     return device.partition(":")[0]

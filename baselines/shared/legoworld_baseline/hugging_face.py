@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from legoworld_baseline.devices import check_device, check_dtype
+from legoworld_baseline.devices import check_dtype_on
 from legoworld_baseline.protocol import Refused
 from legoworld_baseline.provenance import hash_files
 
@@ -109,8 +109,7 @@ def load_pretrained(auto: Any, folder: Path, *, device: str, dtype: str) -> Any:
     import transformers
     from safetensors import SafetensorError
 
-    check_dtype(dtype)
-    check_device(device)
+    check_dtype_on(dtype, device)
     torch.backends.cudnn.allow_tf32 = False
     torch.backends.cudnn.deterministic = True
     if not sys.stderr.isatty():
@@ -223,7 +222,10 @@ def _not_had(weights: str, offline: bool, error: Exception) -> Refused:
     elif offline:
         next_step = "run once without --offline, or copy the model's folder and pass its path"
     elif "gated" in type(error).__name__.lower():
-        next_step = "accept the model's licence on its page and log in with `hf auth login`"
+        next_step = (
+            "accept the model's licence on its page and set HF_TOKEN; the baseline's process does"
+            " not see what `hf auth login` stored"
+        )
     else:
         next_step = "check the id and the network, or pass a folder"
     return Refused(

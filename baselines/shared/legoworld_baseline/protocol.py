@@ -201,6 +201,7 @@ def _environment() -> dict[str, Any]:
     }
     torch: Any = sys.modules.get("torch")
     if torch is not None:
+        found["torch"] = torch.__version__
         found["cpu_threads"] = torch.get_num_threads()
         if torch.cuda.is_available():
             found["gpu"] = torch.cuda.get_device_name()
