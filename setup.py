@@ -1,4 +1,4 @@
-"""Build hook: compiles the visibility kernel. Everything else is in pyproject.toml."""
+"""Build hook: compiles the C++ of two packages. Everything else is in pyproject.toml."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ except ImportError:  # setuptools before 70.1
     from wheel.bdist_wheel import bdist_wheel
 
 ROOT = Path(__file__).resolve().parent
-PACKAGE_FOLDER = Path("legoworld") / "visibility"
+#: Each becomes one library beside its sources: what is drawn, and what is accumulated.
+PACKAGE_FOLDERS = (Path("legoworld") / "visibility", Path("legoworld") / "evaluation")
 
 
 def compilation() -> ModuleType:
     """legoworld/visibility/compilation.py, without importing the package that is being built."""
     spec = importlib.util.spec_from_file_location(
-        "compilation", ROOT / PACKAGE_FOLDER / "compilation.py"
+        "compilation", ROOT / PACKAGE_FOLDERS[0] / "compilation.py"
     )
     if spec is None or spec.loader is None:
         raise CompileError("legoworld/visibility/compilation.py is missing")
@@ -33,9 +34,9 @@ def compilation() -> ModuleType:
 
 
 class BuildKernel(Command):
-    """Compile the kernel into the build folder, or beside its sources in an editable install."""
+    """Compile the libraries into the build folder, or beside their sources where editable."""
 
-    description = "compile the visibility kernel"
+    description = "compile the C++ of legoworld.visibility and legoworld.evaluation"
     user_options: ClassVar[list[tuple[str, str | None, str]]] = [
         ("build-lib=", "b", "folder to build into"),
         ("inplace", "i", "build beside the sources"),
@@ -55,20 +56,22 @@ class BuildKernel(Command):
     def run(self) -> None:
         """Compiles; a failure ends the installation with its reason."""
         module = compilation()
-        try:
-            command = module.compile_kernel(ROOT / PACKAGE_FOLDER, self._library(module))
-        except module.CompilationError as error:
-            raise CompileError(str(error)) from error
-        self.announce(" ".join(command), level=2)
+        for folder in PACKAGE_FOLDERS:
+            try:
+                command = module.compile_kernel(ROOT / folder, self._library(module, folder))
+            except module.CompilationError as error:
+                raise CompileError(str(error)) from error
+            self.announce(" ".join(command), level=2)
 
-    def _library(self, module: ModuleType) -> Path:
+    def _library(self, module: ModuleType, folder: Path) -> Path:
         in_sources = self.inplace or self.editable_mode
         base = ROOT if in_sources else Path(str(self.build_lib))
-        return base / PACKAGE_FOLDER / str(module.LIBRARY_NAME)
+        return base / folder / str(module.LIBRARY_NAME)
 
     def get_outputs(self) -> list[str]:
         """Files this command makes (asked for by setuptools)."""
-        return [str(self._library(compilation()))]
+        module = compilation()
+        return [str(self._library(module, folder)) for folder in PACKAGE_FOLDERS]
 
     def get_output_mapping(self) -> dict[str, str]:
         """No output is a copy of a source file (asked for by setuptools)."""
@@ -76,12 +79,13 @@ class BuildKernel(Command):
 
     def get_source_files(self) -> list[str]:
         """Files that belong into the source distribution (asked for by setuptools)."""
-        folder = ROOT / PACKAGE_FOLDER
-        return [str(path.relative_to(ROOT)) for path in compilation().sources(folder)]
+        module = compilation()
+        folders = [ROOT / folder for folder in PACKAGE_FOLDERS]
+        return [str(p.relative_to(ROOT)) for folder in folders for p in module.sources(folder)]
 
 
 class Build(build):
-    """The usual build, and the kernel."""
+    """The usual build, and the libraries."""
 
     sub_commands: ClassVar[list] = [*build.sub_commands, ("build_kernel", None)]
 

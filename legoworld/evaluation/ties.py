@@ -20,13 +20,12 @@ from legoworld.evaluation.accumulation import (
     truths_per_category,
 )
 from legoworld.evaluation.category_threads import category_threads
+from legoworld.evaluation.compiled import bits_of, ordered_precision
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.problem import Floats, Ints
 
 #: Elements of one block of random orders, to bound memory: part of what a seed means.
 _BLOCK_ELEMENTS: Final = 1 << 21
-#: Elements of what is accumulated at a time, so that it stays in a core's cache.
-_PIECE_ELEMENTS: Final = 1 << 15
 #: So few keys are as quickly sorted by argsort.
 _FEW_KEYS: Final = 8
 
@@ -113,12 +112,12 @@ def order_aps(table: MatchTable, *, draws: int, seed: int) -> Floats:
         rows = slices[k]
         ranking = _ranking(table.state[0, :, rows], table.score[rows])
         random = np.random.default_rng([seed, int(table.category_ids[k])])
-        return _sampled(ranking, first_reached(int(n_truths[k])), draws, random)
+        return _sampled(ranking, int(n_truths[k]), draws, random)
 
     scored = np.flatnonzero(n_truths).tolist()
     total = np.zeros(draws)
     with category_threads() as pool:
-        # Added in the order of the categories, whoever is ready first: always the same bits.
+        # Added in the order of the categories, whichever is ready first: always the same bits.
         for values in pool.map(sampled, scored):
             total += values
     return total / len(scored) if scored else np.full(draws, np.nan)
@@ -141,69 +140,60 @@ def _ranking(state: NDArray[np.uint8], score: Floats) -> _Ranking:
     )
 
 
-def _sampled(ranking: _Ranking, steps: Steps, draws: int, random: np.random.Generator) -> Floats:
+def _sampled(ranking: _Ranking, n_truths: int, draws: int, random: np.random.Generator) -> Floats:
     """(draws,) AP of one category under random orders, averaged over thresholds."""
     n_special = len(ranking.group)
     if not n_special:
         return np.zeros(draws)
+    is_true, is_ignored = bits_of(ranking.true), bits_of(~(ranking.true | ranking.false))
     if not ranking.tied:
+        order = np.arange(n_special, dtype=np.int32)[None]
         alone = ranking.plain_before[ranking.group][None].astype(np.int32)
-        once = _average_precision(ranking, np.arange(n_special)[None], alone, steps)
-        return np.repeat(once, draws)
+        return np.repeat(ordered_precision(is_true, is_ignored, order, alone, n_truths), draws)
     block = max(1, _BLOCK_ELEMENTS // n_special)
-    piece = max(1, _PIECE_ELEMENTS // n_special)
     values = np.empty(draws)
     for start in range(0, draws, block):
         n = min(block, draws - start)
         order, plain = _random_order(ranking, n, random)
-        for at in range(0, n, piece):
-            some = slice(at, min(at + piece, n))
-            values[start + some.start : start + some.stop] = _average_precision(
-                ranking,
-                np.ascontiguousarray(order[:, some].T),
-                np.ascontiguousarray(plain[:, some].T),
-                steps,
-            )
+        values[start : start + n] = ordered_precision(is_true, is_ignored, order, plain, n_truths)
     return values
 
 
-def _random_order(
-    ranking: _Ranking, n: int, random: np.random.Generator
-) -> tuple[NDArray[np.int64], Counts]:
+def _random_order(ranking: _Ranking, n: int, random: np.random.Generator) -> tuple[Counts, Counts]:
     """n random orders of the special detections, and the plain false positives above each.
 
-    Both (S, n). Within a run of equal scores, every order of its special and plain detections is
+    Both (n, S). Within a run of equal scores, every order of its special and plain detections is
     equally likely: the gaps between the special ones share out the plain ones as a symmetric
     Dirichlet-multinomial with parameter 1, which is uniform over all ways to share them out.
     """
     size = len(ranking.group)
-    order = np.repeat(np.arange(size)[:, None], n, axis=1)
-    plain = np.repeat(ranking.plain_before[ranking.group].astype(np.int32)[:, None], n, axis=1)
+    order = np.repeat(np.arange(size, dtype=np.int32)[None], n, axis=0)
+    plain = np.repeat(ranking.plain_before[ranking.group].astype(np.int32)[None], n, axis=0)
     for run in segments(ranking.group.astype(np.float64)):
         n_special = run.stop - run.start
         n_plain = int(ranking.plain_in[ranking.group[run.start]])
         if n_special > 1:
-            order[run] = run.start + _sorting(random.random((n_special, n), np.float32))
+            order[:, run] = run.start + _sorting(random.random((n_special, n), np.float32))
         if n_plain:
             gaps = random.standard_exponential((n, n_special + 1))
             shares = random.multinomial(n_plain, gaps / gaps.sum(axis=1, keepdims=True))
-            plain[run] += np.cumsum(shares[:, :-1], axis=1).T.astype(np.int32)
+            plain[:, run] += np.cumsum(shares[:, :-1], axis=1, dtype=np.int32)
     return order, plain
 
 
 def _sorting(keys: NDArray[np.float32]) -> NDArray[np.int64]:
-    """np.argsort(keys, axis=0, kind="stable") of keys in 0..1, several times as fast where S is.
+    """np.argsort(keys, axis=0, kind="stable").T of keys in 0..1, several times as fast.
 
     keys: (S, n). The bits of such numbers rise with them, and with the place behind them there
     are no two equal ones, so that any sort of plain integers will do.
     """
     if len(keys) < _FEW_KEYS:
-        return np.argsort(keys, axis=0, kind="stable")
+        return np.argsort(keys, axis=0, kind="stable").T
     bits = np.ascontiguousarray(keys.T).view(np.uint32).astype(np.int64) << 32
     bits |= np.arange(len(keys))
     bits.sort(axis=1)
     bits &= (1 << 32) - 1
-    return bits.T
+    return bits
 
 
 def _bounds(ranking: _Ranking, steps: Steps) -> Floats:
@@ -221,30 +211,3 @@ def _bounds(ranking: _Ranking, steps: Steps) -> Floats:
         values += mean_precision(n_true, n_true + above, steps[: len(group)])
     result: Floats = values / len(ranking.true)
     return result
-
-
-def _average_precision(ranking: _Ranking, order: Ints, plain: Counts, steps: Steps) -> Floats:
-    """(n,) AP in n orders, averaged over thresholds. order, plain: (n, S), see _random_order.
-
-    Every order has as many true positives at a threshold, so they form an array of their own.
-    """
-    place = plain + np.arange(1, order.shape[1] + 1, dtype=np.int32)
-    true, skipped = _bits(ranking.true)[order], _bits(~(ranking.true | ranking.false))[order]
-    values = []
-    for t, flags in enumerate(ranking.true):
-        at = np.flatnonzero((true & (1 << t)) != 0)
-        n_all = place.ravel()[at]
-        if (~(flags | ranking.false[t])).any():
-            above = np.cumsum((skipped & (1 << t)) != 0, axis=1, dtype=np.int32)
-            n_all -= above.ravel()[at]
-        n_true = np.arange(1, int(flags.sum()) + 1)
-        values.append(mean_precision(n_true, n_all.reshape(len(order), -1), steps[: len(n_true)]))
-    mean: Floats = np.mean(values, axis=0)
-    return mean
-
-
-def _bits(flags: NDArray[np.bool_]) -> NDArray[np.uint16]:
-    """(S,) flags of all thresholds in one number each, threshold t in bit t. flags: (T, S)."""
-    weights = 1 << np.arange(len(flags), dtype=np.uint16)
-    bits: NDArray[np.uint16] = np.bitwise_or.reduce(flags * weights[:, None], axis=0)
-    return bits

@@ -1,4 +1,4 @@
-"""Compiles the kernel: which sources, which compiler, which flags. Standard library only.
+"""Compiles a folder's C++: which sources, which compiler, which flags. Standard library only.
 
 setup.py loads this file by its path, so it must not import anything of the package.
 """
@@ -20,7 +20,7 @@ LIBRARY_NAME = {"darwin": "_kernel.dylib", "win32": "_kernel.dll"}.get(sys.platf
 FLAGS = ("-std=c++17", "-O3", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-Wno-psabi")
 
 NO_COMPILER = (
-    "the visibility kernel needs a C++17 compiler and none was found: looked for $CXX, c++, g++, "
+    "legoworld needs a C++17 compiler and none was found: looked for $CXX, c++, g++, "
     "clang++ and the ziglang package. Install a system compiler (Debian: apt install g++; macOS: "
     "xcode-select --install) or `pip install ziglang`, then install again"
 )
@@ -31,7 +31,7 @@ class CompilationError(Exception):
 
 
 def sources(folder: Path) -> list[Path]:
-    """The C++ files of the kernel, sorted by name; empty where only the library was installed."""
+    """The C++ files of a folder, sorted by name; empty where only the library was installed."""
     return sorted([*folder.glob("*.cpp"), *folder.glob("*.hpp")], key=lambda path: path.name)
 
 
@@ -63,7 +63,7 @@ def compiler() -> list[str]:
 
 
 def compile_kernel(folder: Path, output: Path) -> list[str]:
-    """Compiles the C++ files of `folder` into `output`; returns the command that was run.
+    """Compiles the .cpp files of `folder` into `output`; returns the command that was run.
 
     The library is written beside its place and moved there, so a failed build leaves nothing new.
     """
@@ -71,13 +71,14 @@ def compile_kernel(folder: Path, output: Path) -> list[str]:
     if sys.platform != "win32":
         command += ["-fPIC", "-pthread"]
     unfinished = output.with_name(f"{output.stem}.{os.getpid()}.unfinished{output.suffix}")
-    command += [str(folder / "kernel.cpp"), "-o", str(unfinished)]
+    command += [str(path) for path in sources(folder) if path.suffix == ".cpp"]
+    command += ["-o", str(unfinished)]
     output.parent.mkdir(parents=True, exist_ok=True)
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise CompilationError(
-                f"the visibility kernel could not be compiled by {shlex.join(command)}\n"
+                f"the C++ in {folder.name} could not be compiled by {shlex.join(command)}\n"
                 f"{done.stderr.strip()}"
             )
         unfinished.replace(output)

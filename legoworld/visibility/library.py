@@ -76,26 +76,32 @@ def library() -> ctypes.CDLL:
 
 def load_library(folder: Path) -> ctypes.CDLL:
     """The kernel of `folder`; see library()."""
+    loaded = open_library(folder, "visibility kernel")
+    for name in ("lw_render", "lw_coverage", "lw_best_level"):
+        getattr(loaded, name).restype = ctypes.c_int32
+    return loaded
+
+
+def open_library(folder: Path, what: str) -> ctypes.CDLL:
+    """The compiled library of a folder, what being its name in messages; see library()."""
     path = folder / LIBRARY_NAME
     if not path.is_file():
         raise KernelBuildError(
-            "the visibility kernel was not compiled", expected=path.name, next_step=REBUILD
+            f"the {what} was not compiled", expected=path.name, next_step=REBUILD
         )
     try:
         loaded = ctypes.CDLL(str(path))
     except OSError as error:
         raise KernelBuildError(
-            "the visibility kernel cannot be loaded", found=str(error), next_step=REBUILD
+            f"the {what} cannot be loaded", found=str(error), next_step=REBUILD
         ) from error
     loaded.lw_source_hash.restype = ctypes.c_char_p
     built_from = loaded.lw_source_hash().decode()
     if sources(folder) and built_from != source_hash(folder):
         raise KernelBuildError(
-            "the visibility kernel is older than its sources",
+            f"the {what} is older than its sources",
             found=f"built from {built_from[:12]}",
             expected=source_hash(folder)[:12],
             next_step=REBUILD,
         )
-    for name in ("lw_render", "lw_coverage", "lw_best_level"):
-        getattr(loaded, name).restype = ctypes.c_int32
     return loaded

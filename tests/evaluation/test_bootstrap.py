@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from evaluation import reference_resampling
 from evaluation.detection_runs import (
     checked,
     match_everything,
@@ -11,7 +12,7 @@ from evaluation.detection_runs import (
     random_truth,
 )
 
-from legoworld.errors import UsageError
+from legoworld.errors import ShapeError, UsageError
 from legoworld.evaluation.bootstrap import (
     centred_interval,
     interval,
@@ -48,10 +49,12 @@ def pair_metrics(problem, truth, predictions, samples, *, class_aware):
     return matched_metrics(matched_counts(problem, pairs), samples)
 
 
+@pytest.mark.parametrize("levels", [None, 2, 1])
 @pytest.mark.parametrize("task", ["coco", "lvis"])
-def test_samples_equal_direct_evaluation_of_the_resampled_images(task, tmp_path):
-    truth = random_truth(task, seed=30, images=10)
-    raw = random_predictions(task, truth, seed=30)
+def test_samples_equal_direct_evaluation_of_the_resampled_images(task, levels, tmp_path):
+    """An image drawn twice is two images: with equal scores a b becomes a b a b."""
+    truth = random_truth(task, seed=30, images=10, categories=3 if levels else 6)
+    raw = random_predictions(task, truth, seed=30, levels=levels, per_image=14)
     protocol, read, predictions = checked(tmp_path, task, truth, raw)
     problem, table = match_everything(protocol, read, predictions)
     counts = resample_counts(10, 6, seed=5)
@@ -74,7 +77,30 @@ def test_samples_equal_direct_evaluation_of_the_resampled_images(task, tmp_path)
                 assert expected[name][k] == pytest.approx(value[0], abs=1e-12, nan_ok=True), name
 
 
-def test_blocks_of_draws_do_not_change_anything(tmp_path, monkeypatch):
+@pytest.mark.parametrize("levels", [None, 3, 1])
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+def test_the_compiled_loops_are_the_plain_formulation_to_the_last_bit(task, levels, tmp_path):
+    truth = random_truth(task, seed=33, images=9, categories=4)
+    raw = random_predictions(task, truth, seed=33, levels=levels, per_image=14)
+    protocol, read, predictions = checked(tmp_path, task, truth, raw)
+    _, table = match_everything(protocol, read, predictions)
+    counts, letters = resample_counts(9, 12, seed=2), frequencies_of(read)
+    found = resampled_metrics(table, protocol, counts, letters)
+    plain = reference_resampling.resampled_metrics(table, protocol, counts, letters)
+    assert np.isfinite(found["AP"]).all()
+    for name, values in plain.items():
+        np.testing.assert_array_equal(found[name], values, name)
+
+
+def test_counts_of_other_images_are_refused(tmp_path):
+    truth = random_truth("coco", seed=33, images=9)
+    made = checked(tmp_path, "coco", truth, random_predictions("coco", truth, seed=33))
+    _, table = match_everything(*made)
+    with pytest.raises((ShapeError, ValueError)):
+        resampled_metrics(table, made[0], resample_counts(5, 3, seed=0))
+
+
+def test_the_number_of_threads_and_of_draws_changes_no_bit(tmp_path, monkeypatch):
     truth = random_truth("coco", seed=31)
     protocol, read, predictions = checked(
         tmp_path, "coco", truth, random_predictions("coco", truth, seed=31)
@@ -82,12 +108,12 @@ def test_blocks_of_draws_do_not_change_anything(tmp_path, monkeypatch):
     _, table = match_everything(protocol, read, predictions)
     counts = resample_counts(12, 50, seed=0)
     whole = resampled_metrics(table, protocol, counts)
-    monkeypatch.setattr("legoworld.evaluation.resampling._PIECE_ELEMENTS", 70)
-    monkeypatch.setattr("legoworld.evaluation.resampling._GATHERED_ELEMENTS", 200)
     monkeypatch.setattr("legoworld.evaluation.category_threads._MOST_THREADS", 1)
-    parts = resampled_metrics(table, protocol, counts)
+    alone = resampled_metrics(table, protocol, counts)
+    parts = [resampled_metrics(table, protocol, counts[k : k + 1]) for k in range(50)]
     for name, values in whole.items():
-        np.testing.assert_array_equal(values, parts[name])
+        np.testing.assert_array_equal(values, alone[name])
+        np.testing.assert_array_equal(values, np.concatenate([p[name] for p in parts]))
 
 
 def test_draws_are_seeded_and_more_extend_fewer():

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from evaluation import reference_resampling
 from evaluation.detection_runs import (
     checked,
     match_everything,
@@ -15,9 +16,10 @@ from evaluation.detection_runs import (
 )
 
 from legoworld.evaluation.accumulation import accumulate, metric_value
+from legoworld.evaluation.compiled import bits_of, ordered_precision
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.ties import _sorting, order_aps, tie_orders
+from legoworld.evaluation.ties import _random_order, _ranking, _sorting, order_aps, tie_orders
 
 COCO = detection_protocol("coco")
 
@@ -171,7 +173,32 @@ def test_sorting_is_stable_where_keys_are_equal(n_keys):
     keys = np.random.default_rng(0).random((n_keys, 60), np.float32)
     keys[:, 1::2] = np.round(keys[:, 1::2] * 3) / 3  # many equal ones, 0 and 1 among them
     expected = np.argsort(keys, axis=0, kind="stable")
-    np.testing.assert_array_equal(_sorting(keys), expected)
+    np.testing.assert_array_equal(_sorting(keys), expected.T)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_compiled_orders_are_the_plain_formulation_to_the_last_bit(name):
+    table = table_of(*CASES[name])
+    n_truths = int(table.n_truths[0, 0])
+    ranking = _ranking(table.state[0], table.score)
+    random = np.random.default_rng(4)
+    order, plain = _random_order(ranking, 40, random)
+    expected = reference_resampling.average_precision_in_orders(ranking, order, plain, n_truths)
+    found = ordered_precision(
+        bits_of(ranking.true), bits_of(~(ranking.true | ranking.false)), order, plain, n_truths
+    )
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_the_spread_is_that_of_a_sample():
+    """Two draws of two orders: their standard deviation divides by one, not by two."""
+    table = table_of([1, 0], [1.0, 1.0], 1)
+    result = tie_orders(table, draws=2, seed=next(
+        seed for seed in range(50) if np.ptp(order_aps(table, draws=2, seed=seed)) > 0
+    ))  # fmt: skip
+    assert result.expected == pytest.approx(0.75)
+    assert result.sd == pytest.approx(0.5 / np.sqrt(2))
+    assert tie_orders(table, draws=1, seed=0).sd == 0.0
 
 
 def test_the_number_of_threads_changes_no_bit(tmp_path, monkeypatch):

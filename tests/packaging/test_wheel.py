@@ -52,6 +52,7 @@ def test_the_wheel_holds_the_library_and_the_catalogue_and_nothing_else(wheel):
     for needed in (
         "legoworld/py.typed",
         "legoworld/visibility/_kernel.so",
+        "legoworld/evaluation/_kernel.so",
         "legoworld/_catalog/readouts/coco.toml",
         "legoworld/_catalog/datasets/lvis/categories.json",
         "legoworld/_catalog/datasets/skimage_examples/track_coco.json",
@@ -66,6 +67,7 @@ def test_the_sdist_holds_the_sources_of_the_kernel(built):
     with tarfile.open(sdist) as archive:
         names = archive.getnames()
     assert any(n.endswith("legoworld/visibility/kernel.cpp") for n in names)
+    assert any(n.endswith("legoworld/evaluation/accumulate.cpp") for n in names)
     assert not any(n.endswith("_kernel.so") for n in names)
 
 

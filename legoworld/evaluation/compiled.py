@@ -1,0 +1,170 @@
+"""The compiled loops over many rankings of the same matches: accumulate.cpp behind ctypes.
+
+One library without threads of its own: calls release the GIL, and callers share out categories.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import ShapeError
+from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.problem import Floats, Ints
+from legoworld.evaluation.protocols import IOU_THRESHOLDS, RECALL_THRESHOLDS
+from legoworld.visibility.library import open_library
+
+Bits = NDArray[np.uint16]
+Counts = NDArray[np.int32]
+
+_NO_MEMORY: Final = 1
+_ANY_RANK: Final = int(np.iinfo(np.int32).max)
+
+
+class _RankingStruct(ctypes.Structure):
+    """LwRanking of accumulate.cpp."""
+
+    _fields_: ClassVar = [
+        ("image", ctypes.c_void_p),
+        ("block_end", ctypes.c_void_p),
+        ("is_true", ctypes.c_void_p),
+        ("is_ignored", ctypes.c_void_p),
+        ("rank", ctypes.c_void_p),
+        ("detections", ctypes.c_int64),
+        ("recall_thresholds", ctypes.c_void_p),
+        ("n_recall_thresholds", ctypes.c_int32),
+        ("n_thresholds", ctypes.c_int32),
+        ("ranks", ctypes.c_void_p),
+        ("n_ranks", ctypes.c_int32),
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """One category's detections at one area, by rank, without those ignored at every threshold.
+
+    image, rank: (D,) as in MatchTable; block_end: (D,) where each one's run of the same image and
+    score ends; is_true, is_ignored: (D,) bit t says what became of it at threshold t.
+    """
+
+    image: Counts
+    block_end: Counts
+    is_true: Bits
+    is_ignored: Bits
+    rank: Counts
+
+
+def ranking_of(state: NDArray[np.uint8], image: Ints, score: Floats, rank: Ints) -> Ranking:
+    """A category's part of a match table. state: (T, D); the others (D,)."""
+    counted = (state != IGNORED).any(axis=0)
+    state, image, score, rank = state[:, counted], image[counted], score[counted], rank[counted]
+    special = np.flatnonzero((state != FALSE_POSITIVE).any(axis=0))
+    n = 0  # what stands below the last that is not false at every threshold changes nothing
+    ends = np.append(np.flatnonzero((np.diff(image) != 0) | (np.diff(score) != 0)) + 1, len(image))
+    if len(special):
+        n = int(ends[np.searchsorted(ends, special[-1], side="right")])
+    starts = np.concatenate([[0], ends[:-1]]) if len(image) else ends[:0]
+    block_end = np.repeat(ends[: len(starts)], ends[: len(starts)] - starts)
+    return Ranking(
+        image=image[:n].astype(np.int32),
+        block_end=block_end[:n].astype(np.int32),
+        is_true=bits_of(state[:, :n] == TRUE_POSITIVE),
+        is_ignored=bits_of(state[:, :n] == IGNORED),
+        rank=rank[:n].astype(np.int32),
+    )
+
+
+def bits_of(flags: NDArray[np.bool_]) -> Bits:
+    """(S,) flags of all thresholds in one number each, threshold t in bit t. flags: (T, S)."""
+    weights = 1 << np.arange(len(flags), dtype=np.uint16)
+    bits: Bits = np.bitwise_or.reduce(flags * weights[:, None], axis=0)
+    return bits
+
+
+def resample(
+    ranking: Ranking, counts: Counts, n_truths: Counts, ranks: Sequence[int | None]
+) -> tuple[Floats, Counts]:
+    """Average precision (T, draws) and true positives below each rank (R, T, draws).
+
+    counts: (draws, images) how often each image is in each draw; n_truths: (draws,), above 0.
+    ranks: None counts all. The copies of an image stand one after the other, each whole: where
+    two of its detections have equal scores, a b becomes a b a b (docs/protocols/ties.md).
+    """
+    draws, images = counts.shape
+    shape = len(IOU_THRESHOLDS), draws
+    if n_truths.shape != (draws,) or (len(ranking.image) and int(ranking.image.max()) >= images):
+        raise ShapeError(
+            "bootstrap counts are of other images than the matches",
+            found=f"{counts.shape} counts, {n_truths.shape} truths",
+            expected=f"{int(ranking.image.max(initial=-1)) + 1} images or more",
+        )
+    precision = np.zeros(shape)
+    limits = np.array([_ANY_RANK if r is None else r for r in ranks], np.int32)
+    recalled = np.zeros((len(limits), *shape), np.int32)
+    columns = ranking.image, ranking.block_end, ranking.is_true, ranking.is_ignored, ranking.rank
+    struct = _RankingStruct(
+        *(_pointer(c) for c in columns),
+        len(ranking.image),
+        _pointer(RECALL_THRESHOLDS),
+        len(RECALL_THRESHOLDS),
+        len(IOU_THRESHOLDS),
+        _pointer(limits),
+        len(limits),
+    )
+    counts, n_truths = np.ascontiguousarray(counts, np.int32), n_truths.astype(np.int32)
+    done = _library().lw_resample(
+        ctypes.byref(struct), _pointer(counts), ctypes.c_int64(draws), ctypes.c_int64(images),
+        _pointer(n_truths), _pointer(precision), _pointer(recalled),
+    )  # fmt: skip
+    _check(done)
+    return precision, recalled
+
+
+def ordered_precision(
+    is_true: Bits, is_ignored: Bits, order: Counts, plain: Counts, n_truths: int
+) -> Floats:
+    """(n,) AP of one category in n orders of its detections, averaged over thresholds.
+
+    is_true, is_ignored: (S,); order, plain: (n, S) which of them stands at each place, and how
+    many others, false positives at every threshold, stand above it.
+    """
+    values = np.zeros(len(order))
+    order, plain = np.ascontiguousarray(order, np.int32), np.ascontiguousarray(plain, np.int32)
+    done = _library().lw_ordered(
+        _pointer(is_true), _pointer(is_ignored), ctypes.c_int64(len(is_true)), _pointer(order),
+        _pointer(plain), ctypes.c_int64(len(order)), ctypes.c_int32(n_truths),
+        _pointer(RECALL_THRESHOLDS), ctypes.c_int32(len(RECALL_THRESHOLDS)),
+        ctypes.c_int32(len(IOU_THRESHOLDS)), _pointer(values),
+    )  # fmt: skip
+    _check(done)
+    return values
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    loaded = open_library(Path(__file__).parent, "library of evaluation")
+    for name in ("lw_resample", "lw_ordered"):
+        getattr(loaded, name).restype = ctypes.c_int32
+    return loaded
+
+
+def _pointer(array: NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _check(done: int) -> None:
+    if done == _NO_MEMORY:
+        raise MemoryError("no memory for the rankings of a category")
+    if done:
+        raise ShapeError(
+            "a category has more matches than can be accumulated",
+            found="over 2**31 true positives and ignored predictions in one draw",
+            expected="fewer",
+        )

@@ -1,0 +1,87 @@
+"""Bootstrap samples and tie orders in plain NumPy, one draw at a time: what compiled loops are.
+
+Written from the definitions in docs/protocols/ties.md; slow.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from legoworld.evaluation.accumulation import (
+    category_slices,
+    first_reached,
+    mean_precision,
+)
+from legoworld.evaluation.matching import IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.protocols import AREA_NAMES, IOU_THRESHOLDS
+
+
+def copies(image, score, count):
+    """Places of a category's ranking in a sample: image by image, each copy of an image whole."""
+    places = []
+    for (_score, i), block in itertools.groupby(
+        range(len(image)), key=lambda d: (-score[d], image[d])
+    ):
+        places += list(block) * int(count[i])
+    return np.array(places, np.int64)
+
+
+def curve_precision(states, n_truths):
+    """101-point AP of one ranking at one threshold. states: (D,)."""
+    true = states[states != IGNORED] == TRUE_POSITIVE
+    at = np.flatnonzero(true)
+    n_true = np.arange(1, len(at) + 1)
+    return mean_precision(n_true[None], (at + 1)[None], first_reached(n_truths)[: len(at)][None])[0]
+
+
+def mean_in_order(values):
+    total = values[0]
+    for value in values[1:]:
+        total = total + value
+    return total / len(values)
+
+
+def resampled_metrics(table, protocol, counts, frequencies=None):
+    """As legoworld.evaluation.resampling.resampled_metrics."""
+    found = {m.name: np.full(len(counts), np.nan) for m in protocol.metrics}
+    slices = category_slices(table)
+    for draw, count in enumerate(counts):
+        for metric in protocol.metrics:
+            a = AREA_NAMES.index(metric.area)
+            weights = table.n_truths[a] * count[table.truth_image]
+            n_truths = np.bincount(table.truth_category, weights, len(slices)).astype(int)
+            values = []
+            for k in np.flatnonzero(n_truths):
+                if metric.frequency is not None and frequencies[k] != metric.frequency:
+                    continue
+                rows = slices[k]
+                order = copies(table.image[rows], table.score[rows], count)
+                state, rank = table.state[a, :, rows][:, order], table.rank[rows][order]
+                if metric.kind == "AP":
+                    at = [curve_precision(states, n_truths[k]) for states in state]
+                else:
+                    within = rank < (metric.max_rank or np.inf)
+                    at = [(s[within] == TRUE_POSITIVE).sum() / n_truths[k] for s in state]
+                which = [metric.iou in (None, t) for t in IOU_THRESHOLDS]
+                values.append(mean_in_order(list(itertools.compress(at, which))))
+            if values:
+                found[metric.name][draw] = np.array([*values, 0.0]).cumsum()[-1] / len(values)
+    return found
+
+
+def average_precision_in_orders(ranking, order, plain, n_truths):
+    """As legoworld.evaluation.compiled.ordered_precision, of ties' own ranking."""
+    steps = first_reached(n_truths)
+    values = []
+    for t, flags in enumerate(ranking.true):
+        ignored = ~(flags | ranking.false[t])
+        one = np.zeros(len(order))
+        for i, places in enumerate(order):
+            above = plain[i] + np.arange(1, len(places) + 1) - np.cumsum(ignored[places])
+            n_all = above[flags[places]]
+            n_true = np.arange(1, len(n_all) + 1)
+            one[i] = mean_precision(n_true[None], n_all[None], steps[: len(n_all)][None])[0]
+        values.append(one)
+    return mean_in_order(values)
