@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
+from legoworld.evaluation.input_hash import TIMES, hash_and_size
 from legoworld.files import (
     TEMPORARY_SUFFIX,
     atomic_path,
@@ -53,6 +54,7 @@ class InputFile:
     """A file a score was computed from. role: truth, run, predictions, ... .
 
     recorded: its name in evidence.json; None for its path relative to the evaluation folder.
+    without: keys of a JSON file that the hash and the size leave out.
     """
 
     role: str
@@ -60,6 +62,7 @@ class InputFile:
     sha256: str
     size_bytes: int
     recorded: str | None = None
+    without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,10 +86,10 @@ class Evaluation:
 
 
 def input_file(role: str, path: Path) -> InputFile:
-    """Hash an input file."""
-    return InputFile(
-        role=role, path=path, sha256=sha256_of_file(path), size_bytes=path.stat().st_size
-    )
+    """Hash an input file; a run's own document without its time."""
+    without = TIMES if role == "run" else ()
+    sha256, size = hash_and_size(path, without)
+    return InputFile(role=role, path=path, sha256=sha256, size_bytes=size, without=without)
 
 
 def prepare_folder(
@@ -227,6 +230,7 @@ def _entries(inputs: Sequence[InputFile], folder: Path) -> list[Row]:
             "path": i.recorded or _relative(i.path, folder),
             "sha256": i.sha256,
             "bytes": i.size_bytes,
+            **({"without": list(i.without)} if i.without else {}),
         }
         for i in inputs
     ]

@@ -26,7 +26,7 @@ class Pairs:
 
     detection, truth: (P,) positions in its columns; iou: (P,), all above 0; counted: (D,)
     detections that are answered for: paired at HIT or better, or not forgiven by the official
-    rules (in a crowd, category unverified or not exhaustively annotated).
+    rules (in a crowd, on an ignored instance, category unverified or not exhaustively annotated).
     """
 
     detection: Ints
@@ -81,8 +81,26 @@ class Pairer:
                 iou[:, ~ignored][chosen, true],
             )
         )
-        in_ignored = (iou[:, ignored] >= HIT).any(axis=1)
-        self._forgiven[found.detections.start + rows[in_ignored]] = True
+        free = ~self._forgiven[found.detections.start + rows]
+        free[chosen[iou[:, ~ignored][chosen, true] >= HIT]] = False
+        crowd = self._truths.crowd[found.truths][columns]
+        forgiven = forgiven_by(iou[:, ignored], crowd[ignored], free)
+        self._forgiven[found.detections.start + rows[forgiven]] = True
+
+
+def forgiven_by(iou: Floats, crowd: Bools, free: Bools) -> Ints:
+    """Rows of detections that ignored truths forgive, of those that are free.
+
+    iou: (D, G) with the ignored truths; crowd: (G,). A crowd forgives any number of detections, an
+    ignored instance of LVIS one, as lvis matches them: of all ways to share these out, one that
+    forgives most.
+    """
+    hit = (iou >= HIT) & free[:, None]
+    in_crowd = hit[:, crowd].any(axis=1)
+    rows = np.flatnonzero(hit[:, ~crowd].any(axis=1) & ~in_crowd)
+    claims = hit[np.ix_(rows, np.flatnonzero(~crowd))]
+    chosen, truth = linear_sum_assignment(claims.astype(np.float64), maximize=True)
+    return np.concatenate([np.flatnonzero(in_crowd), rows[chosen[claims[chosen, truth]]]])
 
 
 def best_pairs(iou: Floats, same_label: Bools) -> tuple[Ints, Ints]:

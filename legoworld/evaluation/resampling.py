@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from legoworld.errors import ShapeError
 from legoworld.evaluation.accumulation import category_slices
 from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.compiled import ranking_of, resample
@@ -38,6 +39,7 @@ def resampled_metrics(
     sums = {m.name: np.zeros(len(counts)) for m in protocol.metrics}
     defined = {m.name: np.zeros(len(counts)) for m in protocol.metrics}
     counts = np.ascontiguousarray(counts, np.int32)
+    _check_size(table, counts)
     rows = category_slices(table)
     group_of = [""] * len(rows) if frequencies is None else frequencies.tolist()
     with category_threads() as pool:
@@ -61,6 +63,17 @@ def resampled_metrics(
                     defined[metric] += has
     with np.errstate(invalid="ignore"):
         return {name: sums[name] / np.where(defined[name], defined[name], np.nan) for name in sums}
+
+
+def _check_size(table: MatchTable, counts: Counts) -> None:
+    """ShapeError where a sample could hold more detections than are counted in 32 bits."""
+    most = len(table.image) * int(counts.max(initial=0))
+    if counts.shape[1] != len(table.image_ids) or most > np.iinfo(np.int32).max:
+        raise ShapeError(
+            "a bootstrap sample cannot be accumulated",
+            found=f"{counts.shape[1]} images drawn, up to {most} predictions in a sample",
+            expected=f"{len(table.image_ids)} images, and up to 2**31 - 1 predictions",
+        )
 
 
 def _is_in(metric: Metric, frequency: str) -> bool:

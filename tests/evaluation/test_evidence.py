@@ -6,7 +6,7 @@ import json
 import shutil
 
 import pytest
-from evaluation.detection_runs import random_predictions, random_truth
+from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 from evaluation.test_official_numbers import evaluate
 
 from legoworld import cli
@@ -35,7 +35,50 @@ def test_a_fresh_evaluation_holds(evaluated, capsys):
     assert f"{len(checks)} of {len(checks)} checks hold" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("role", ["truth.json", "run/predictions.json", "run/run.json"])
+def with_time(run, finished_at):
+    document = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps({"finished_at": finished_at, **document}))
+
+
+def files_of(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_runs_that_differ_in_their_time_alone_have_the_same_evaluation_and_comparison(tmp_path):
+    truth = random_truth("coco", seed=1)
+    predictions = random_predictions("coco", truth, seed=1)
+    for name, time in (("early", "2026-01-01T00:00:00Z"), ("late", "2026-11-22T23:59:59.5Z")):
+        folder = tmp_path / name
+        run = write_run(folder / "run", "coco", truth, predictions)
+        with_time(run, time)
+        truth_path = write_truth(folder / "truth.json", truth)
+        arguments = ["--truth", str(truth_path), "--draws", "5", "-o", str(folder / "eval")]
+        assert cli.run(["evaluate", str(run), *arguments]) == 0
+        evaluations = [str(folder / "eval")] * 2
+        compared = ["compare", *evaluations, "--draws", "5", "-o", str(folder / "comparison")]
+        assert cli.run(compared) == 0
+        assert not bad(verify(folder / "eval", None))
+    for name in ("eval", "comparison"):
+        assert files_of(tmp_path / "early" / name) == files_of(tmp_path / "late" / name)
+
+
+def test_of_run_json_only_the_time_is_left_out(evaluated):
+    run = evaluated / "run" / "run.json"
+    entry = json.loads((evaluated / "eval" / "evidence.json").read_text())["inputs"][1]
+    assert (entry["role"], entry["without"]) == ("run", ["finished_at"])
+    with_time(evaluated / "run", "2026-01-01T00:00:00Z")
+    assert not bad(verify(evaluated / "eval", None))
+    document = json.loads(run.read_text())
+    for forged in ({**document, "kind": 1}, {**document, "configuration": {}}, [document]):
+        run.write_text(json.dumps(forged))
+        assert [c.status for c in bad(verify(evaluated / "eval", None))] == ["CHANGED"]
+    run.write_text("no JSON")
+    assert [c.status for c in bad(verify(evaluated / "eval", None))] == ["CHANGED"]
+    run.unlink()
+    assert [c.status for c in bad(verify(evaluated / "eval", None))] == ["MISSING"]
+
+
+@pytest.mark.parametrize("role", ["truth.json", "run/predictions.json"])
 def test_a_changed_input_is_seen(evaluated, role):
     with (evaluated / role).open("a") as stream:
         stream.write(" ")

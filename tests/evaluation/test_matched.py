@@ -7,15 +7,22 @@ import itertools
 import numpy as np
 import pytest
 from evaluation.detection_runs import (
+    box_mask,
     checked,
     match_everything,
     random_predictions,
     random_truth,
+    text_counts,
 )
 from evaluation.test_bootstrap import pair_metrics
 from pycocotools import mask as coco_mask
 
+from legoworld.evaluation.accumulation import accumulate, metric_value
+from legoworld.evaluation.evaluators import run_evaluator
+from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.pairing import best_pairs
+from legoworld.evaluation.protocols import IOU_THRESHOLDS
+from legoworld.evaluation.scoring import frequencies_of
 
 
 def best_by_trying(iou):
@@ -161,3 +168,106 @@ def test_flooding_and_abstaining_are_seen_beside_the_mean(tmp_path):
     assert found[0]["precision_50"] < 0.3 < found[1]["precision_50"]
     assert found[1]["miou_matched"] == 1.0
     assert found[1]["n_matched"] == 1
+
+
+def one_lvis_image(annotations, predictions, tmp_path):
+    """(class-aware, class-agnostic) numbers and lvis's own counts of one image, boxes as masks."""
+    truth = random_truth("lvis", seed=0, images=1, per_image=0, categories=2)
+    image = truth["images"][0]
+    image |= {"neg_category_ids": [], "not_exhaustive_category_ids": []}
+    masks = [text_counts(box_mask(box)) for box, *_ in annotations]
+    truth["annotations"] = [
+        {"id": n, "image_id": image["id"], "category_id": category, "bbox": box,
+         "segmentation": mask, "area": float(box[2] * box[3]), "ignore": int(ignore)}
+        for n, ((box, category, ignore), mask) in enumerate(
+            zip(annotations, masks, strict=True), start=1)
+    ]  # fmt: skip
+    entries = [
+        {"image_id": image["id"], "category_id": category, "score": 0.9 - 0.01 * k,
+         "segmentation": text_counts(box_mask(box))}
+        for k, (box, category) in enumerate(predictions)
+    ]  # fmt: skip
+    protocol, read, found = checked(tmp_path, "lvis", truth, entries)
+    problem, table = match_everything(protocol, read, found)
+    whole = np.ones((1, 1), np.int32)
+    numbers = [
+        {k: v[0] for k, v in pair_metrics(problem, read, found, whole, class_aware=aware).items()}
+        for aware in (True, False)
+    ]
+    return *numbers, int((table.state[0, 0] != IGNORED).sum())
+
+
+def test_an_ignored_truth_of_lvis_forgives_one_detection_as_in_lvis(tmp_path):
+    ignored, regular = [10, 10, 20, 20], [60, 40, 20, 20]
+    annotations = [(ignored, 5, True), (regular, 5, False)]
+    for n, predictions in enumerate(
+        (
+            [(ignored, 5)],
+            [(ignored, 5), ([11, 10, 20, 20], 5)],
+            [(regular, 5), (ignored, 5), ([11, 10, 20, 20], 5), ([90, 60, 20, 20], 5)],
+            [(regular, 5)],
+        )
+    ):
+        aware, agnostic, answered = one_lvis_image(annotations, predictions, tmp_path / str(n))
+        assert aware["n_gt"] == agnostic["n_gt"] == 1
+        assert aware["n_dt"] == agnostic["n_dt"] == answered == (0, 1, 3, 1)[n]
+
+
+def test_ignored_truths_forgive_as_many_detections_as_they_can(tmp_path):
+    """The one detection that overlaps both is not given the truth that another one needs."""
+    annotations = [([10, 10, 20, 20], 5, True), ([16, 10, 20, 20], 5, True)]
+    predictions = [([13, 10, 20, 20], 5), ([18, 10, 20, 20], 5)]
+    aware, _, _ = one_lvis_image(annotations, predictions, tmp_path)
+    assert aware["n_dt"] == 0
+    aware, agnostic, _ = one_lvis_image(annotations, [([13, 10, 20, 20], 7)], tmp_path / "other")
+    assert aware["n_dt"] == agnostic["n_dt"] == 0  # not verified here; on something ignored
+
+
+def test_a_crowd_forgives_from_half_of_the_detection_on_and_any_number(tmp_path):
+    truth = random_truth("coco", seed=0, images=1, per_image=0, categories=1)
+    image = truth["images"][0]["id"]
+    truth["annotations"] = [
+        {"id": 1, "image_id": image, "category_id": 5, "bbox": [0, 0, 50, 50], "area": 2500.0,
+         "segmentation": [], "iscrowd": 1},
+    ]  # fmt: skip
+    for outside, counted in ((0, 0), (9, 0), (10, 0), (11, 1), (20, 1)):
+        # 20 px wide, so many of them outside the crowd: the share inside decides.
+        boxes = [[50 - (20 - outside), 10 * k, 20, 10] for k in range(3)]
+        entries = [
+            {"image_id": image, "category_id": 5, "bbox": box, "score": 0.5} for box in boxes
+        ]
+        protocol, read, found = checked(tmp_path / str(outside), "coco", truth, entries)
+        problem, table = match_everything(protocol, read, found)
+        whole = np.ones((1, 1), np.int32)
+        for aware in (True, False):
+            numbers = pair_metrics(problem, read, found, whole, class_aware=aware)
+            assert numbers["n_dt"][0] == 3 * counted
+        share = (20 - outside) / 20
+        expected = [IGNORED if share >= t else FALSE_POSITIVE for t in IOU_THRESHOLDS]
+        assert (table.state[0] == np.array(expected)[:, None]).all()
+
+
+@pytest.mark.parametrize("task", ["coco", "lvis"])
+def test_of_equal_overlaps_the_later_truth_is_taken_as_in_the_official_evaluators(task, tmp_path):
+    """The first detection lies half way between two truths; the second one on one of these."""
+    truth = random_truth(task, seed=0, images=1, per_image=0, categories=2)
+    image = truth["images"][0]
+    image |= {"neg_category_ids": [], "not_exhaustive_category_ids": []}
+    left, right = [10, 10, 40, 40], [30, 10, 40, 40]
+
+    def shape(box):
+        return {"image_id": image["id"], "category_id": 5, "bbox": box,
+                "segmentation": text_counts(box_mask(box))}  # fmt: skip
+
+    entries = [{**shape([20, 10, 40, 40]), "score": 0.9}, {**shape([2, 10, 40, 40]), "score": 0.5}]
+    for n, (boxes, n_true) in enumerate((((left, right), 2), ((right, left), 1))):
+        truth["annotations"] = [
+            {**shape(box), "id": k, "area": 1600.0, "iscrowd": 0} for k, box in enumerate(boxes, 1)
+        ]
+        protocol, read, found = checked(tmp_path / str(n), task, truth, entries)
+        _, table = match_everything(protocol, read, found)
+        assert (table.state[0, 0] == TRUE_POSITIVE).sum() == n_true
+        curves = accumulate(table, protocol)
+        ours = [metric_value(m, curves, frequencies_of(read)) for m in protocol.metrics]
+        scores = run_evaluator(read, found, protocol, "official")
+        assert ours == pytest.approx(scores.official, abs=1e-12)
