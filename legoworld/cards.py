@@ -41,6 +41,16 @@ _FIXED_FOR: dict[str, dict[str, Any]] = {
         "vocabulary.synonyms": "none",
         "vocabulary.qualifier": "required",
     },
+    "coco-masks": {
+        "readout.reads": "masks",
+        "export.fields": ["image_id", "category_id", "segmentation", "score"],
+        "export.score": EQUAL_CONFIDENCE,
+        "export.order": ["image_id", "category_id", "payload"],
+        "export.segmentation": "rle_compressed",
+        "export.min_area_px": 1,
+        "vocabulary.override_property": "coco_category",
+        "vocabulary.synonyms": "none",
+    },
     "lvis": {
         "readout.reads": "masks",
         "export.fields": ["image_id", "category_id", "segmentation", "score"],

@@ -10,12 +10,21 @@ from legoworld.vocabulary import Vocabulary, load
 #: LVIS v0.5's number of categories; its ids are other numbers for v1's names.
 _LVIS_V05_CATEGORIES: Final = 1230
 
+#: COCO's boxes and masks are two readouts of one dataset: one track and one truth serve both.
+_DATASETS: Final = {"coco-masks": "coco"}
+
+
+def dataset_of(task: str) -> str:
+    """The dataset whose tracks, categories and truth a task uses."""
+    return _DATASETS.get(task, task)
+
 
 def dataset_version(vocabulary: Vocabulary, task: str) -> str:
     """The version of a task's dataset by its categories; "custom" when they are nobody's."""
-    shipped = load(catalog.folder("datasets") / task / "categories.json")
+    dataset = dataset_of(task)
+    shipped = load(catalog.folder("datasets") / dataset / "categories.json")
     if vocabulary.sha256 == shipped.sha256:
-        return {"coco": "2017", "lvis": "1.0"}[task]
-    if task == "lvis" and len(vocabulary.categories) == _LVIS_V05_CATEGORIES:
+        return {"coco": "2017", "lvis": "1.0"}[dataset]
+    if dataset == "lvis" and len(vocabulary.categories) == _LVIS_V05_CATEGORIES:
         return "0.5"
     return "custom"

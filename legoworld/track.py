@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from legoworld.dataset_versions import dataset_of
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.places import Place, folders_holding
@@ -67,6 +68,12 @@ def load_track(path: Path) -> Track:
         sha256=sha256_of_file(path),
         info=document.get("info") or {},
     )
+
+
+def serves(track: Track, task: str) -> bool:
+    """Whether a track is of a task's dataset; COCO's boxes and masks share theirs."""
+    made_for = track.info.get("task")
+    return made_for is None or dataset_of(str(made_for)) == dataset_of(task)
 
 
 def track_of_folder(scenes: Place) -> Track:

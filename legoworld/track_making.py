@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from legoworld.dataset_versions import dataset_version
+from legoworld.dataset_versions import dataset_of, dataset_version
 from legoworld.depth_folder_tracks import depth_folder_source
 from legoworld.errors import CatalogError, LegoWorldError, UsageError
 from legoworld.eth3d_tracks import eth3d_source
@@ -82,7 +82,7 @@ def make_track(
     document: dict[str, Any] = {
         "info": {
             "description": f"legoworld track: public half of {source.name}",
-            "task": task,
+            "task": dataset_of(task),  # a track of coco serves coco-masks
             "dataset_version": source.version,
             "source": source.name,
             "source_sha256": source.sha256,
@@ -187,7 +187,7 @@ def annotation_source(task: str, path: Path) -> Source:
             images=images,
             wanted=images,
             category_ids=(c.id for c in vocabulary.categories),
-            masks=task != "coco",
+            masks=task != "coco",  # boxes are scored without
             repairs=Counter(),
         )
     return Source(

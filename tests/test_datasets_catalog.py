@@ -138,7 +138,7 @@ def test_dataset_card(name: str) -> None:
     assert set(card) - {*CARD_TEXTS, *CARD_LISTS} - {"depth"} == {"schema_version"}
     assert card["schema_version"] == 1
     assert card["name"] == name
-    assert set(card["tasks"]) <= {"coco", "lvis", "eth3d"}
+    assert set(card["tasks"]) <= {"coco", "coco-masks", "lvis", "eth3d"}
     assert not set(card["public"]) & set(card["private"])
 
 
@@ -280,10 +280,17 @@ def test_depth_constants_give_the_recorded_range() -> None:
 
 
 def test_readout_cards_share_what_they_share() -> None:
-    cards = {task: load_toml(READOUTS / f"{task}.toml") for task in ("coco", "lvis", "eth3d")}
+    names = ("coco", "coco-masks", "lvis", "eth3d")
+    cards = {task: load_toml(READOUTS / f"{task}.toml") for task in names}
     assert cards["coco"]["visibility"] == cards["lvis"]["visibility"]
+    masks = cards["coco-masks"]
+    for table in ("vocabulary", "visibility"):
+        assert masks[table] == cards["coco"][table]
+    of_lvis = {**cards["lvis"]["export"], "format": "coco_results"}
+    assert masks["export"] == of_lvis
+    assert masks["scoring"] == {**cards["coco"]["scoring"], "protocol": "segm"}
     assert cards["coco"]["visibility"] == cards["eth3d"]["visibility"]
-    differs = {"file", "size", "override_property", "synonyms"}
+    differs = {"file", "size", "override_property", "synonyms", "qualifier"}
     coco, lvis = cards["coco"]["vocabulary"], cards["lvis"]["vocabulary"]
     assert set(coco) == set(lvis)
     assert {key for key in coco if coco[key] != lvis[key]} == differs

@@ -13,13 +13,14 @@ from itertools import pairwise
 import pytest
 
 from legoworld import catalog, cli
+from legoworld.dataset_versions import dataset_of
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.readouts.instructions import accepted_synonyms, instructions
 from legoworld.readouts.tasks import TASKS, protocol
 from legoworld.vocabulary import Category, Vocabulary
 
-LABELLED = ["coco", "lvis"]
+LABELLED = ["coco", "coco-masks", "lvis"]
 
 #: Keys that only annotations have, or that are counted from annotations.
 TRUTH_KEYS = {
@@ -81,7 +82,7 @@ def test_what_an_author_needs_is_there(capsys):
 @pytest.mark.parametrize("task", LABELLED)
 def test_the_vocabulary_is_complete_and_in_the_datasets_order(task, capsys):
     told = document(task, capsys)
-    path = catalog.folder("datasets") / task / "categories.json"
+    path = catalog.folder("datasets") / dataset_of(task) / "categories.json"
     names = [c["name"] for c in sorted(json.loads(path.read_text()), key=lambda c: c["id"])]
     assert told["vocabulary"] == names
     after = printed(task, capsys).split("\n## Vocabulary: ")[1]
@@ -242,7 +243,7 @@ for kind in ("readouts", "datasets", "baselines", "examples"):
     )
     expected = {f"readouts/{task}.toml", "readouts/instructions/scene.toml"}
     if task in LABELLED:
-        expected.add(f"datasets/{task}/categories.json")
+        expected.add(f"datasets/{dataset_of(task)}/categories.json")
     assert set(done.stderr.split()) == expected
 
 
@@ -264,10 +265,12 @@ def test_a_task_leaves_what_is_for_it(kind, capsys):
     by_task = {task: listed(capsys, kind, "--task", task) for task in TASKS}
     assert sorted({name for names in by_task.values() for name in names}) == every
     for task, names in by_task.items():
+        if (kind, task) == ("baselines", "coco-masks") and not names:
+            continue  # its masks are imported until a specialist's card names the task
         assert 0 < len(names) < len(every)
         assert names == [name for name in every if name in names]
         if kind != "baselines":
-            assert task in names
+            assert (dataset_of(task) if kind == "datasets" else task) in names
         assert cli.run(["list", kind, "--task", task]) == 0
         lines = capsys.readouterr().out.splitlines()
         assert [line.split()[0] for line in lines[2:]] == names

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, Literal, get_args
 
 from legoworld import catalog
-from legoworld.dataset_versions import dataset_version
+from legoworld.dataset_versions import dataset_of, dataset_version
 from legoworld.errors import UsageError
 from legoworld.evaluation.predictions import PredictionsInvalidError
 from legoworld.vocabulary import Vocabulary, normal_name
@@ -33,7 +33,7 @@ def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int,
     """Each numbering this vocabulary may be given in, from its ids to the vocabulary's."""
     own = [category.id for category in vocabulary.categories]
     found: dict[CategoryIds, dict[int, int]] = {"dataset": {i: i for i in own}}
-    dataset = task.partition("-")[0]
+    dataset = dataset_of(task)
     if dataset_version(vocabulary, task) == "custom":
         return found
     for name, (of, first) in _CONTIGUOUS.items():

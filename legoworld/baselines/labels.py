@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from legoworld.dataset_versions import dataset_of
 from legoworld.errors import LegoWorldError
 from legoworld.vocabulary import Category, Vocabulary, normal_name
 from legoworld.wording import counted
@@ -43,7 +44,7 @@ def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
     found: LabelMap = {
         old: name
         for old, name in OLD_NAMES.items()
-        if task == "coco" and vocabulary.match(name) and not vocabulary.match(old)
+        if dataset_of(task) == "coco" and vocabulary.match(name) and not vocabulary.match(old)
     }
     if path is not None:
         own = _read(path)

@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 #: Seconds between two lines of progress in a log.
 _LINE_S: Final = 30.0
 
-TASKS = options.Choice(["coco", "lvis", "eth3d"])
+TASKS = options.Choice(["coco", "coco-masks", "lvis", "eth3d"])
 
 
 def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
     """The track and its task's protocol; click.UsageError for a track of another task."""
     from legoworld.readouts.tasks import protocol
-    from legoworld.track import load_track
+    from legoworld.track import load_track, serves
 
     images = load_track(track)
-    if images.info.get("task") not in (None, task):
+    if not serves(images, task):
         raise click.UsageError(
             f"the track is made for {images.info['task']}, not for {task}: make one with "
             f"`legoworld track make --task {task}`"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--photo", type=options.EXISTING_FILE, help="Draw over this photo; gives the size.")
 @click.option(
     "--task",
-    type=options.Choice(["coco", "lvis"]),
+    type=options.Choice(["coco", "coco-masks", "lvis"]),
     help="Resolve labels in this task's vocabulary [default: every label counts].",
 )
 @click.option("--source", type=options.Choice(["blend", "glb"]), default="blend", show_default=True)

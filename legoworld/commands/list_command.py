@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.argument("kind", type=options.Choice(["tasks", "datasets", "baselines", "schema"]))
 @click.option(
     "--task",
-    type=options.Choice(["coco", "lvis", "eth3d"]),
+    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
     help="Only what is for this task; whose schema [default: coco].",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
@@ -50,7 +50,7 @@ def command(kind: str, task: str | None, as_json: bool) -> int:
 def _cards(kind: str, task: str | None) -> list[dict[str, Any]]:
     """What there is of a kind, for one task where it is given."""
     if kind == "tasks":
-        paths = sorted(catalog.folder("readouts").glob("*.toml"))
+        paths = sorted(catalog.folder("readouts").glob("*.toml"), key=lambda path: path.stem)
     else:
         folder = catalog.folder("datasets" if kind == "datasets" else "baselines")
         paths = sorted(folder.glob("*/card.toml"))

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 @click.command("readout", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("scenes", required=False, type=PlaceType(exists=True))
 @click.option(
-    "--task", required=True, type=options.Choice(["coco", "lvis", "eth3d"]), help="What to read."
+    "--task",
+    required=True,
+    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
+    help="What to read.",
 )
 @click.option("--track", type=options.EXISTING_FILE, help="The images; COCO image-info JSON.")
 @click.option(
@@ -77,7 +80,7 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Read COCO boxes, LVIS masks or depth out of frozen SCENES.
+    """Read COCO boxes or masks, LVIS masks or depth out of frozen SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
     --track every scene folder is an image. Without SCENES the shipped examples are read. The same
@@ -94,7 +97,7 @@ def command(
     from legoworld.readouts.tasks import protocol
     from legoworld.running.image import ImageOptions
     from legoworld.running.readout_run import RunRequest, run_readout
-    from legoworld.track import load_track, track_of_folder
+    from legoworld.track import load_track, serves, track_of_folder
 
     notice = options.notifier(quiet)
     if max_side is not None and task != "eth3d":
@@ -112,7 +115,7 @@ def command(
         notice(f"no SCENES given: reading the {task} examples that ship with legoworld")
     output = output or Path("legoworld-runs") / f"{_name_of(scenes) or 'scenes'}-{task}"
     images = load_track(track) if track else track_of_folder(scenes)
-    if images.info.get("task") not in (None, task):
+    if not serves(images, task):
         raise click.UsageError(
             f"the track is made for {images.info['task']}, not for {task}: make one with "
             f"`legoworld track make --task {task}`"
@@ -210,7 +213,10 @@ def _print(result: RunResult, output: Place, *, verbose: bool) -> None:
     line = f"{coverage['ok']} of {coverage['attempted']} images read"
     if "ok_empty" in coverage:
         line += f" ({coverage['ok_empty']} without any export)"
-    what = {"coco": ("box", "boxes"), "lvis": ("mask", "masks")}.get(result.summary["task"])
+    masks = ("mask", "masks")
+    what = {"coco": ("box", "boxes"), "coco-masks": masks, "lvis": masks}.get(
+        result.summary["task"]
+    )
     if what:
         line += f", {counted(result.summary['predictions'], *what)}"
     if result.summary["partial"]:

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 @click.argument("action", type=options.Choice(["make", "check"]))
 @click.argument("track", required=False, type=options.EXISTING_FILE)
 @click.option(
-    "--task", type=options.Choice(["coco", "lvis", "eth3d"]), help="make: for which task."
+    "--task",
+    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
+    help="make: for which task.",
 )
 @click.option(
     "--truth",

@@ -39,7 +39,7 @@ class Predictions:
     """Checked results by ascending image id, and inside an image in their `order`.
 
     entries: {"image_id", "category_id", "score"} and "bbox" or "segmentation", nothing else.
-    warnings: counted repairs. n_dropped_empty: masks without a pixel, dropped.
+    warnings: counted repairs. n_dropped_empty: masks without a pixel, dropped as lvis does.
     """
 
     entries: tuple[dict[str, Any], ...]
@@ -130,11 +130,16 @@ def check_results(
         kept = in_order(kept, order)
         areas = _decoded_areas(kept, sizes_wh, crew)
         boxed = sum("bbox" in e for e in entries)
-        if boxed:  # lvis would take the box's area for the mask's
+        if boxed:  # both evaluators would take the box's area for the mask's
             warnings["masks with a bbox, which was left out"] = boxed
         n_empty = int((areas == 0).sum())
-        if n_empty:
+        if n_empty and protocol.federated:
             kept = without_empty(kept, areas == 0, protocol.per_image_cap, warnings)
+        elif n_empty:
+            warnings["masks without a pixel, scored as pycocotools does: they match nothing"] = (
+                n_empty
+            )
+            n_empty = 0
     return Predictions(
         entries=tuple(kept),
         warnings=tuple(f"{count} {what}" for what, count in sorted(warnings.items())),

@@ -1,4 +1,4 @@
-"""What differs between the two detection protocols, one row each; numbers from their cards."""
+"""What differs between the detection protocols, one row each; numbers from their cards."""
 
 from __future__ import annotations
 
@@ -81,24 +81,32 @@ def _areas(kind: Literal["AP", "AR"], suffix: str = "") -> tuple[Metric, ...]:
 
 _AP: Final = (Metric("AP", "AP"), Metric("AP50", "AP", iou=0.5), Metric("AP75", "AP", iou=0.75))
 
+_COCO_METRICS: Final = (
+    *_AP,
+    *_areas("AP"),
+    Metric("AR1", "AR", max_rank=1),
+    Metric("AR10", "AR", max_rank=10),
+    Metric("AR100", "AR", max_rank=100),
+    *_areas("AR"),
+)
+
+
+def _coco(task: str, iou_type: IouType) -> DetectionProtocol:
+    return DetectionProtocol(
+        task=task,
+        iou_type=iou_type,
+        per_category_cap=100,
+        per_image_cap=None,
+        federated=False,
+        metrics=_COCO_METRICS,
+    )
+
+
 PROTOCOLS: Final = {
     p.task: p
     for p in (
-        DetectionProtocol(
-            task="coco",
-            iou_type="bbox",
-            per_category_cap=100,
-            per_image_cap=None,
-            federated=False,
-            metrics=(
-                *_AP,
-                *_areas("AP"),
-                Metric("AR1", "AR", max_rank=1),
-                Metric("AR10", "AR", max_rank=10),
-                Metric("AR100", "AR", max_rank=100),
-                *_areas("AR"),
-            ),
-        ),
+        _coco("coco", "bbox"),
+        _coco("coco-masks", "segm"),
         DetectionProtocol(
             task="lvis",
             iou_type="segm",

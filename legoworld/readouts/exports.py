@@ -39,9 +39,9 @@ def box_predictions(
 def mask_predictions(
     image_id: int, instances: Sequence[Instance], view: View
 ) -> list[dict[str, Any]]:
-    """LVIS mask results of one image, in canonical order: category id, then the RLE's bytes.
+    """Mask results of one image, in canonical order: category id, then the RLE's bytes.
 
-    No bbox: the official evaluator would take the box's area for the mask's.
+    No bbox: the official evaluators would take the box's area for the mask's.
     """
     rows = []
     runs = ColumnRuns(view.buffers.instance)

@@ -29,6 +29,7 @@ TASKS: Final = {
     task.name: task
     for task in (
         Task(name="coco", predict=box_predictions),
+        Task(name="coco-masks", predict=mask_predictions),
         Task(name="lvis", predict=mask_predictions),
         Task(name="eth3d", predict=None),
     )

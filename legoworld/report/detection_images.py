@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.folder import Row
 from legoworld.evaluation.masks import compressed, overlaps
+from legoworld.evaluation.protocols import detection_protocol
 from legoworld.report.error_kinds import ImageErrors, image_errors
 from legoworld.report.sources import ReportInputError, Side
 
@@ -98,7 +99,7 @@ def _errors(
 
 def _ignored(task: str, truth: Row) -> bool:
     """What neither scores nor is missed: COCO's crowds; LVIS's ignored and empty truths."""
-    if task == "coco":
+    if not detection_protocol(task).federated:
         return bool(truth.get("iscrowd", 0))
     return bool(truth.get("ignore", 0)) or truth["area"] <= 0
 
@@ -106,7 +107,7 @@ def _ignored(task: str, truth: Row) -> bool:
 def _overlaps(
     task: str, image: Row, truths: Sequence[Row], predictions: Sequence[Row]
 ) -> NDArray[np.float64]:
-    """(D, G) IoU as the evaluator measures it: of boxes for coco, of masks for lvis."""
+    """(D, G) IoU as the evaluator measures it: of boxes, or of masks."""
     if not truths or not predictions:
         return np.zeros((len(predictions), len(truths)))
     found = shapes(task, image, predictions), shapes(task, image, truths)
@@ -114,8 +115,8 @@ def _overlaps(
 
 
 def shapes(task: str, image: Row, rows: Sequence[Row]) -> list[Any]:
-    """What is compared of predictions or truths: boxes for coco, compressed masks for lvis."""
-    if task == "coco":
+    """What is compared of predictions or truths: boxes, or compressed masks."""
+    if detection_protocol(task).iou_type == "bbox":
         return [row["bbox"] for row in rows]
     size_hw = image["height"], image["width"]
     return [compressed(row["segmentation"], size_hw) for row in rows]

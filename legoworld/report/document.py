@@ -31,7 +31,7 @@ from legoworld.report.tie_picture import tie_pictures
 
 Json = dict[str, Any]
 
-_TITLES = {"coco": "COCO boxes", "lvis": "LVIS masks", "eth3d": "Depth"}
+_TITLES = {"coco": "COCO boxes", "coco-masks": "COCO masks", "lvis": "LVIS masks", "eth3d": "Depth"}
 
 
 @dataclass(kw_only=True)

@@ -9,6 +9,7 @@ from pathlib import PurePosixPath
 from typing import Any, Final
 
 from legoworld import catalog
+from legoworld.dataset_versions import dataset_of
 from legoworld.report.sources import Side
 
 #: Licences of what a score is computed with, by package.
@@ -104,7 +105,7 @@ def _data_licence(side: Side, cards: list[dict[str, Any]]) -> list[dict[str, str
     known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
     said = "this truth, by its hash"
     if not known:
-        known = [c for c in cards if c["name"] == side.task]
+        known = [c for c in cards if c["name"] == dataset_of(side.task)]
         said = "the usual dataset of this task: no card knows this truth by its hash"
     return [
         {"name": c["name"], "title": c["title"], "licence": c["licence"], "said": said}

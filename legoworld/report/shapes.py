@@ -6,6 +6,7 @@ from typing import Any
 
 from legoworld.evaluation.folder import Row
 from legoworld.evaluation.masks import bounding_box, compressed
+from legoworld.evaluation.protocols import detection_protocol
 from legoworld.report.detection_images import DetectionImage, SideImage
 
 _PLACES = 2
@@ -14,13 +15,14 @@ _PLACES = 2
 def drawn_truths(task: str, image: DetectionImage) -> list[Row]:
     """Each truth: c category id, box [x, y, w, h], mask or polygons where masks are scored."""
     size_hw = image.image["height"], image.image["width"]
+    masks = detection_protocol(task).iou_type == "segm"
     found = []
     for truth in image.truths:
         drawn: Row = {"c": truth["category_id"], "box": _rounded(truth["bbox"])}
         segmentation = truth.get("segmentation")
-        if task == "lvis" and isinstance(segmentation, list):
+        if masks and isinstance(segmentation, list):
             drawn["polygons"] = [_rounded(p) for p in segmentation]
-        elif task == "lvis":
+        elif masks:
             drawn["rle"] = _counts(segmentation, size_hw)
         found.append(drawn)
     return found
@@ -29,12 +31,13 @@ def drawn_truths(task: str, image: DetectionImage) -> list[Row]:
 def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list[Row]:
     """Each prediction: c, s score, o outcome at IoU 0.5, k error kind, t truth meant, i IoU."""
     size_hw = image.image["height"], image.image["width"]
+    masks = detection_protocol(task).iou_type == "segm"
     found = []
     for entry, kind, about, iou in zip(
         side.entries, side.errors.kind, side.errors.about, side.errors.iou, strict=True
     ):
         drawn: Row = {"c": entry["category_id"], "s": entry["score"], "o": entry["outcome_50"]}
-        if task == "lvis":
+        if masks:
             drawn["rle"] = _counts(entry["segmentation"], size_hw)
             drawn["box"] = bounding_box(compressed(entry["segmentation"], size_hw))
         else:

@@ -30,7 +30,7 @@ COMPARISON: Final = "comparison.json"
 RUN_VIEW: Final = "run.json"
 
 #: The order of the sections of a page.
-_TASKS: Final = ("coco", "lvis", "eth3d")
+_TASKS: Final = ("coco", "coco-masks", "lvis", "eth3d")
 
 
 class ReportInputError(LegoWorldError):

@@ -21,7 +21,7 @@ from legoworld.evaluation import lvis_package
 
 SIZE_WH = (80, 60)
 NAMES = ("collection_three_times", "particles", "ring")
-TASKS = pytest.mark.parametrize("task", ["coco", "lvis"])
+TASKS = pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def exports(cases, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[d
     track = folder / "track.json"
     track.write_text(json.dumps({"info": {}, "images": images, "categories": []}))
     found = {}
-    for task in ("coco", "lvis"):
+    for task in ("coco", "coco-masks", "lvis"):
         run = folder / task
         arguments = ["readout", "-q", folder / "scenes", "--task", task, "--track", track, "-o"]
         assert cli.run([str(a) for a in (*arguments, run, "--workers", 1)]) == 0
@@ -132,8 +132,8 @@ def test_row_39_the_cut_at_300_follows_the_canonical_order_and_is_counted(tmp_pa
 
 
 @pytest.mark.blender
-def test_row_40_lvis_exports_carry_no_bbox(exports):
-    for prediction in exports["lvis"]:
+def test_row_40_mask_exports_carry_no_bbox(exports):
+    for prediction in (*exports["lvis"], *exports["coco-masks"]):
         assert set(prediction) == {"image_id", "category_id", "segmentation", "score"}
         assert isinstance(prediction["segmentation"]["counts"], str)
 

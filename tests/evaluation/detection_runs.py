@@ -50,7 +50,7 @@ def random_truth(
                 "area": float(coco_mask.area(mask)),
                 "segmentation": text_counts(mask),
             }
-            if task == "coco":
+            if task != "lvis":
                 annotation["iscrowd"] = int(random.random() < 0.15)
             document["annotations"].append(annotation)
     return document

@@ -56,6 +56,13 @@ def direct_lvis(truth_path, results):
     return np.array(list(evaluation.get_results().values())), printed.getvalue().splitlines()
 
 
+def direct(task):
+    """The official evaluator of a task, called directly."""
+    if task == "lvis":
+        return direct_lvis
+    return lambda path, results: direct_coco(path, results, "bbox" if task == "coco" else "segm")
+
+
 def evaluate(folder, task, truth, predictions, **options):
     run = write_run(folder / "run", task, truth, predictions)
     truth_path = write_truth(folder / "truth.json", truth)
@@ -70,21 +77,20 @@ def evaluate(folder, task, truth, predictions, **options):
 
 
 @pytest.mark.parametrize("levels", [None, 3, 1])
-@pytest.mark.parametrize("task", ["coco", "lvis"])
+@pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 @pytest.mark.parametrize("kind", ["official", "fast"])
 def test_random_runs(task, levels, kind, tmp_path):
     truth = random_truth(task, seed=3)
     predictions = random_predictions(task, truth, seed=4, levels=levels)
     evaluation = evaluate(tmp_path, task, truth, predictions, evaluator=kind)
     ordered = sorted(predictions, key=canonical_key)
-    direct = direct_coco if task == "coco" else direct_lvis
-    numbers, lines = direct(tmp_path / "truth.json", ordered)
+    numbers, lines = direct(task)(tmp_path / "truth.json", ordered)
     assert evaluation.summary["official"] == pytest.approx(numbers, abs=1e-12)
     protocol, *_ = checked(tmp_path / "again", task, truth, predictions)
     assert official_lines(protocol, evaluation.summary["official"]) == lines
 
 
-@pytest.mark.parametrize("task", ["coco", "lvis"])
+@pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 @pytest.mark.parametrize("kind", ["official", "fast"])
 def test_no_predictions_at_all_is_zero(task, kind, tmp_path):
     truth = random_truth(task, seed=5)
@@ -95,7 +101,7 @@ def test_no_predictions_at_all_is_zero(task, kind, tmp_path):
     assert summary["coverage"]["scored_without_predictions"] == 12
 
 
-@pytest.mark.parametrize("task", ["coco", "lvis"])
+@pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 def test_an_undefined_number_stays_minus_one_and_is_no_metric(task, tmp_path):
     truth = random_truth(task, seed=6, categories=3)
     truth["annotations"] = [a for a in truth["annotations"] if a["area"] > 32**2]
@@ -131,7 +137,7 @@ REAL = [
      "coco/yolox_nano_val2017_188_results", 0.28078518),
     ("coco", "bbox", "evaluators/instances_val2014_100",
      "evaluators/instances_val2014_fakebbox100_results", 0.504581),
-    ("coco", "segm", "evaluators/instances_val2014_100",
+    ("coco-masks", "segm", "evaluators/instances_val2014_100",
      "evaluators/instances_val2014_fakesegm100_results", 0.319545),
     ("lvis", "segm", "lvis/lvis_val_100", "lvis/lvis_val_100_synthetic_results", 0.305714),
 ]  # fmt: skip
@@ -145,16 +151,11 @@ def test_real_files(task, iou_type, truth, results, ap, real_data, tmp_path):
     document = json.loads(truth_path.read_text(encoding="utf-8"))
     entries = json.loads((real_data / f"{results}.json").read_text(encoding="utf-8"))
     run_entries = [dict(e) for e in entries]
-    protocol, read, predictions = checked(
-        tmp_path, task, document, run_entries if iou_type == "bbox" or task == "lvis" else []
-    )
-    if (task, iou_type) == ("coco", "segm"):  # masks under COCO's rules: no task of ours
-        protocol = replace(protocol, iou_type="segm")
-        predictions = replace(predictions, entries=tuple(sorted(run_entries, key=canonical_key)))
-    direct = direct_lvis if task == "lvis" else lambda p, r: direct_coco(p, r, iou_type)
-    in_file_order, _ = direct(truth_path, entries)
+    protocol, read, predictions = checked(tmp_path, task, document, run_entries)
+    assert protocol.iou_type == iou_type
+    in_file_order, _ = direct(task)(truth_path, entries)
     assert in_file_order[0] == pytest.approx(ap, abs=1e-6)
-    numbers, lines = direct(truth_path, list(predictions.entries))
+    numbers, lines = direct(task)(truth_path, list(predictions.entries))
     _, table = match_everything(protocol, read, predictions)
     curves = accumulate(table, protocol)
     ours = [metric_value(m, curves, frequencies_of(read)) for m in protocol.metrics]
@@ -177,11 +178,8 @@ def test_the_official_lines_of_the_reference_sample(real_data, tmp_path):
         expected = [float(x.rsplit("=", 1)[1]) for x in block.splitlines() if "@[" in x]
         path = real_data / f"evaluators/instances_val2014_fake{iou_type}100_results.json"
         entries = json.loads(path.read_text(encoding="utf-8"))
-        protocol, read, predictions = checked(tmp_path / iou_type, "coco", document, [])
-        scores = run_evaluator(
-            read,
-            replace(predictions, entries=tuple(entries)),
-            replace(protocol, iou_type=iou_type),
-            "official",
-        )
+        task = {"bbox": "coco", "segm": "coco-masks"}[iou_type]
+        protocol, read, predictions = checked(tmp_path / iou_type, task, document, [])
+        own = replace(predictions, entries=tuple(entries))
+        scores = run_evaluator(read, own, protocol, "official")
         assert [round(x, 3) for x in scores.official] == expected

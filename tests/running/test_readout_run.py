@@ -128,7 +128,7 @@ def test_labels_outside_the_vocabulary_are_counted_with_the_nearest_names(run: P
     assert summary["coverage"]["ok_empty"] == 1
 
 
-@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
+@pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis", "eth3d"])
 def test_same_bytes_for_any_worker_count_order_and_cache(task, scenes, track, tmp_path: Path):
     document = json.loads(track.read_text())
     shuffled = write_track(tmp_path / "shuffled.json", document["images"][::-1])
