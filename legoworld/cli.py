@@ -12,6 +12,7 @@ import click
 
 from legoworld import __version__, exit_codes
 from legoworld.errors import LegoWorldError
+from legoworld.terminal import printable_streams
 from legoworld.wording import did_you_mean
 
 _COMMANDS = {
@@ -82,6 +83,12 @@ def main() -> None:
 
 
 def run(arguments: list[str] | None = None) -> int:
+    """Run a command and return its exit code; what it prints cannot command a terminal."""
+    with printable_streams():
+        return _run(arguments)
+
+
+def _run(arguments: list[str] | None) -> int:
     """Run a command and return its exit code (`exit_codes`): the one place that chooses it.
 
     A foreseen error is one line on standard error. Any other is a defect of legoworld: its

@@ -21,6 +21,11 @@ def printable(text: str) -> str:
     return _UNPRINTABLE.sub("\ufffd", text)
 
 
+def escaped(json_text: str) -> str:
+    r"""JSON with what `printable` replaces as \u escapes: the same value, and nothing is lost."""
+    return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", json_text)
+
+
 def one_line(text: str, limit: int = 400) -> str:
     """The text, printable, with white space runs as single spaces, cut at `limit` characters."""
     flat = printable(" ".join(text.split()))

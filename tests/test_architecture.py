@@ -35,7 +35,7 @@ ROOMS = [
     ("baselines", "comparison"),
     ("report",),
     ("commands",),
-    ("cli", "__main__"),
+    ("cli", "__main__", "terminal"),
 ]
 LEVEL = {name: level for level, names in enumerate(ROOMS) for name in names}
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import click
 
 from legoworld.conventions import SCHEMA_VERSION
+from legoworld.errors import escaped
 from legoworld.processors import usable_cores
 from legoworld.wording import did_you_mean
 
@@ -145,7 +146,7 @@ def print_json(document: dict[str, Any]) -> None:
     text = json.dumps(
         {"schema_version": SCHEMA_VERSION, **document}, sort_keys=True, ensure_ascii=False
     )
-    click.echo(text)
+    click.echo(escaped(text))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

@@ -20,6 +20,7 @@ from legoworld.running.engines import ENGINES, EngineName, Job, machine_lost
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache, bpy_version
+from legoworld.scene.execution_record import execution_warnings
 from legoworld.scene.folder import (
     BLEND,
     FROZEN,
@@ -112,8 +113,13 @@ def freeze_scene(
         "scene": folder.name,
         "status": "ok" if good else "invalid",
         "checks": checks,
-        "warnings": _not_portable(folder, dependencies),
+        "warnings": [*_stopped(folder, artefacts), *_not_portable(folder, dependencies)],
     }
+
+
+def _stopped(folder: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
+    blend = artefacts.get(BLEND)
+    return execution_warnings(folder.path, blend.sha256 if blend else None)
 
 
 def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:

@@ -20,6 +20,7 @@ from legoworld.files import (
     sha256_of_text,
     write_text,
 )
+from legoworld.scene.execution_record import execution_warnings
 from legoworld.scene.folder import (
     ARTEFACTS,
     BLEND,
@@ -173,7 +174,9 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
                 expected=f"{FROZEN} beside the scene",
                 next_step="run `legoworld freeze` on the scenes first",
             )
-        return FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout")
+        return FrozenFiles(
+            artefacts=now, dependencies={}, frozen="at_readout", warnings=_execution(scene, now)
+        )
     if require_frozen and record.status != "ok":
         raise NotFrozenError(
             "the scene was frozen with a complaint",
@@ -186,7 +189,17 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
     # What lies elsewhere is compared when the scene file was read and has said where it lies.
     near = {n: h for n, h in record.dependencies.items() if not leaves_scenes(n, scene)}
     _refuse_changes(near, hash_files(scene.path, near))
-    return FrozenFiles(artefacts=now, dependencies=record.dependencies, frozen="frozen.json")
+    return FrozenFiles(
+        artefacts=now,
+        dependencies=record.dependencies,
+        frozen="frozen.json",
+        warnings=_execution(scene, now),
+    )
+
+
+def _execution(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
+    blend = artefacts.get(BLEND)
+    return execution_warnings(scene.path, blend.sha256 if blend else None)
 
 
 def hashed_dependencies(

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from legoworld import cli
+from legoworld.files import sha256_of_file
+from legoworld.scene.execution_record import execution_warnings
 from legoworld.scene.execution_verdicts import ended_early, over_limit
 from legoworld.workers.sandbox import Ending, SandboxLimits
 
@@ -68,6 +70,30 @@ def test_a_program_that_dies_at_its_save_line_is_exported_and_marked(tmp_path, c
     assert marked["error"]["type"] == "RuntimeError"
     assert (output / "scene.blend").is_file()
     assert f"line {marked['error']['line']}: RuntimeError" in capsys.readouterr().out
+
+
+def test_a_stopped_program_is_a_warning_all_the_way(tmp_path, capsys):
+    """freeze, inspect, readout and its rows, which the report shows; for that scene.blend only."""
+    program = BUILD + "raise ValueError('half way')\n"
+    _, output = execute(tmp_path, program, "--no-picture")
+    line = len(program.splitlines())
+    words = f"the program that built the scene stopped at line {line} (ValueError)"
+    capsys.readouterr()
+    assert cli.run(["freeze", str(output)]) == 0
+    assert words in capsys.readouterr().out
+    assert cli.run(["inspect", str(output), "--json"]) == 0
+    assert any(words in w for w in json.loads(capsys.readouterr().out)["warnings"])
+    run = tmp_path / "run"
+    assert cli.run(["readout", str(tmp_path), "--task", "coco", "-o", str(run), "-q"]) == 0
+    row = json.loads((run / "per_image.jsonl").read_text().splitlines()[0])
+    assert row["status"] == "ok"
+    assert any(words in w for w in row["warnings"])
+    marked = execution(output)
+    marked["files"]["scene.blend"] = "0" * 64  # of another scene.blend
+    (output / "execution.json").write_text(json.dumps(marked))
+    assert execution_warnings(output, sha256_of_file(output / "scene.blend")) == ()
+    (output / "execution.json").write_text("[" * 100)
+    assert "execution.json cannot be used" in execution_warnings(output, "0" * 64)[0]
 
 
 def test_a_removed_api_names_its_line_inside_a_function(tmp_path):

@@ -56,7 +56,7 @@ def is_needed(library: Any) -> bool:
 
 
 def _misplaced(block: Any) -> Path | None:
-    """This Blender's copy of a block's file, where the block names another Blender's."""
+    """The running Blender's copy of a block's file, where it names another Blender's."""
     if block.packed_file is not None or not block.filepath:
         return None
     path = os.path.normpath(bpy.path.abspath(block.filepath, library=block.library))
