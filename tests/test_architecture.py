@@ -24,7 +24,7 @@ ROOMS = [
         "wording",
     ),
     ("colmap",),
-    ("cards", "vocabulary", "track", "track_source", "dataset_versions"),
+    ("cards", "vocabulary", "track", "scene_names", "track_source", "dataset_versions"),
     ("workers",),
     ("scene",),
     ("visibility",),

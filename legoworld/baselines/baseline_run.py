@@ -42,13 +42,18 @@ class BaselineResult:
 
 
 def run_baseline(
-    request: BaselineRequest, *, progress: Progress, notice: Say, log: Say
+    request: BaselineRequest,
+    *,
+    progress: Progress,
+    notice: Say,
+    log: Say,
+    kept: Callable[[int], None] = lambda _n: None,
 ) -> BaselineResult:
     """Predict every image of the request that has no valid result yet, then write the run.
 
     Raises UsageError, ConfigurationMismatchError or BaselineFailedError before an image is
     predicted; an image the baseline cannot do is a row of the run, never an exception.
-    log: what the baseline prints.
+    log: what the baseline prints; kept: told once how many images an earlier run has done.
     """
     images = selected_images(request.track, request.image_ids, request.limit)
     known = configuration_of(request, images)
@@ -66,6 +71,7 @@ def run_baseline(
         done = _intact(earlier, images, photos, request.run)
         del earlier  # predictions are many: from here on they are on disk only
         todo = [image for image in images if image.id not in done]
+        kept(len(done))
         if done:
             notice(f"{len(done)} of {len(images)} images have a valid result already")
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from legoworld.commands import baseline_output, options
+from legoworld.commands.progress import shown_progress
 
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_import import ImportRequest
@@ -202,8 +203,6 @@ def _depth_source(
 def _import_depth(request: ImportRequest, source: DepthSource, *, quiet: bool) -> BaselineResult:
     from legoworld.baselines.depth_import import import_depth
 
-    return baseline_output.with_progress(
-        lambda progress, say: import_depth(request, source, progress=progress, notice=say),
-        len(request.track.images),
-        quiet=quiet,
-    )
+    total = len(request.track.images)
+    with shown_progress(total, "image", quiet=quiet, lines=True) as shown:
+        return import_depth(request, source, progress=shown.row, notice=shown.say)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,9 +13,6 @@ if TYPE_CHECKING:
     from legoworld.baselines.baseline_run import BaselineResult
     from legoworld.readouts.tasks import Protocol
     from legoworld.track import Track
-
-#: Seconds between two lines of progress in a log.
-_LINE_S: Final = 30.0
 
 TASKS = options.Choice(["coco", "coco-masks", "lvis", "eth3d"])
 
@@ -46,54 +40,6 @@ def labels(path: Path | None, protocol: Protocol) -> dict[str, str | None]:
             raise click.UsageError("--label-map is for boxes and masks: depth has no labels")
         return {}
     return label_map(path, protocol.vocabulary, protocol.task.name)
-
-
-class LineProgress:
-    """Says how far a run is, for a log: at the first image, then at most once in `_LINE_S`."""
-
-    def __init__(self, total: int, say: Callable[[str], None], clock: Callable[[], float]) -> None:
-        self._total, self._say, self._clock = total, say, clock
-        self._done = self._failed = 0
-        self._start = clock()
-        self._next = self._start
-
-    def __call__(self, row: dict[str, Any]) -> None:
-        """Count one image that was predicted now."""
-        self._done += 1
-        self._failed += row["status"] != "ok"
-        now = self._clock()
-        if now < self._next and self._done < self._total:
-            return
-        self._next = now + _LINE_S
-        failed = f", {self._failed} failed" if self._failed else ""
-        pace = f", {(now - self._start) / self._done:.2g} s an image"
-        self._say(f"{self._done} of {self._total} images{failed}{pace}")
-
-
-def with_progress(
-    work: Callable[[Callable[[dict[str, Any]], None], Callable[[str], None]], BaselineResult],
-    total: int,
-    *,
-    quiet: bool,
-) -> BaselineResult:
-    """Do the work with a progress bar where there is a terminal, and with lines elsewhere."""
-    if quiet:
-        return work(lambda _row: None, options.notifier(quiet))
-    if not options.on_terminal():
-        say = options.notifier(quiet)
-        return work(LineProgress(total, say, time.monotonic), say)
-    from tqdm import tqdm
-
-    with tqdm(total=total, unit="image", leave=False) as bar:
-        failed = 0
-
-        def advance(row: dict[str, Any]) -> None:
-            nonlocal failed
-            failed += row["status"] != "ok"
-            bar.set_postfix(failed=failed)
-            bar.update()
-
-        return work(advance, lambda text: bar.write(text, file=sys.stderr))
 
 
 def show(result: BaselineResult, output: Path, *, as_json: bool, verbose: bool) -> int:

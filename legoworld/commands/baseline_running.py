@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from legoworld.commands import baseline_output, options
+from legoworld.commands.progress import shown_progress
 
 
 @click.command("run", context_settings={"help_option_names": ["-h", "--help"]})
@@ -153,14 +154,12 @@ def run_command(
         pass_variables=variables,
     )
     total = len(selected_images(images, image_ids, limit))
-    result = baseline_output.with_progress(
-        lambda progress, say: run_baseline(
+    with shown_progress(total, "image", quiet=quiet, lines=True) as shown:
+        result = run_baseline(
             request,
-            progress=progress,
-            notice=say,
-            log=say if verbose and not quiet else lambda _line: None,
-        ),
-        total,
-        quiet=quiet,
-    )
+            progress=shown.row,
+            notice=shown.say,
+            log=shown.say if verbose and not quiet else lambda _line: None,
+            kept=shown.kept,
+        )
     return baseline_output.show(result, output, as_json=as_json, verbose=verbose)

@@ -80,6 +80,9 @@ def command(
 
     if compare_sources and allow_changed:
         raise click.UsageError("--allow-changed does not go with --compare-sources: freeze first")
+    if compare_sources:
+        options.refuse_given(["source"], "does not go with --compare-sources: both files are read")
+    _refuse_a_folder_of_scenes(scene)
     if photo is not None and size_wh is None:
         from legoworld.pictures import read_photo
 
@@ -128,6 +131,20 @@ def command(
     else:
         _print(inspection, output, quiet=quiet, verbose=verbose)
     return 0
+
+
+def _refuse_a_folder_of_scenes(scene: Place) -> None:
+    """UsageError for a folder whose scenes lie one level below."""
+    from legoworld.scene.folder import BLEND, GLB
+
+    if not isinstance(scene, Path) or any((scene / name).exists() for name in (BLEND, GLB)):
+        return
+    below = sorted({p.parent for name in (BLEND, GLB) for p in scene.glob(f"*/{name}")})
+    if below:
+        raise click.UsageError(
+            f"{scene} holds {counted(len(below), 'scene folder', 'scene folders')} and is none "
+            f"itself: pass one, such as {below[0]}"
+        )
 
 
 def _document(inspection: Inspection) -> dict[str, Any]:

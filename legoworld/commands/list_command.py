@@ -42,9 +42,14 @@ def command(kind: str, task: str | None, as_json: bool) -> int:
         click.echo(f"no {kind} are installed" + (f" for {task}" if task else ""))
     else:
         header = ("name", "version", "what", "licence")
-        rows = [(c["name"], c["version"], c["title"], c["licence"]) for c in cards]
+        rows = [(c["name"], c["version"], c["title"], _cut(c["licence"])) for c in cards]
         click.echo(options.table(header, rows))
     return 0
+
+
+def _cut(text: str, limit: int = 60) -> str:
+    """A table's cell; --json has the whole text."""
+    return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
 def _cards(kind: str, task: str | None) -> list[dict[str, Any]]:

@@ -141,6 +141,15 @@ def chosen_limits(time_limit_s: float, memory_limit_gib: float) -> Any:
     return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
 
 
+def refuse_given(names: Sequence[str], why: str) -> None:
+    """click.UsageError when one of these options is on the command line: none is ignored."""
+    context = click.get_current_context()
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is click.core.ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{parameter.opts[0]} {why}")
+
+
 def print_json(document: dict[str, Any]) -> None:
     """One JSON document with schema_version on standard output."""
     text = json.dumps(

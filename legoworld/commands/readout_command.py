@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
+from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.places import PlaceType, written_at
-from legoworld.commands.wording import outside_the_vocabulary
+from legoworld.commands.progress import shown_progress
+from legoworld.commands.run_text import show_run
 from legoworld.places import Place
-from legoworld.wording import counted
 
 if TYPE_CHECKING:
-    from legoworld.running.readout_run import RunResult
+    from legoworld.scene_names import Stranger
+    from legoworld.track import Track
 
 
 @click.command("readout", context_settings={"help_option_names": ["-h", "--help"]})
@@ -96,7 +97,7 @@ def command(
     from legoworld.commands.shipped import shipped_examples
     from legoworld.readouts.tasks import protocol
     from legoworld.running.image import ImageOptions
-    from legoworld.running.readout_run import RunRequest, run_readout
+    from legoworld.running.readout_run import RunRequest, run_readout, shard_images
     from legoworld.track import load_track, serves, track_of_folder
 
     notice = options.notifier(quiet)
@@ -146,12 +147,39 @@ def command(
     with written_at(output, last="run.json", overwrite=overwrite) as folder:
         here = replace(request.image_options, run=folder.absolute())
         request = replace(request, image_options=here)
-        result = _with_progress(request, run_readout, notice, quiet=quiet)
+        total = len(shard_images(request))
+        with shown_progress(total, "scene", quiet=quiet) as shown:
+            result = run_readout(request, progress=shown.row, notice=shown.say, kept=shown.kept)
+    found = _strangers(scenes, images) if track and shard is None else []
     if as_json:
-        options.print_json({"run": str(output), "summary": result.summary, "rows": result.rows})
+        options.print_json(
+            {
+                "run": str(output),
+                "summary": result.summary,
+                "rows": result.rows,
+                "unmatched_folders": [asdict(stranger) for stranger in found],
+            }
+        )
     else:
-        _print(result, output, verbose=verbose)
-    return 0 if result.summary["coverage"]["ok"] == len(result.rows) else 1
+        show_run(result, output, found, quiet=quiet, verbose=verbose)
+    complete = result.summary["coverage"]["ok"] == len(result.rows)
+    return exit_codes.DONE if complete else exit_codes.INCOMPLETE
+
+
+def _strangers(scenes: Place, track: Track) -> list[Stranger]:
+    """Scene folders that match no image of a track; of a folder of this machine only."""
+    from legoworld.errors import CatalogError
+    from legoworld.scene_names import strangers
+    from legoworld.track import track_of_folder
+
+    if not isinstance(scenes, Path):
+        return []
+    try:
+        folders = {image.scene for image in track_of_folder(scenes).images}
+    except CatalogError:
+        return []  # no scene at all: every row of the run says so
+    known = [image.scene for image in track.images]
+    return strangers(folders, known, [name for name in known if name not in folders])
 
 
 def _name_of(scenes: Place) -> str:
@@ -166,76 +194,3 @@ def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:
     around = [p for p in (below, *below.parents) if p.is_relative_to(top)]
     if any((p / name).is_file() for p in around for name in ("scene.blend", "scene.glb")):
         raise click.UsageError(f"-o {output} lies in a scene, which a readout never writes into")
-
-
-def _with_progress(request: Any, run: Any, notice: Any, *, quiet: bool) -> RunResult:
-    if quiet or not options.on_terminal():
-        done: RunResult = run(request, progress=lambda _row: None, notice=notice)
-        return done
-    from tqdm import tqdm
-
-    from legoworld.running.readout_run import shard_images
-
-    with tqdm(total=len(shard_images(request)), unit="scene", leave=False) as bar:
-        failed = 0
-
-        def advance(row: dict[str, Any]) -> None:
-            nonlocal failed
-            failed += row["status"] != "ok"
-            bar.set_postfix(failed=failed)
-            bar.update()
-
-        def say(text: str) -> None:
-            bar.write(text, file=sys.stderr)
-
-        shown: RunResult = run(request, progress=advance, notice=say)
-        return shown
-
-
-def _print(result: RunResult, output: Place, *, verbose: bool) -> None:
-    rows = result.rows if verbose or len(result.rows) <= 20 else ()
-    if rows:
-        cells = [
-            (row["image_id"], row["file_name"], row["status"], *_found(row), len(row["warnings"]))
-            for row in rows
-        ]
-        header = ("image", "photo", "status", "exported", "unexported", "warnings")
-        click.echo(options.table(header, cells) + "\n")
-    failures = [row for row in result.rows if row["status"] != "ok"]
-    for row in failures[:50]:
-        photo = f"{row['file_name']} (image {row['image_id']})"
-        click.echo(f"{row['status']}: {photo}: {row['reason']}")
-    if len(failures) > 50:
-        click.echo(f"... and {len(failures) - 50} more, in {output}/per_image.jsonl")
-    for name, count in result.summary.get("unmatched_labels", {}).items():
-        click.echo(outside_the_vocabulary(name, count, _nearest(result, name)))
-    coverage = result.summary["coverage"]
-    line = f"{coverage['ok']} of {coverage['attempted']} images read"
-    if "ok_empty" in coverage:
-        line += f" ({coverage['ok_empty']} without any export)"
-    masks = ("mask", "masks")
-    what = {"coco": ("box", "boxes"), "coco-masks": masks, "lvis": masks}.get(
-        result.summary["task"]
-    )
-    if what:
-        line += f", {counted(result.summary['predictions'], *what)}"
-    if result.summary["partial"]:
-        line += ", partial run"
-    click.echo(f"{line} -> {output}")
-
-
-def _found(row: dict[str, Any]) -> tuple[object, object]:
-    if row["status"] != "ok":
-        return "-", "-"
-    if "depth" in row:
-        width, height = row["rendered_wh"]
-        return f"{row['depth']['finite_px'] / (width * height):.1%} depth", "-"
-    return row["n_predictions"], len(row["unexported"])
-
-
-def _nearest(result: RunResult, label: str) -> list[str]:
-    for row in result.rows:
-        for unmatched in row.get("unmatched", ()):
-            if unmatched["label"] == label:
-                return list(unmatched["nearest"])
-    return []

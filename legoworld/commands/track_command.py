@@ -113,6 +113,11 @@ def command(
         return _show(made, output, seed, as_json=as_json)
     if track is None or photos is None:
         raise click.UsageError("track check needs a TRACK and --photos")
+    options.refuse_given(
+        ["task", "truth", "scenes", "dataset", "space", "unit", "sample", "seed", "images",
+         "output", "overwrite"],
+        "is for track make, not for track check",
+    )  # fmt: skip
     return _check(track, photos, as_json=as_json)
 
 

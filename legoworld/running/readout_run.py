@@ -34,6 +34,7 @@ from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
 from legoworld.track import Track, TrackImage
+from legoworld.visibility.library import library
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,13 +75,20 @@ Progress = Callable[[dict[str, Any]], None]
 
 
 def run_readout(
-    request: RunRequest, *, progress: Progress, notice: Callable[[str], None]
+    request: RunRequest,
+    *,
+    progress: Progress,
+    notice: Callable[[str], None],
+    kept: Callable[[int], None] = lambda _n: None,
 ) -> RunResult:
     """Read out every image of the request that has no valid result yet, then write the run.
 
-    Raises UsageError, ConfigurationMismatchError or OutputFullError before anything is read; a
-    scene that cannot be read is a row of the run, never an exception.
+    progress: told of every row that is made; kept: how many an earlier run has made, once.
+
+    Raises UsageError, ConfigurationMismatchError, OutputFullError or KernelBuildError before
+    anything is read; a scene that cannot be read is a row of the run, never an exception.
     """
+    library()  # a broken installation is no scene's verdict
     folder = request.image_options.run
     images = shard_images(request)
     configuration = with_division(_configuration(request, images), request.images_per_file)
@@ -93,6 +101,7 @@ def run_readout(
             if image.id in by_id and still_valid(by_id[image.id], image, request.image_options)
         }
         todo = [image for image in images if image.id not in records]
+        kept(len(records))
         if records:
             notice(f"{len(records)} of {len(images)} images have a valid result already")
         if request.image_options.protocol.task.predict is None:

@@ -45,7 +45,9 @@ def read_scene(
             "the scene folder holds no scene.blend",
             found=", ".join(files.artefacts) or "nothing",
             expected=BLEND,
-            next_step="run the scene program with `legoworld execute`",
+            next_step="pass --source glb to `legoworld readout` or `inspect` to read scene.glb"
+            if GLB in files.artefacts
+            else "run the scene program with `legoworld execute`",
         )
     if cache is None:
         with scratch_folder("legoworld-snapshot-") as folder:

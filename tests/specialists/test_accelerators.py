@@ -13,8 +13,8 @@ from legoworld.baselines import accelerators, environments
 from legoworld.baselines.accelerators import Torch, chosen_device, chosen_dtype, torch_of
 from legoworld.baselines.cards import load_baseline
 from legoworld.baselines.environments import Requirements, install_steps
-from legoworld.commands.baseline_output import LineProgress
 from legoworld.commands.doctor_command import _baseline
+from legoworld.commands.progress import LineProgress
 
 #: As much of torch as is asked about.
 TORCH = """

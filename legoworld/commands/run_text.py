@@ -1,0 +1,190 @@
+"""What `legoworld readout` prints of a run: a few lines, everything with -v."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from legoworld.commands import options
+from legoworld.commands.wording import outside_the_vocabulary
+from legoworld.places import Place
+from legoworld.scene_names import Stranger, lower_top
+from legoworld.wording import counted
+
+if TYPE_CHECKING:
+    from legoworld.running.readout_run import RunResult
+
+Row = dict[str, Any]
+#: Lines of one sort without -v.
+_SHORT: Final = 3
+
+
+def show_run(
+    result: RunResult,
+    output: Place,
+    found: Sequence[Stranger],
+    *,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Failures and labels of each kind, then the counts; warnings on standard error."""
+    if verbose:
+        _table(result.rows)
+    for line in failure_lines(result.rows, verbose=verbose):
+        click.echo(line)
+    _limited(stranger_lines(found, verbose=verbose), "folders", verbose=True)
+    _limited(_label_lines(result), "labels outside the vocabulary", verbose=verbose)
+    for line in unlabelled_lines(result):
+        click.echo(line)
+    if not quiet:
+        for line in warning_lines(result.rows, verbose=verbose):
+            click.echo(line, err=True)
+    click.echo(f"{_counts(result.summary)} -> {output}")
+
+
+def failure_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
+    """A line for each kind of failure with its first image; with -v for each image."""
+    failures = [row for row in rows if row["status"] != "ok"]
+    if verbose:
+        return [_failure(row) for row in failures]
+    kinds: dict[tuple[str, str], list[Row]] = {}
+    for row in failures:
+        what = _kind(str(row["reason"]).partition(";")[0])
+        kinds.setdefault((row["status"], what), []).append(row)
+    ordered = sorted(kinds.values(), key=lambda rows: -len(rows))
+    return [_failure(alike[0], more=len(alike) - 1) for alike in ordered]
+
+
+def warning_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
+    """The first warning of each kind, with how many there are; with -v every one.
+
+    Two are of one kind when they differ in nothing but quoted names and numbers.
+    """
+    warned = [(row, str(text)) for row in rows for text in row["warnings"]]
+    if verbose:
+        return [f"warning: {row['file_name']}: {text}" for row, text in warned]
+    kinds: dict[str, list[tuple[Row, str]]] = {}
+    for row, text in warned:
+        kinds.setdefault(re.sub(r"'[^']*'|\"[^\"]*\"|\d+(\.\d+)?", "*", text), []).append(
+            (row, text)
+        )
+    lines = []
+    for alike in sorted(kinds.values(), key=lambda found: -len(found)):
+        row, text = alike[0]
+        images = len({other["image_id"] for other, _ in alike})
+        more = (
+            f" ({len(alike)} like it in {counted(images, 'image', 'images')})" if alike[1:] else ""
+        )
+        lines.append(f"warning: {row['file_name']}: {text}{more}")
+    return lines
+
+
+def _kind(text: str) -> str:
+    """A sentence without what differs from one scene to the next: quoted names and numbers."""
+    return re.sub(r"'[^']*'|\"[^\"]*\"|\d+(\.\d+)?", "*", text)
+
+
+def stranger_lines(found: Sequence[Stranger], *, verbose: bool) -> list[str]:
+    """The scene folders that match no image, and the images they may be meant for."""
+    if not found:
+        return []
+    if [s.folder for s in found] == ["."]:
+        return ["SCENES is a scene folder itself; did you mean the folder that holds it?"]
+    folders = counted(len(found), "folder matches", "folders match")
+    top = lower_top(found)
+    if top is not None:
+        return [f"{folders} no image of the track; did you mean SCENES/{top}?"]
+    shown = found if verbose else sorted(found, key=lambda s: s.meant is None)[:_SHORT]
+    names = [f"{s.folder!r}" + (f" (did you mean {s.meant!r}?)" if s.meant else "") for s in shown]
+    more = f", and {len(found) - len(shown)} more" if len(shown) < len(found) else ""
+    return [f"{folders} no image of the track: {', '.join(names)}{more}"]
+
+
+def unlabelled_lines(result: RunResult) -> list[str]:
+    """How many scenes have no label at all: nothing can be exported of them."""
+    bare = [
+        row
+        for row in result.rows
+        if row["status"] == "ok"
+        and row.get("instances", {}).get("labelled") == 0
+        and not row["unmatched"]
+        and not row["unexported"]
+    ]
+    if not bare:
+        return []
+    have = counted(len(bare), "scene has", "scenes have")
+    task = result.summary["task"]
+    return [
+        f"{have} no label, such as {bare[0]['scene']}: give objects the custom property `category` "
+        f"(`legoworld list schema --task {task}`)"
+    ]
+
+
+def _limited(lines: Sequence[str], what: str, *, verbose: bool) -> None:
+    shown = lines if verbose or len(lines) <= _SHORT + 1 else lines[:_SHORT]
+    for line in shown:
+        click.echo(line)
+    if len(shown) < len(lines):
+        click.echo(f"... and {len(lines) - len(shown)} more {what} (-v lists them)")
+
+
+def _table(rows: Sequence[Row]) -> None:
+    cells = [
+        (row["image_id"], row["file_name"], row["status"], *_exported(row), len(row["warnings"]))
+        for row in rows
+    ]
+    header = ("image", "photo", "status", "exported", "unexported", "warnings")
+    click.echo(options.table(header, cells) + "\n")
+
+
+def _failure(row: Row, more: int = 0) -> str:
+    others = f" and {more} more" if more else ""
+    return f"{row['status']}: {row['file_name']} (image {row['image_id']}){others}: {row['reason']}"
+
+
+def _label_lines(result: RunResult) -> list[str]:
+    unmatched: dict[str, int] = result.summary.get("unmatched_labels", {})
+    ordered = sorted(unmatched.items(), key=lambda item: (-item[1], item[0]))
+    return [outside_the_vocabulary(name, n, _nearest(result, name)) for name, n in ordered]
+
+
+def _counts(summary: dict[str, Any]) -> str:
+    coverage = summary["coverage"]
+    line = f"{coverage['ok']} of {coverage['attempted']} images read"
+    if "ok_empty" in coverage:
+        line += f" ({coverage['ok_empty']} without any export)"
+    what = {"boxes": ("box", "boxes"), "masks": ("mask", "masks")}.get(_exports(summary["task"]))
+    if what:
+        line += f", {counted(summary['predictions'], *what)}"
+    if summary["warnings"]:
+        line += f", {counted(summary['warnings'], 'warning', 'warnings')}"
+    if summary["partial"]:
+        line += ", partial run"
+    return line
+
+
+def _exports(task: str) -> str:
+    """boxes, masks or depth."""
+    from legoworld.cards import load_card
+
+    return str(load_card(task).value("readout.reads"))
+
+
+def _exported(row: Row) -> tuple[object, object]:
+    if row["status"] != "ok":
+        return "-", "-"
+    if "depth" in row:
+        width, height = row["rendered_wh"]
+        return f"{row['depth']['finite_px'] / (width * height):.1%} depth", "-"
+    return row["n_predictions"], len(row["unexported"])
+
+
+def _nearest(result: RunResult, label: str) -> list[str]:
+    for row in result.rows:
+        for unmatched in row.get("unmatched", ()):
+            if unmatched["label"] == label:
+                return list(unmatched["nearest"])
+    return []
