@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
-from legoworld import catalog
 from legoworld.colmap import Calibration, CalibrationError, read_calibration
 from legoworld.errors import CatalogError, UsageError
 from legoworld.evaluation.depth.eth3d import (
@@ -19,6 +17,7 @@ from legoworld.evaluation.depth.eth3d import (
     photo_camera,
     scene_of,
     scenes_below,
+    training_images,
 )
 from legoworld.files import canonical_json, sha256_of_file
 from legoworld.track_source import Source
@@ -53,7 +52,7 @@ def eth3d_source(
             found=", ".join(there[:20]),
             expected="scenes with <scene>/dslr_calibration_jpg/{cameras,images}.txt",
         )
-    known = {scene_of(entry["file_name"]) for entry in _shipped()}
+    known = {scene_of(entry["file_name"]) for entry in training_images()}
     if dataset is None and any(scene in known for scene in scenes or there):
         return _eth3d(folder, there, scenes)
     return _own(folder, there, scenes, dataset or folder.resolve().name)
@@ -61,7 +60,7 @@ def eth3d_source(
 
 def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> Source:
     """ETH3D's scenes that are there; what is left out is on record in the track."""
-    shipped = _shipped()
+    shipped = training_images()
     per_scene = Counter(str(scene_of(entry["file_name"])) for entry in shipped)
     strangers = [scene for scene in scenes or there if scene not in per_scene]
     if scenes is not None and strangers:
@@ -209,10 +208,3 @@ def _hash(calibrations: Mapping[str, Calibration]) -> str:
         for path in calibration.files
     )
     return hashlib.sha256("".join(f"{line}\n" for line in lines).encode()).hexdigest()
-
-
-def _shipped() -> list[dict[str, Any]]:
-    """ETH3D's 454 training images: id and file name."""
-    path = catalog.folder("datasets") / ETH3D / "images.json"
-    shipped: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
-    return shipped

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from legoworld import catalog
 from legoworld.colmap import Calibration, Camera, calibration_files
 from legoworld.evaluation.depth.errors import DepthTruthError
 
@@ -39,6 +42,13 @@ def scene_of(file_name: str) -> str | None:
     """The ETH3D scene a photo is of; None when the name is not `<scene>/images/dslr_images/X`."""
     match = _FILE_NAME.fullmatch(file_name)
     return match["scene"] if match else None
+
+
+@cache
+def training_images() -> tuple[dict[str, Any], ...]:
+    """ETH3D's 454 training images: id and file name, as the shipped list has them."""
+    path = catalog.folder("datasets") / "eth3d" / "images.json"
+    return tuple(json.loads(path.read_text(encoding="utf-8")))
 
 
 def find_files(truth: Path, file_name: str) -> Eth3dFiles | None:

@@ -59,20 +59,33 @@ def score_row(
         left = {"status": image.image.status, "reason": image.reason}
         return ImageResult(row={**row, **left}, view=None)
     try:
-        prediction = load_prediction(image, partial(check_size, truth_wh=truth.size_wh))
-        sample = sampler(prediction, truth.size_wh, camera)
+        return _predicted_row(row, image, truth, camera, protocol)
     except (DepthMissingError, DepthPredictionError, DepthFileError) as error:
         left = {"status": error.status, "code": error.code, "reason": str(error)}
-        return ImageResult(row={**row, **left}, view=None)
-    row |= {
+    except MemoryError:
+        reason = "there is not enough memory to score it: use fewer workers"
+        left = {"status": "invalid", "code": "memory", "reason": reason}
+    return ImageResult(row={**row, **left}, view=None)
+
+
+def _predicted_row(
+    truth_row: Row,
+    image: DepthImage,
+    truth: DepthTruth,
+    camera: Camera | None,
+    protocol: DepthProtocol,
+) -> ImageResult:
+    """The truth's row with what the prediction adds; raises what is wrong with the prediction."""
+    prediction = load_prediction(image, partial(check_size, truth_wh=truth.size_wh))
+    sample = sampler(prediction, truth.size_wh, camera)
+    row = truth_row | {
         "prediction_wh": list(prediction.size_wh),
         "space": prediction.space,
         "unit": prediction.unit,
         "resampled": prediction.size_wh != truth.size_wh,
         "warped": camera is not None,
     }
-    score = score_image(truth.z_m, sample, protocol)
-    return _scored(row, truth, sample, score, protocol)
+    return _scored(row, truth, sample, score_image(truth.z_m, sample, protocol), protocol)
 
 
 def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> Row:

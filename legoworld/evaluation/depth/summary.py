@@ -11,7 +11,7 @@ import numpy as np
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.evaluation.bootstrap import LEVEL, interval, resample_counts, resampled_means
-from legoworld.evaluation.depth.eth3d import scene_of
+from legoworld.evaluation.depth.eth3d import scene_of, training_images
 from legoworld.evaluation.depth.protocol import (
     EXCLUDE_METRICS,
     HOLE_METRICS,
@@ -56,6 +56,7 @@ def summarise(
             "scored": len(scored),
             "with_truth": len(with_truth),
             "by_status": dict(sorted(Counter(row["status"] for row in rows).items())),
+            **_part_of_eth3d(rows),
         },
         "metrics": _means(scored, "metrics"),
         "constant": _means(scored, "constant"),
@@ -81,6 +82,23 @@ def metric_policies() -> list[tuple[str, HolePolicy]]:
     pairs: list[tuple[str, HolePolicy]]
     pairs = [(metric, policy) for metric in HOLE_METRICS for policy in HOLE_POLICIES]
     return pairs + [(metric, "exclude") for metric in EXCLUDE_METRICS]
+
+
+def _part_of_eth3d(rows: Sequence[Row]) -> dict[str, Any]:
+    """How much of ETH3D's training set the images are; nothing where one is of another dataset."""
+    names = {row["file_name"] for row in rows}
+    whole = {image["file_name"] for image in training_images()}
+    if not names or not names <= whole:
+        return {}
+    scenes, of = ({scene_of(name) for name in some} for some in (names, whole))
+    return {
+        "eth3d": {
+            "images": len(names),
+            "of_images": len(whole),
+            "scenes": len(scenes),
+            "of_scenes": len(of),
+        }
+    }
 
 
 def _means(scored: Sequence[Row], which: str) -> dict[str, dict[str, float | None]]:

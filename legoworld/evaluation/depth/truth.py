@@ -89,7 +89,22 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
 
 
 def load_truth(file: TruthFile) -> DepthTruth:
-    """Read one truth as planar metres and count what is invalid in it."""
+    """Read one truth as planar metres and count what is invalid in it.
+
+    DepthTruthError when it does not fit into memory.
+    """
+    try:
+        return _read_truth(file)
+    except MemoryError as error:
+        raise DepthTruthError(
+            f"the truth {file.path.name} does not fit into memory",
+            found=f"a file of {file.path.stat().st_size} bytes",
+            expected="an array that this process can hold",
+            next_step="use fewer workers",
+        ) from error
+
+
+def _read_truth(file: TruthFile) -> DepthTruth:
     if file.kind == "eth3d_raw":
         assert file.size_wh is not None
         z_m: NDArray[Any] = read_raw_float32(file.path, file.size_wh)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,15 @@ from evaluation.depth.folders import (
     write_eth3d,
     write_run,
 )
+from evaluation.depth.test_hostile_files import npy, npz
 
+from legoworld import cli
 from legoworld.errors import CatalogError, ConfigurationMismatchError, UsageError
 from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.eth3d import scene_of, training_images
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.protocol import depth_protocol
+from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.depth.view import decoded
 from legoworld.evaluation.run import RunUnusableError
 
@@ -332,6 +337,97 @@ def test_a_small_picture_is_shown_whole(tmp_path: Path) -> None:
     score(tmp_path, {"a.jpg": z}, {"a.jpg": z})
     view = json.loads((tmp_path / "evaluation/view/1.json").read_text())
     assert np.array_equal(decoded(view, "truth_z_m"), z.astype(np.float32))
+
+
+def test_coverage_says_how_much_of_eth3d_was_attempted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [image["file_name"] for image in training_images()[36:40]]
+    assert len({scene_of(name) for name in names}) == 2
+    z = plane(SIZE)
+    run = write_run(tmp_path / "run", dict.fromkeys(names, z), size_wh=SIZE)
+    truth = write_eth3d(tmp_path / "truth", dict.fromkeys(names, z))
+    assert cli.run(["evaluate", str(run), "--truth", str(truth), "-o", str(tmp_path / "e")]) == 0
+    coverage = json.loads((tmp_path / "e/summary.json").read_text())["coverage"]
+    assert coverage["eth3d"] == {
+        "images": 4, "of_images": 454, "scenes": 2, "of_scenes": 13
+    }  # fmt: skip
+    assert "(4 of ETH3D's 454, in 2 of 13 scenes)" in capsys.readouterr().out
+    summary, _ = score(tmp_path / "own", {"a.jpg": z}, {"a.jpg": z})
+    assert "eth3d" not in summary["coverage"]
+
+
+def test_files_that_claim_too_much_are_rows(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    names = ["ok.jpg", "claims.jpg", "larger.jpg"]
+    run = write_run(tmp_path / "run", dict.fromkeys(names, z))
+    replace_depth(run, "claims.jpg", npz(npy((200_000, 200_000)), name="depth_z_m.npy"))
+    bomb = npz(npy((4000, 4000), data=bytes(4 * 4000 * 4000)), name="depth_z_m.npy")
+    replace_depth(run, "larger.jpg", bomb)
+    truth = write_arrays(tmp_path / "truth", dict.fromkeys(names, z))
+    summary = evaluate_depth(run, truth, tmp_path / "e", draws=9)
+    by_name = {row["file_name"]: row for row in rows_of(tmp_path / "e")}
+    assert summary["coverage"]["by_status"] == {"invalid": 2, "ok": 1}
+    assert "cut, or its header is damaged" in by_name["claims.jpg"]["reason"]
+    assert "4000x4000" in by_name["larger.jpg"]["reason"]
+
+
+def replace_depth(run: Path, name: str, content: bytes) -> None:
+    """Another depth file in a run, with its hash on record and no size."""
+    (run / f"depth/{stem(name)}.npz").write_bytes(content)
+    rows = rows_of(run)
+    for row in rows:
+        if row["file_name"] == name:
+            row["depth"]["sha256"] = hashlib.sha256(content).hexdigest()
+            del row["rendered_wh"]
+    (run / "per_image.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+def test_no_memory_for_one_image_is_its_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    z = plane(SIZE)
+    names = ["a.jpg", "b.jpg"]
+    run = write_run(tmp_path / "run", dict.fromkeys(names, z))
+    truth = write_arrays(tmp_path / "truth", dict.fromkeys(names, z))
+    calls: list[int] = []
+
+    def full_once(*arguments: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 1:
+            raise MemoryError
+        return score_image(*arguments)
+
+    monkeypatch.setattr("legoworld.evaluation.depth.rows.score_image", full_once)
+    evaluate_depth(run, truth, tmp_path / "e", draws=9)
+    rows = rows_of(tmp_path / "e")
+    assert [(row["status"], row["code"]) for row in rows] == [("invalid", "memory"), ("ok", None)]
+
+    def full(*_arguments: Any) -> Any:
+        raise MemoryError
+
+    monkeypatch.setattr("legoworld.evaluation.depth.truth.planar_metres", full)
+    with pytest.raises(DepthTruthError, match=r"a\.npz does not fit into memory"):
+        evaluate_depth(run, truth, tmp_path / "f", draws=9)
+
+
+@pytest.mark.parametrize("value", [1e-320, 1e-200, 1e200, 1.7e308])
+@pytest.mark.parametrize("space", ["depth", "disparity"])
+def test_numbers_that_float64_cannot_square_are_holes(
+    tmp_path: Path, value: float, space: str
+) -> None:
+    z = plane(SIZE)
+    values = z.copy()
+    values[0, :5] = value
+    huge = {"values": values, "space": np.array(space), "unit": np.array("")}
+    truth = z.copy()
+    truth[1, :7] = value
+    _, (row,) = score(tmp_path, {"a.jpg": huge}, {"a.jpg": truth})
+    assert row["n_valid"] == z.size - 7
+    # A tiny disparity is a number like 0; a depth of it is as far from one as none.
+    kept = space == "disparity" and value < 1
+    assert row["n_predicted"] == row["n_valid"] - (0 if kept else 5)
+    assert all(np.isfinite(v) for p in row["metrics"].values() for v in p.values())
 
 
 def test_a_card_of_another_protocol_is_refused() -> None:
