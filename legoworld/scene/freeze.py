@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Any, Final, Literal
 
@@ -41,12 +42,22 @@ LARGEST_BYTES: Final = 64 << 30
 _COVERED_AT_FIRST: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS)
 
 
+#: A file changed less long than this before it was looked at may change again without its times
+#: showing it: clocks of file systems tick in milliseconds to seconds.
+_SETTLED_NS: Final = 3_000_000_000
+
+
 @dataclass(frozen=True, kw_only=True)
 class FileHash:
-    """What identifies a file's content."""
+    """What identifies a file's content.
+
+    stamp: device, inode, size, and times of the last change of content and of inode, taken before
+    it was hashed; None where they would not tell a later change. No part of what the hash is.
+    """
 
     sha256: str
     bytes: int
+    stamp: tuple[int, ...] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,10 +92,16 @@ def _file_hash(folder: Path, name: str) -> FileHash | None:
         return FileHash(sha256=found[0], bytes=found[1]) if found else None
     try:
         with open_regular(folder / name) as stream:
-            size = os.fstat(stream.fileno()).st_size
+            status = os.fstat(stream.fileno())
+            size = status.st_size
             if size > LARGEST_BYTES:
                 raise _unusable(name, f"{size:,} bytes, and {LARGEST_BYTES:,} are the most")
-            return FileHash(sha256=hashlib.file_digest(stream, "sha256").hexdigest(), bytes=size)
+            settled = time.time_ns() - max(status.st_ctime_ns, status.st_mtime_ns) > _SETTLED_NS
+            return FileHash(
+                sha256=hashlib.file_digest(stream, "sha256").hexdigest(),
+                bytes=size,
+                stamp=_stamp(status) if settled else None,
+            )
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
@@ -93,6 +110,28 @@ def _file_hash(folder: Path, name: str) -> FileHash | None:
         raise _unusable(name, error.strerror or type(error).__name__) from error
     except ValueError as error:  # a name with a null character
         raise _unusable(name, str(error)) from error
+
+
+def is_still(folder: Path, name: str, before: FileHash) -> bool:
+    """Whether a file has the content it had when it was hashed.
+
+    Its stamp vouches for it where it has one; it is hashed again where it has none or another one.
+    """
+    if before.stamp is not None:
+        try:
+            # Opened, because a network file system then asks its server: it need not for a stat.
+            with open_regular(folder / name) as stream:
+                if _stamp(os.fstat(stream.fileno())) == before.stamp:
+                    return True
+        except OSError:
+            pass  # hashing says what it is
+    return hash_files(folder, [name]) == {name: before}
+
+
+def _stamp(status: os.stat_result) -> tuple[int, ...]:
+    return (
+        status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    )  # fmt: skip
 
 
 def _unusable(name: str, found: str) -> SceneInvalidError:

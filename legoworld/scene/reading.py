@@ -10,7 +10,14 @@ from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source
-from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files, hashed_dependencies
+from legoworld.scene.freeze import (
+    FileHash,
+    FrozenFiles,
+    checked_artefacts,
+    hash_files,
+    hashed_dependencies,
+    is_still,
+)
 from legoworld.scene.scratch import scratch_folder
 from legoworld.scene.side_files import SideFile, read_side_file
 from legoworld.scene.snapshot import Snapshot, load, save
@@ -49,26 +56,13 @@ def read_scene(
             if GLB in files.artefacts
             else "run the scene program with `legoworld execute`",
         )
-    if cache is None:
-        with scratch_folder("legoworld-snapshot-") as folder:
-            return _read(scene, blend.sha256, SnapshotCache(folder), blender, files)
-    return _read(scene, blend.sha256, cache, blender, files)
-
-
-def _read(
-    scene: SceneFolder,
-    blend_sha256: str,
-    cache: SnapshotCache,
-    blender: BlenderProcess,
-    files: FrozenFiles,
-) -> ReadScene:
-    names = cache.dependencies(blend_sha256)
-    if names is not None:
+    names = cache.dependencies(blend.sha256) if cache else None
+    if cache is not None and names is not None:
         known = hashed_dependencies(scene, names, files, read_by=BLEND)
-        stored = _stored(cache.snapshot_path(blend_sha256, known.dependencies))
+        stored = _stored(cache.snapshot_path(blend.sha256, known.dependencies))
         if stored is not None:
             return ReadScene(snapshot=stored[0], snapshot_sha256=stored[1], files=known)
-    return _read_with_blender(scene, blend_sha256, cache, blender, files)
+    return _read_with_blender(scene, blend, cache, blender, files)
 
 
 def _stored(path: Path) -> tuple[Snapshot, str] | None:
@@ -86,13 +80,17 @@ def _stored(path: Path) -> tuple[Snapshot, str] | None:
 
 def _read_with_blender(
     scene: SceneFolder,
-    blend_sha256: str,
-    cache: SnapshotCache,
+    blend: FileHash,
+    cache: SnapshotCache | None,
     blender: BlenderProcess,
     files: FrozenFiles,
 ) -> ReadScene:
-    cache.folder.mkdir(parents=True, exist_ok=True)
-    with scratch_folder(".reading-", cache.folder) as folder:
+    if cache is not None:
+        cache.folder.mkdir(parents=True, exist_ok=True)
+        place = scratch_folder(".reading-", cache.folder)
+    else:
+        place = scratch_folder("legoworld-snapshot-")
+    with place as folder:
         output = folder / "made.snapshot"
         answer = blender.request(
             {
@@ -104,13 +102,15 @@ def _read_with_blender(
         )
         known = hashed_dependencies(scene, answer["dependencies"], files, read_by=BLEND)
         # The file may have been replaced meanwhile: what was hashed must be what was read.
-        if hash_files(scene.path, [BLEND]) != {BLEND: files.artefacts[BLEND]}:
+        if not is_still(scene.path, BLEND, blend):
             raise _changed(scene, BLEND)
-        stored = cache.snapshot_path(blend_sha256, known.dependencies)
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        output.replace(stored)
-        cache.put_dependencies(blend_sha256, answer["dependencies"])
-    snapshot, content = load(stored)
+        if cache is not None:
+            stored = cache.snapshot_path(blend.sha256, known.dependencies)
+            stored.parent.mkdir(parents=True, exist_ok=True)
+            output.replace(stored)
+            cache.put_dependencies(blend.sha256, answer["dependencies"])
+            output = stored
+        snapshot, content = load(output)
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
 
 
