@@ -296,8 +296,11 @@ def _instance_report(
     labelled = [i for i in grouping.instances if i.category is not None]
     unlabelled = [i for i in grouping.instances if i.category is None]
     unexported: list[dict[str, str]] = []
-    if any(seen.area_px[i.id] == 0 for i in labelled):
-        reasons = unseen_reasons(scene.snapshot, grouping, seen, threads=options.threads)
+    unseen = [i.id for i in labelled if seen.area_px[i.id] == 0]
+    if unseen:
+        reasons = unseen_reasons(
+            scene.snapshot, grouping, seen, among=unseen, threads=options.threads
+        )
         unexported = [
             {"name": i.name, "category": i.category.name, "reason": reasons[i.id]}
             for i in labelled

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,20 +62,32 @@ def view(
 
 
 def unseen_reasons(
-    snapshot: Snapshot, grouping: Grouping, seen: View, *, threads: int | None = None
+    snapshot: Snapshot,
+    grouping: Grouping,
+    seen: View,
+    *,
+    among: Sequence[int] | None = None,
+    threads: int | None = None,
 ) -> dict[int, str]:
-    """Why each instance without a pixel has none: a word of `UNSEEN_REASONS` by instance id."""
-    unseen = np.flatnonzero(seen.area_px == 0)
+    """Why each instance without a pixel has none: a word of `UNSEEN_REASONS` by instance id.
+
+    among: the instances that are asked about, None for all.
+    """
+    is_asked = seen.area_px == 0
+    if among is not None:
+        is_asked &= np.isin(np.arange(len(is_asked)), np.asarray(among, np.int64))
+    unseen = np.flatnonzero(is_asked)
     if not len(unseen):
         return {}
+    asked = np.flatnonzero(is_asked[grouping.surface_instance])
     codes = coverage(
-        _surfaces(snapshot, grouping.surface_instance),
+        _only(_surfaces(snapshot, grouping.surface_instance), asked),
         seen.projection,
         seen.size_wh,
         threads=threads,
     )
     best = np.zeros(len(grouping.instances), np.uint8)
-    np.maximum.at(best, grouping.surface_instance, codes)
+    np.maximum.at(best, grouping.surface_instance[asked], codes)
     held_out = np.ones(len(grouping.instances), bool)
     held_out[grouping.surface_instance[snapshot.surface_holdout == 0]] = False
     return {int(i): "holdout" if held_out[i] else UNSEEN_REASONS[int(best[i])] for i in unseen}
@@ -107,6 +120,32 @@ def instance_extents(
     np.maximum.at(extents[:, 3], ids, row + 1)
     extents[area == 0] = 0
     return area, extents
+
+
+def _only(surfaces: Surfaces, placements: NDArray[np.intp]) -> Surfaces:
+    """Some placements and the meshes they show, without their cut-outs: coverage asks for none.
+
+    What is unseen is mostly little, and what is seen was checked when it was drawn.
+    """
+    meshes, number = np.unique(surfaces.placement_mesh[placements], return_inverse=True)
+
+    def chosen(values: NDArray[Any], starts: NDArray[np.int64]) -> tuple[NDArray[Any], Any]:
+        parts = [values[starts[m] : starts[m + 1]] for m in meshes.tolist()]
+        ends = np.cumsum([0, *map(len, parts)], dtype=np.int64)
+        return np.concatenate([values[:0], *parts]), ends
+
+    vertices, vertex_start = chosen(surfaces.vertices, surfaces.vertex_start)
+    triangles, triangle_start = chosen(surfaces.triangles, surfaces.triangle_start)
+    return Surfaces(
+        vertices=vertices,
+        triangles=triangles,
+        vertex_start=vertex_start,
+        triangle_start=triangle_start,
+        placement_mesh=number.astype(np.int32),
+        cam_from_mesh=surfaces.cam_from_mesh[placements],
+        placement_id=surfaces.placement_id[placements],
+        cutouts=None,
+    )
 
 
 def _surfaces(snapshot: Snapshot, surface_instance: NDArray[np.int32]) -> Surfaces:

@@ -52,7 +52,12 @@ def resident_bytes(pid: int) -> int:
     """A process's resident memory; 0 when it has ended."""
     try:
         if sys.platform == "linux":
-            pages = int((_PROC / str(pid) / "statm").read_text().split()[1])
+            # Asked 50 times a second while a worker works: with a Path it takes ten times as long.
+            descriptor = os.open(f"{_PROC}/{pid}/statm", os.O_RDONLY)
+            try:
+                pages = int(os.read(descriptor, 200).split()[1])
+            finally:
+                os.close(descriptor)
             return pages * os.sysconf("SC_PAGE_SIZE")
         return int(_ps("-o", "rss=", "-p", str(pid)) or 0) * 1024
     except (OSError, ValueError, IndexError):

@@ -35,7 +35,7 @@ def written(folder, content=b"one"):
 
 
 def rewrite(path, content):
-    """New content of the same size under the old time of change, once the file's clock has ticked."""
+    """New content of the same size under the old time, once the file system's clock has ticked."""
     before = path.stat()
     while path.stat().st_ctime_ns == before.st_ctime_ns:
         path.write_bytes(content)
