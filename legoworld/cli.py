@@ -24,6 +24,7 @@ _COMMANDS = {
     "merge": "the shards of a run, put together",
     "baseline": "run a specialist model, or import anyone's results, as a run",
     "evaluate": "score a run against private truth",
+    "score": "one program or scene against one photo's ground truth, in one step",
     "evidence": "re-check an evaluation's or a comparison's hashes and numbers",
     "compare": "two evaluations side by side, over the same images",
     "report": "one HTML page of evaluations and comparisons",

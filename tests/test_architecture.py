@@ -34,6 +34,7 @@ ROOMS = [
     ("depth_folder_tracks", "eth3d_tracks", "track_making"),
     ("baselines", "comparison"),
     ("report",),
+    ("one_photo",),
     ("commands",),
     ("cli", "__main__", "terminal"),
 ]

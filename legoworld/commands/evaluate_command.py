@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from legoworld.commands import options
+from legoworld.commands.evaluation_short import short_depth, short_detections
 from legoworld.commands.places import PlaceType, read_from, written_whole
 from legoworld.places import Place
 
@@ -53,7 +54,13 @@ if TYPE_CHECKING:
     show_default=True,
     help="Tie orders and bootstrap samples.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of both.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="RNG seed for tie orders and bootstrap.",
+)
 @click.option("--workers", type=click.IntRange(min=1), help="Processes [default: cores].")
 @options.engine
 @click.option("--overwrite", is_flag=True, help="Replace another evaluation in the folder.")
@@ -76,9 +83,9 @@ def command(
     """Score a RUN against private truth.
 
     Boxes and masks go through the official evaluator, unchanged, over every image the run
-    attempted; its lines come first, then intervals, tie orders and score-free overlaps with what
-    each is counted over. The folder holds truth: keep it private. --engine and --workers share
-    out the images, and change no byte of it.
+    attempted. -v prints its own lines, then every metric with its interval and what it is over.
+    The folder holds truth: keep it private. --engine and --workers share out the images, and
+    change no byte of it.
 
     \b
     Examples:
@@ -109,7 +116,7 @@ def command(
     if as_json:
         options.print_json({"evaluation": str(output), "summary": summary})
     else:
-        click.echo(f"{text}\n\n-> {output}")
+        click.echo(f"{text}\n\n-> {output}" if verbose else f"{text}\n-> {output}")
     return 0
 
 
@@ -139,7 +146,7 @@ def _evaluated(
             raise click.UsageError("--evaluator is for boxes and masks: depth has one evaluator")
         with _bar(len(found.images), shown=not quiet and options.on_terminal()) as step:
             summary = _depth(request, run, output, step)
-        return summary, _depth_text(summary)
+        return summary, _depth_text(summary) if verbose else short_depth(summary)
     if request.camera_model is not None:
         raise click.UsageError("--camera-model is for depth: boxes and masks are not warped")
     from legoworld.evaluation.detections import evaluate_detections
@@ -159,6 +166,8 @@ def _evaluated(
         crew=request.crew,
         origins=request.origins,
     )
+    if not verbose:
+        return evaluation.summary, short_detections(evaluation.summary)
     protocol = detection_protocol(found.task)
     return evaluation.summary, evaluation_text(evaluation.summary, protocol, options.table)
 

@@ -124,7 +124,9 @@ def output_options(command: F) -> F:
         "--json", "as_json", is_flag=True, help="Print one JSON document instead of tables."
     )(command)
     command = click.option("-q", "--quiet", is_flag=True, help="No progress, no notices.")(command)
-    return click.option("-v", "--verbose", is_flag=True, help="Also say what went well.")(command)
+    return click.option(
+        "-v", "--verbose", is_flag=True, help="Print everything, not only what stands out."
+    )(command)
 
 
 def chosen_cache(cache: Path | None, no_cache: bool) -> Any:

@@ -36,7 +36,7 @@ def scored(request, tmp_path, capsys):
     run = write_run(tmp_path / "run", task, truth, left, statuses={failed: "missing"})
     path = write_truth(tmp_path / "truth.json", truth)
     out = tmp_path / "eval"
-    arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(out), "--draws", "50"]
+    arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(out), "--draws", "50", "-v"]
     assert cli.run(arguments) == 0
     return task, out, capsys.readouterr().out
 
@@ -56,6 +56,21 @@ def test_the_official_lines_come_first_and_every_number_has_its_denominator(scor
     assert "1 missing, 11 ok" in shown
     if task == "lvis":
         assert "APr: " in shown
+
+
+def test_a_few_lines_hold_what_is_asked_for_first(scored, tmp_path, capsys):
+    _, folder, _ = scored
+    summary = json.loads((folder / "summary.json").read_text())
+    arguments = ["evaluate", str(tmp_path / "run"), "--truth", str(tmp_path / "truth.json")]
+    assert cli.run([*arguments, "-o", str(folder), "--draws", "50"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 6
+    with_truth = summary["coverage"]["with_truth"]
+    assert f"12 images attempted, 11 scored, {with_truth} with truth" in lines[0]
+    ap, interval = summary["metrics"]["AP"], summary["intervals"]["AP"]
+    assert lines[1].startswith(f"AP {ap:.4f} [{interval['low']:.4f}, {interval['high']:.4f}], AP50")
+    assert f"{summary['counts']['truth_instances']} truths" in lines[1]
+    assert lines[-1] == f"-> {folder}"
 
 
 def test_the_json_form(scored, tmp_path, capsys):

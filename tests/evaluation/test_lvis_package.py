@@ -42,7 +42,7 @@ def test_without_the_package_lvis_is_scored_by_hotcoco_and_said_so(tmp_path, mon
     truth = random_truth("lvis", seed=1)
     run = write_run(tmp_path / "run", "lvis", truth, random_predictions("lvis", truth, seed=1))
     path = write_truth(tmp_path / "truth.json", truth)
-    arguments = ["evaluate", str(run), "--truth", str(path), "--draws", "5", "-o"]
+    arguments = ["evaluate", str(run), "--truth", str(path), "--draws", "5", "-v", "-o"]
     assert cli.run([*arguments, str(tmp_path / "official")]) == 0
     official = capsys.readouterr().out
     monkeypatch.setattr(lvis_package, "installed", lambda: False)

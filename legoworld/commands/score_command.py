@@ -1,0 +1,163 @@
+"""`legoworld score`."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from legoworld import exit_codes
+from legoworld.commands import options
+from legoworld.commands.evaluation_short import short_depth, short_detections
+from legoworld.wording import counted
+
+if TYPE_CHECKING:
+    from legoworld.one_photo import PhotoScore
+
+#: Findings without -v: the costly come first.
+_SHORT = 5
+
+
+@click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("program_or_scene", type=click.Path(path_type=Path, exists=True))
+@click.option("--photo", required=True, type=options.EXISTING_FILE, help="The photo it rebuilds.")
+@click.option(
+    "--truth",
+    required=True,
+    type=click.Path(path_type=Path, exists=True),
+    help="The dataset's own annotations: COCO or LVIS JSON, or a folder of measured depth.",
+)
+@click.option(
+    "--task",
+    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
+    default="coco",
+    show_default=True,
+    help="What is read and scored.",
+)
+@click.option("--image", help="The photo's id or file name in the truth [default: its own name].")
+@click.option(
+    "--source",
+    type=options.Choice(["blend", "glb"]),
+    default="blend",
+    show_default=True,
+    help="Which file of the scene is read.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=options.FOLDER,
+    help="Keep the scene, run, evaluation, overlay and report here [default: the overlay alone, "
+    "in legoworld-runs].",
+)
+@options.caching
+@options.limits
+@options.output_options
+def command(
+    program_or_scene: Path,
+    photo: Path,
+    truth: Path,
+    task: str,
+    image: str | None,
+    source: Literal["blend", "glb"],
+    output: Path | None,
+    cache: Path | None,
+    no_cache: bool,
+    time_limit: float,
+    memory_limit: float,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Score one PROGRAM_OR_SCENE, a .py or a scene folder, against one photo's ground truth.
+
+    In one command what execute, track make, readout, inspect, evaluate and report do for a set:
+    prints the numbers of this photo, what to mend, and where the overlay is. It is an evaluation:
+    it reads ground truth, so an agent that builds scenes must not run it or see its output. A
+    scene folder is only read. Exit code 1 when the scene has no result.
+
+    \b
+    Examples:
+      legoworld score coffee.py --photo coffee.png --truth truth_coco.json
+      legoworld score scenes/coffee --photo coffee.png --truth truth_lvis.json --task lvis -o look
+      legoworld score scenes/000000000139 --photo 139.jpg --image 139 --truth instances.json
+    """
+    from legoworld.one_photo import PhotoRequest, score_photo
+    from legoworld.scene.cache import SnapshotCache
+    from legoworld.scene.scratch import scratch_folder
+
+    if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend"):
+        raise click.UsageError(f"{program_or_scene} is neither a .py nor a scene folder")
+    with scratch_folder("legoworld-score-") as scratch:
+        folder = output or scratch / "score"
+        kept = options.chosen_cache(cache, no_cache) or SnapshotCache(scratch / "snapshots")
+        found = score_photo(
+            PhotoRequest(
+                program_or_scene=program_or_scene,
+                photo=photo,
+                truth=truth,
+                task=task,
+                image=image,
+                source=source,
+                cache=kept,
+                limits=options.chosen_limits(time_limit, memory_limit),
+            ),
+            folder,
+            options.notifier(quiet or not (verbose or options.on_terminal())),
+        )
+        overlay = found.overlay
+        if overlay is not None and output is None:
+            overlay = _kept_overlay(overlay, photo, task)
+    if as_json:
+        options.print_json(_document(found, overlay))
+    else:
+        _print(found, overlay, output, verbose=verbose, quiet=quiet)
+    return exit_codes.DONE if found.row["status"] == "ok" else exit_codes.INCOMPLETE
+
+
+def _kept_overlay(overlay: Path, photo: Path, task: str) -> Path:
+    kept = Path("legoworld-runs") / f"{photo.stem}-{task}-overlay.png"
+    kept.parent.mkdir(exist_ok=True)
+    shutil.copyfile(overlay, kept)
+    return kept
+
+
+def _document(found: PhotoScore, overlay: Path | None) -> dict[str, Any]:
+    return {
+        "row": found.row,
+        "summary": found.summary,
+        "advice": list(found.advice),
+        "execution": found.execution
+        and {"status": found.execution.status, "error": found.execution.error},
+        "overlay": str(overlay) if overlay else None,
+    }
+
+
+def _print(
+    found: PhotoScore, overlay: Path | None, output: Path | None, *, verbose: bool, quiet: bool
+) -> None:
+    row = found.row
+    if found.execution is not None and found.execution.error is not None:
+        error = found.execution.error
+        click.echo(
+            f"the program stopped at line {error['line']}: {error['type']}: {error['message']}; "
+            "scored is what it had built"
+        )
+    if found.summary is None:
+        click.echo(f"{row['status']}: {row['file_name']}: {row['reason']}")
+        return
+    depth = "ties" not in found.summary
+    click.echo(short_depth(found.summary) if depth else short_detections(found.summary))
+    shown = found.advice if verbose else found.advice[:_SHORT]
+    for one in shown:
+        click.echo(f"{one['level']}: {one['what']}" + (f"; do: {one['do']}" if one["do"] else ""))
+    if len(shown) < len(found.advice):
+        more = counted(len(found.advice) - len(shown), "finding", "findings")
+        click.echo(f"... and {more} more (-v lists them)")
+    if overlay is not None:
+        click.echo(f"overlay -> {overlay}")
+    if output is not None:
+        click.echo(f"report -> {output / 'report.html'}")
+    elif not quiet:
+        click.echo("-o FOLDER keeps the scene, the run, the evaluation and a report", err=True)

@@ -1,0 +1,201 @@
+"""One scene against one photo and its ground truth: every step from program to findings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.errors import UsageError
+from legoworld.evaluation.depth.evaluate import evaluate_depth
+from legoworld.evaluation.detections import evaluate_detections
+from legoworld.inspection import inspect_scene, write_inspection
+from legoworld.pictures import read_photo
+from legoworld.readouts.tasks import Protocol, protocol
+from legoworld.report.document import page_document
+from legoworld.report.page_file import write_page
+from legoworld.report.sources import read_sources
+from legoworld.running.image import ImageOptions
+from legoworld.running.readout_run import RunRequest, run_readout
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.cache import SnapshotCache
+from legoworld.scene.execution import Execution, execute
+from legoworld.scene.folder import BLEND, Source, find_scene
+from legoworld.track import Track, load_track
+from legoworld.track_making import DepthChoice, annotation_source, depth_source, make_track
+
+Say = Callable[[str], None]
+#: One image has no bootstrap; these are its tie orders.
+_DRAWS: Final = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoRequest:
+    """What is scored: a program (.py) or a scene folder, against a photo's ground truth.
+
+    image: the photo's id or file name in the truth, None to find it by the photo's name.
+    """
+
+    program_or_scene: Path
+    photo: Path
+    truth: Path
+    task: str
+    image: str | None
+    source: Source
+    cache: SnapshotCache | None
+    limits: Limits
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoScore:
+    """row: per_image row of the readout; summary, advice: None and () where nothing was read.
+
+    execution: how the program ended, None for a scene; overlay: None for a scene that is not read.
+    """
+
+    row: dict[str, Any]
+    summary: dict[str, Any] | None
+    advice: tuple[dict[str, str], ...]
+    execution: Execution | None
+    overlay: Path | None
+
+
+def score_photo(request: PhotoRequest, output: Path, say: Say) -> PhotoScore:
+    """Execute where it is a program, read out, evaluate, and say what to mend.
+
+    Below `output`: scene/ (of a program), track.json, run/, eval/, look/ and report.html. Raises
+    UsageError for a photo that the truth does not list, and the program's verdict.
+    """
+    output.mkdir(parents=True, exist_ok=True)
+    track = _track(request, output / "track.json")
+    execution, scene = None, request.program_or_scene
+    if scene.suffix == ".py":
+        say(f"running {scene.name}")
+        scene = output / "scene"
+        execution = execute(request.program_or_scene, scene, limits=request.limits, picture=False)
+    elif scene.name == BLEND:
+        scene = scene.parent
+    reading = protocol(request.task, track.vocabulary)
+    say("reading the scene")
+    row = _read(request, scene, track, reading, output / "run", say)
+    if row["status"] != "ok":
+        return PhotoScore(row=row, summary=None, advice=(), execution=execution, overlay=None)
+    _look(request, scene, reading, output / "look")
+    say("evaluating")
+    summary = _evaluate(request, output / "run", output / "eval")
+    page = page_document(read_sources([output / "eval"]), request.photo.parent)
+    write_page(page, output / "report.html", commands=[])
+    return PhotoScore(
+        row=row,
+        summary=summary,
+        advice=tuple(page.views[0]["sides"][0]["advice"]),
+        execution=execution,
+        overlay=output / "look" / "overlay.png",
+    )
+
+
+def _track(request: PhotoRequest, path: Path) -> Track:
+    """The track of the one photo, whose scene folder is SCENES itself."""
+    make_track(
+        request.task, request.truth, path, sample=None, seed=0, chosen=[_image_name(request)]
+    )
+    track = load_track(path)
+    (image,) = track.images
+    height, width = read_photo(request.photo).shape[:2]
+    if image.size_wh != (width, height):
+        raise UsageError(
+            f"{request.photo.name} is not the photo of image {image.id}",
+            found=f"{width}x{height}",
+            expected="x".join(map(str, image.size_wh or ())),
+            next_step="pass the dataset's own photo, or name the image with --image",
+        )
+    return replace(track, images=(replace(image, scene="."),))
+
+
+def _image_name(request: PhotoRequest) -> str:
+    """What the truth calls the photo: its file name, with as many folders as the truth has."""
+    if request.image is not None:
+        return request.image
+    if request.task == "eth3d":
+        images = depth_source(request.truth, DepthChoice()).images
+    else:
+        images = annotation_source(request.task, request.truth).images
+    parts = request.photo.resolve().parts
+    tails = ["/".join(parts[-n:]) for n in range(len(parts), 0, -1)]
+    names = {str(i.get("file_name") or i["coco_url"].rpartition("/")[2]) for i in images}
+    urls = {str(i["coco_url"]).rpartition("/")[2] for i in images if i.get("coco_url")}
+    found = next((tail for tail in tails if tail in names | urls), None)
+    if found is None:
+        raise UsageError(
+            "the truth lists no photo of this name",
+            found=request.photo.name,
+            expected=f"one of {len(images)} file names, such as {min(names)}",
+            next_step="rename the photo as the dataset has it, or pass --image ID",
+        )
+    return found
+
+
+def _read(
+    request: PhotoRequest, scene: Path, track: Track, reading: Protocol, run: Path, say: Say
+) -> dict[str, Any]:
+    result = run_readout(
+        RunRequest(
+            image_options=ImageOptions(
+                scenes=scene.absolute(),
+                run=run.absolute(),
+                protocol=reading,
+                source=request.source,
+                cache=request.cache,
+                require_frozen=False,
+                max_side=None,
+                threads=1,
+            ),
+            track=track,
+            engine="local",
+            workers=1,
+            limits=request.limits,
+            overwrite=True,
+            limit=None,
+            image_ids=(),
+            shard=None,
+            fail_fast=False,
+            images_per_file=None,
+        ),
+        progress=lambda _row: None,
+        notice=say,
+    )
+    return result.rows[0]
+
+
+def _look(request: PhotoRequest, scene: Path, reading: Protocol, look: Path) -> None:
+    """The outlines over the photo, from the snapshot that the readout left in the cache."""
+    height, width = read_photo(request.photo).shape[:2]
+    with BlenderProcess(request.limits) as blender:
+        inspection = inspect_scene(
+            find_scene(scene.resolve().parent, scene.resolve().name),
+            size_wh=(width, height),
+            vocabulary=reading.vocabulary,
+            override_property=reading.override_property,
+            source=request.source,
+            blender=blender,
+            cache=request.cache,
+        )
+    write_inspection(inspection, look, request.photo)
+
+
+def _evaluate(request: PhotoRequest, run: Path, output: Path) -> dict[str, Any]:
+    if request.task == "eth3d":
+        return evaluate_depth(run, request.truth, output, draws=_DRAWS, overwrite=True)
+    evaluation = evaluate_detections(
+        run,
+        request.truth,
+        output,
+        evaluator=None,
+        draws=_DRAWS,
+        seed=0,
+        overwrite=True,
+        notice=lambda _text: None,
+        warn=lambda _text: None,
+    )
+    return evaluation.summary
