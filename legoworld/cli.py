@@ -23,6 +23,7 @@ _COMMANDS = {
     "readout": "read labels out of scenes into a run folder",
     "merge": "the shards of a run, put together",
     "baseline": "run a specialist model, or import anyone's results, as a run",
+    "export": "a run's boxes or masks as one COCO file for dataset tools",
     "evaluate": "score a run against private truth",
     "score": "one program or scene against one photo's ground truth, in one step",
     "evidence": "re-check an evaluation's or a comparison's hashes and numbers",

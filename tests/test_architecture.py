@@ -31,7 +31,7 @@ ROOMS = [
     ("readouts", "pictures"),
     ("running", "inspection", "source_comparison"),
     ("evaluation",),
-    ("depth_folder_tracks", "eth3d_tracks", "track_making"),
+    ("depth_folder_tracks", "eth3d_tracks", "coco_export", "track_making"),
     ("baselines", "comparison"),
     ("report",),
     ("one_photo",),

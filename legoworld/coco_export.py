@@ -1,0 +1,163 @@
+"""A run as one whole COCO JSON: images, categories, and predictions as annotations with a score."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from legoworld import catalog
+from legoworld.dataset_versions import dataset_of
+from legoworld.errors import UsageError
+from legoworld.evaluation.box_formats import check_box_values
+from legoworld.evaluation.folder import read_rows
+from legoworld.evaluation.masks import areas_px, bounding_box, compressed
+from legoworld.evaluation.prediction_order import order_of
+from legoworld.evaluation.predictions import Predictions, check_results
+from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
+from legoworld.files import canonical_json, readable_json, write_text
+from legoworld.running.run_folder import ROWS
+from legoworld.track import load_track
+from legoworld.vocabulary import Vocabulary, load
+
+Row = dict[str, Any]
+
+
+def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite: bool) -> Row:
+    """Write a run of boxes or masks as COCO JSON that dataset tools open; returns the document.
+
+    track: gives the categories' names where they are not the shipped dataset's. UsageError for a
+    run of depth or without its names; RunUnusableError and PredictionsInvalidError for a damaged
+    one. Nothing is written then.
+    """
+    if output.exists() and not overwrite:
+        raise UsageError(
+            f"{output.name} is there already",
+            expected="a new file",
+            next_step="choose another -o, or pass --overwrite",
+        )
+    run = read_run(run_folder)
+    if run.task not in PROTOCOLS:
+        raise UsageError(
+            f"a run of {run.task} has no boxes or masks",
+            expected=f"a run of {', '.join(PROTOCOLS)}",
+            next_step="depth is in the run's own files, one a photo",
+        )
+    vocabulary = _vocabulary(run, track)
+    images = [_image(i.id, i.file_name, i.size_wh) for i in run.images]
+    predictions = _predictions(run, vocabulary)
+    document = {
+        "info": {
+            "description": f"legoworld run of {run.task}: predictions as annotations",
+            "task": run.task,
+            "vocabulary_sha256": vocabulary.sha256,
+            "images_without_result": [i.id for i in run.images if i.status != "ok"],
+        },
+        "images": images,
+        "annotations": list(_annotations(run, predictions)),
+        "categories": [{"id": c.id, "name": c.name} for c in vocabulary.categories],
+    }
+    write_text(output, _readable(document))
+    return document
+
+
+def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
+    """The categories by name: the track's, or the shipped dataset's, that the run was made with."""
+    expected = run.configuration.get("vocabulary_sha256")
+    vocabulary = load_track(track).vocabulary if track is not None else None
+    if vocabulary is None:
+        vocabulary = load(catalog.folder("datasets") / dataset_of(run.task) / "categories.json")
+    if vocabulary.sha256 != expected:
+        raise UsageError(
+            "the names of the run's categories are not known",
+            found=f"{len(vocabulary.categories)} categories, {vocabulary.sha256[:12]}",
+            expected=f"the run's vocabulary, {str(expected)[:12]}",
+            next_step="pass --track with the track the run was made for",
+        )
+    return vocabulary
+
+
+def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> Row:
+    if size_wh is None:
+        raise RunUnusableError(
+            f"image {image_id} of the run has no size",
+            found=f"{file_name}, read without a track",
+            expected="a width and height for every image",
+            next_step="make the run with --track",
+        )
+    return {"id": image_id, "file_name": file_name, "width": size_wh[0], "height": size_wh[1]}
+
+
+def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
+    return check_results(
+        read_predictions(run),
+        status_by_image={i.id: i.status for i in run.images},
+        sizes_wh={i.id: i.size_wh for i in run.images if i.size_wh is not None},
+        vocabulary=vocabulary,
+        protocol=PROTOCOLS[run.task],
+        order=order_of(run.configuration),
+        check_boxes=check_box_values,
+    )
+
+
+def _annotations(run: Run, predictions: Predictions) -> Iterator[Row]:
+    """Predictions numbered from 1 in the run's order; of a scene with their objects' names."""
+    names = _objects(run)
+    place: dict[int, int] = {}
+    for number, (entry, area) in enumerate(
+        zip(predictions.entries, _areas(predictions.entries), strict=True), start=1
+    ):
+        image_id = entry["image_id"]
+        nth = place[image_id] = place.get(image_id, -1) + 1
+        annotation = {
+            "id": number,
+            "image_id": image_id,
+            "category_id": entry["category_id"],
+            "bbox": entry["bbox"] if "bbox" in entry else _box(entry["segmentation"]),
+            "area": area,
+            "segmentation": entry.get("segmentation", []),
+            "iscrowd": 0,
+            "score": entry["score"],
+        }
+        if image_id in names:
+            annotation["attributes"] = names[image_id][nth]
+        yield annotation
+
+
+def _objects(run: Run) -> dict[int, Sequence[Mapping[str, Any]]]:
+    """Of each image the rows say it of: name and objects of every prediction, in order."""
+    found: dict[int, Sequence[Mapping[str, Any]]] = {}
+    for row in read_rows(run.folder / ROWS):
+        exported = row.get("exported")
+        if isinstance(exported, list) and len(exported) == row.get("n_predictions"):
+            found[int(row["image_id"])] = [
+                {key: one[key] for key in ("name", "objects") if key in one} for one in exported
+            ]
+    return found
+
+
+def _areas(entries: Sequence[Row]) -> list[float]:
+    """Pixels of each mask, or width x height of each box."""
+    if entries and "segmentation" in entries[0]:
+        areas = areas_px([_bytes(e["segmentation"]) for e in entries])
+        return [float(area) for area in areas]
+    return [float(e["bbox"][2] * e["bbox"][3]) for e in entries]
+
+
+def _box(mask: Row) -> list[float]:
+    return bounding_box(_bytes(mask))
+
+
+def _bytes(mask: Row) -> Row:
+    return compressed(mask, (mask["size"][0], mask["size"][1]))
+
+
+def _readable(document: Row) -> str:
+    """JSON with one image, annotation or category a line."""
+    info = readable_json(document["info"]).rstrip().replace("\n", "\n ")
+    lists = [
+        f'"{key}": [\n' + ",\n".join(canonical_json(e) for e in document[key]) + "\n]"
+        for key in ("images", "annotations", "categories")
+    ]
+    return "{\n" + ",\n".join([f'"info": {info}', *lists]) + "\n}\n"
