@@ -109,6 +109,17 @@ def test_boxes_are_in_canonical_order_of_numbers():
     assert {p["score"] for p in found} == {1.0}
 
 
+def test_masks_are_in_canonical_order_of_category_and_rle_bytes():
+    rng = np.random.default_rng(3)
+    picture = rng.integers(0, 12, (20, 30)).astype(np.int32)
+    categories = [2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 2, 1]
+    found = mask_predictions(9, instances(*categories), view_of(picture, 12))
+    keys = [(p["category_id"], p["segmentation"]["counts"].encode()) for p in found]
+    assert keys == sorted(keys)
+    assert [category for category, _ in keys] == [1] * 6 + [2] * 6
+    assert {p["image_id"] for p in found} == {9}
+
+
 def test_no_export_is_an_empty_list():
     picture = np.full((4, 4), -1, np.int32)
     assert box_predictions(1, instances(1), view_of(picture, 1)) == []

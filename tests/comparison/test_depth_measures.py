@@ -1,0 +1,76 @@
+"""What a depth comparison shows: which way is better, what is resampled, what is a detail."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from legoworld.comparison.depth import (
+    GroupDraws,
+    depth_metrics,
+    group_unit,
+    measure_depth,
+    shared_group_draws,
+)
+from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE
+from legoworld.evaluation.depth.summary import metric_policies
+
+
+def test_deltas_are_better_higher_and_errors_lower():
+    better = {metric.id.split(".")[0]: metric.better for metric in depth_metrics()}
+    assert better == {
+        name: "higher" if name in ("delta1", "delta2", "delta3") else "lower"
+        for name, _ in metric_policies()
+    }
+
+
+def test_the_headline_is_abs_rel_and_the_primary_delta1_and_higher_deltas_are_details():
+    level = {metric.id: metric.level for metric in depth_metrics()}
+    headline = {name for name, value in level.items() if value == HEADLINE}
+    assert headline == {
+        *(f"{name}.{policy}" for name, policy in metric_policies() if name == "abs_rel"),
+        "delta1.error_1",
+    }
+    details = {name.split(".")[0] for name, value in level.items() if value == EVERYTHING}
+    assert details == {"delta2", "delta3"}
+    assert level["rmse_m.exclude"] == TABLE
+
+
+@pytest.mark.parametrize(
+    ("names", "unit"),
+    [
+        ([], "image"),
+        (["courtyard/images/dslr_images/A.JPG", "office/images/dslr_images/B.JPG"], "scene"),
+        (["courtyard/images/dslr_images/A.JPG", "B.JPG"], "image"),
+        (["A.JPG", "B.JPG"], "image"),
+    ],
+)
+def test_scenes_are_resampled_only_where_every_photo_is_of_one(names, unit):
+    assert group_unit([{"file_name": name} for name in names]) == unit
+
+
+def test_one_group_has_no_draws():
+    assert shared_group_draws([{"group": "a"}, {"group": "a"}], 10, 0) == GroupDraws(
+        counts=None, column={"a": 0}
+    )
+    two = shared_group_draws([{"group": "b"}, {"group": "a"}], 10, 0)
+    assert two.column == {"a": 0, "b": 1}
+    assert two.counts is not None
+    assert two.counts.shape == (10, 2)
+    assert (two.counts.sum(axis=1) == 2).all()
+
+
+def test_a_side_without_a_scored_image_has_no_mean_and_no_samples():
+    class Empty:
+        rows = ()
+
+    measures = measure_depth(
+        Empty(), "scored", (), shared_group_draws([{"group": "a"}, {"group": "b"}], 10, 0)
+    )
+    assert {f"{name}.{policy}" for name, policy in metric_policies()} == set(measures)
+    for measure in measures.values():
+        assert math.isnan(measure.value)
+        assert math.isnan(measure.extra["constant"])
+        assert measure.samples is None
+        assert measure.over == {"images": 0}
