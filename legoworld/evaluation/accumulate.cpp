@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <new>
-#include <unordered_map>
 #include <vector>
 
 #if defined(_WIN32)
@@ -103,6 +102,9 @@ struct LwRanking {
 
 namespace {
 
+// Draws that go down a ranking side by side, one in each lane.
+constexpr int kLanes = 16;
+
 // A block that is not only false positives at every threshold.
 struct Stop {
     int64_t from, to;
@@ -120,113 +122,188 @@ std::vector<Stop> stops_of(const LwRanking &ranking) {
     return stops;
 }
 
-// The detections of one draw's stops, copy after copy, each with all that stands above its end.
+// The detections of the stops, copy after copy: how often each draw has it there, and how many
+// detections each draw has up to it and with it.
 struct Drawn {
-    std::vector<int32_t> times, above, rank;
-    std::vector<uint16_t> is_true, is_ignored;
-    std::size_t size = 0;
+    std::vector<int64_t> detection;
+    std::vector<int32_t> times, above;  // (rows, kLanes)
 
-    void begin(std::size_t most) {
-        if (times.size() < most) {
-            for (std::vector<int32_t> *column : {&times, &above, &rank}) column->resize(most);
-            for (std::vector<uint16_t> *column : {&is_true, &is_ignored}) column->resize(most);
-        }
-        size = 0;
+    void begin() {
+        detection.clear();
+        times.clear();
+        above.clear();
     }
 
-    void add(const LwRanking &ranking, int64_t d, int32_t n, int32_t until) {
-        times[size] = n;
-        above[size] = until;
-        rank[size] = ranking.rank[d];
-        is_true[size] = ranking.is_true[d];
-        is_ignored[size] = ranking.is_ignored[d];
-        ++size;
+    void add(int64_t d, const int32_t *n, const int32_t *until) {
+        detection.push_back(d);
+        times.insert(times.end(), n, n + kLanes);
+        above.insert(above.end(), until, until + kLanes);
     }
 };
 
-void draw_stops(const LwRanking &ranking, const std::vector<Stop> &stops, const int32_t *count,
+// counts: (images, kLanes)
+void draw_stops(const LwRanking &ranking, const std::vector<Stop> &stops, const uint16_t *counts,
                 Drawn &drawn) {
-    int32_t above = 0;
+    int32_t above[kLanes] = {}, times[kLanes];
+    drawn.begin();
     int64_t d = 0;
     for (const Stop &stop : stops) {
-        int32_t plain = 0;
-        for (; d < stop.from; ++d) plain += count[ranking.image[d]];
-        above += plain;
-        const int32_t times = count[ranking.image[d]];
-        if (times && stop.to - stop.from == 1) {
-            above += times;
-            drawn.add(ranking, d, times, above);
+        for (; d < stop.from; ++d) {
+            const uint16_t *count = counts + static_cast<int64_t>(ranking.image[d]) * kLanes;
+            for (int lane = 0; lane < kLanes; ++lane) above[lane] += count[lane];
+        }
+        const uint16_t *count = counts + static_cast<int64_t>(ranking.image[d]) * kLanes;
+        int32_t copies = 0;
+        for (int lane = 0; lane < kLanes; ++lane) copies = count[lane] > copies ? count[lane] : copies;
+        if (copies && stop.to - stop.from == 1) {
+            for (int lane = 0; lane < kLanes; ++lane) {
+                times[lane] = count[lane];
+                above[lane] += times[lane];
+            }
+            drawn.add(d, times, above);
         } else {
-            for (int32_t copy = 0; copy < times; ++copy)
-                for (int64_t e = stop.from; e < stop.to; ++e) drawn.add(ranking, e, 1, ++above);
+            for (int32_t copy = 0; copy < copies; ++copy) {
+                for (int lane = 0; lane < kLanes; ++lane) times[lane] = count[lane] > copy;
+                for (int64_t e = stop.from; e < stop.to; ++e) {
+                    for (int lane = 0; lane < kLanes; ++lane) above[lane] += times[lane];
+                    drawn.add(e, times, above);
+                }
+            }
         }
         d = stop.to;
     }
 }
 
-// The curve of a threshold; a detection counts all its copies at once.
-void trace(const Drawn &drawn, int t, Curve &curve) {
-    curve.begin(drawn.size);
-    int32_t n_true = 0, skipped = 0;
-    std::size_t at = 0;
-    for (std::size_t e = 0; e < drawn.size; ++e) {
-        const int32_t times = drawn.times[e];
-        const int32_t hit = (drawn.is_true[e] >> t) & 1;
-        n_true += times & -hit;
-        skipped += times & -static_cast<int32_t>((drawn.is_ignored[e] >> t) & 1);
-        curve.n_true[at] = n_true;
-        curve.n_all[at] = drawn.above[e] - skipped;
-        at += hit;
+// The curves of a threshold, a lane each, at every true positive's place. A lane that does not
+// have one there stands still: its place says no more than the one before.
+struct Curves {
+    std::vector<int32_t> n_true;     // (places, kLanes)
+    std::vector<double> precision;   // (places, kLanes), the highest from there on
+    std::size_t size = 0;
+
+    void trace(const LwRanking &ranking, const Drawn &drawn, int t) {
+        const std::size_t rows = drawn.detection.size();
+        if (n_true.size() < rows * kLanes) {
+            n_true.resize(rows * kLanes);
+            precision.resize(rows * kLanes);
+        }
+        int32_t found[kLanes] = {}, skipped[kLanes] = {};
+        size = 0;
+        for (std::size_t row = 0; row < rows; ++row) {
+            const int64_t d = drawn.detection[row];
+            const int32_t *times = &drawn.times[row * kLanes], *above = &drawn.above[row * kLanes];
+            if ((ranking.is_true[d] >> t) & 1) {
+                int32_t *n = &n_true[size * kLanes];
+                double *p = &precision[size * kLanes];
+                for (int lane = 0; lane < kLanes; ++lane) {
+                    found[lane] += times[lane];
+                    n[lane] = found[lane];
+                    const int32_t all = above[lane] - skipped[lane];
+                    p[lane] = static_cast<double>(found[lane]) / (all > 0 ? all : 1);
+                }
+                ++size;
+            } else if ((ranking.is_ignored[d] >> t) & 1) {
+                for (int lane = 0; lane < kLanes; ++lane) skipped[lane] += times[lane];
+            }
+        }
+        for (std::size_t k = size; k-- > 1;) {
+            const double *below = &precision[k * kLanes];
+            double *p = &precision[(k - 1) * kLanes];
+            for (int lane = 0; lane < kLanes; ++lane)
+                p[lane] = p[lane] > below[lane] ? p[lane] : below[lane];
+        }
     }
-    curve.size = at;
+
+    int32_t found(int lane) const { return size ? n_true[(size - 1) * kLanes + lane] : 0; }
+
+    // 101-point average precision of a lane, times 101. Precision between two places only falls,
+    // and rises between the copies of one detection, so nothing else is needed. Terms are added
+    // from the top of the ranking down.
+    double summed(int lane, const Steps &steps) const {
+        const int32_t most = found(lane);
+        double sum = 0.0;
+        std::size_t k = lane;
+        for (std::size_t s = 0; s < steps.n_true.size() && steps.n_true[s] <= most; ++s) {
+            while (n_true[k] < steps.n_true[s]) k += kLanes;
+            sum += precision[k] * steps.reached[s];
+        }
+        return sum;
+    }
+};
+
+// True positives at a threshold of a rank below a limit, in every lane.
+void count_below(const LwRanking &ranking, const Drawn &drawn, int t, int32_t rank,
+                 int32_t *counted) {
+    for (int lane = 0; lane < kLanes; ++lane) counted[lane] = 0;
+    for (std::size_t row = 0; row < drawn.detection.size(); ++row) {
+        const int64_t d = drawn.detection[row];
+        if (ranking.rank[d] < rank && ((ranking.is_true[d] >> t) & 1))
+            for (int lane = 0; lane < kLanes; ++lane) counted[lane] += drawn.times[row * kLanes + lane];
+    }
 }
 
-int32_t found_below(const Drawn &drawn, int t, int32_t rank) {
-    int32_t found = 0;
-    for (std::size_t e = 0; e < drawn.size; ++e)
-        found += drawn.times[e] & -static_cast<int32_t>((drawn.is_true[e] >> t) & 1) &
-                 -static_cast<int32_t>(drawn.rank[e] < rank);
-    return found;
-}
+// Steps by number of truths, made when they are first asked for.
+class StepsOf {
+public:
+    StepsOf(const int32_t *n_truths, int64_t draws, const double *thresholds, int n_thresholds)
+        : thresholds_(thresholds), n_thresholds_(n_thresholds) {
+        int32_t highest = lowest_ = n_truths[0];
+        for (int64_t k = 0; k < draws; ++k) {
+            lowest_ = n_truths[k] < lowest_ ? n_truths[k] : lowest_;
+            highest = n_truths[k] > highest ? n_truths[k] : highest;
+        }
+        known_.resize(static_cast<std::size_t>(highest - lowest_) + 1);
+    }
 
-int64_t most_drawn(const LwRanking &ranking, const std::vector<Stop> &stops, const int32_t *count) {
-    int64_t most = 0;
-    for (const Stop &stop : stops) most += (stop.to - stop.from) * count[ranking.image[stop.from]];
-    return most;
-}
+    const Steps &operator()(int32_t n_truths) {
+        Steps &steps = known_[n_truths - lowest_];
+        if (steps.n_true.empty()) steps = steps_of(n_truths, thresholds_, n_thresholds_);
+        return steps;
+    }
+
+private:
+    const double *thresholds_;
+    int n_thresholds_;
+    int32_t lowest_;
+    std::vector<Steps> known_;
+};
 
 }  // namespace
 
-// counts: (draws, images) how often an image is in a draw; n_truths: (draws,), > 0.
-// precision: (T, draws) average precision; recalled: (R, T, draws).
-LW_API int32_t lw_resample(const LwRanking *ranking, const int32_t *counts, int64_t draws,
+LW_API int32_t lw_lanes() { return kLanes; }
+
+// counts: (blocks of kLanes draws, images, kLanes) how often an image is in a draw; n_truths:
+// (draws,), > 0. precision: (T, draws) average precision; recalled: (R, T, draws).
+LW_API int32_t lw_resample(const LwRanking *ranking, const uint16_t *counts, int64_t draws,
                            int64_t images, const int32_t *n_truths, double *precision,
                            int32_t *recalled) try {
     const LwRanking &of = *ranking;
     if (of.n_thresholds > kMostThresholds) return kTooMany;
+    if (draws < 1) return kDone;
     const std::vector<Stop> stops = stops_of(of);
     int32_t last_rank = 0;
     for (int64_t d = 0; d < of.detections; ++d)
         last_rank = of.rank[d] > last_rank ? of.rank[d] : last_rank;
-    std::unordered_map<int32_t, Steps> steps;
+    StepsOf steps(n_truths, draws, of.recall_thresholds, of.n_recall_thresholds);
     Drawn drawn;
-    Curve curve;
-    for (int64_t draw = 0; draw < draws; ++draw) {
-        const int32_t *count = counts + draw * images;
-        drawn.begin(most_drawn(of, stops, count));
-        draw_stops(of, stops, count, drawn);
-        auto known = steps.find(n_truths[draw]);
-        if (known == steps.end())
-            known = steps.emplace(n_truths[draw], steps_of(n_truths[draw], of.recall_thresholds,
-                                                           of.n_recall_thresholds)).first;
+    Curves curves;
+    int32_t counted[kLanes];
+    for (int64_t first = 0; first < draws; first += kLanes) {
+        const int lanes = static_cast<int>(draws - first < kLanes ? draws - first : kLanes);
+        draw_stops(of, stops, counts + first * images, drawn);
         for (int t = 0; t < of.n_thresholds; ++t) {
-            trace(drawn, t, curve);
-            const int64_t place = t * draws + draw;
-            precision[place] = curve.summed(known->second) / of.n_recall_thresholds;
+            curves.trace(of, drawn, t);
+            const int64_t place = t * draws + first;
+            for (int lane = 0; lane < lanes; ++lane)
+                precision[place + lane] =
+                    curves.summed(lane, steps(n_truths[first + lane])) / of.n_recall_thresholds;
             for (int r = 0; r < of.n_ranks; ++r) {
-                const int32_t all = curve.size ? curve.n_true[curve.size - 1] : 0;
-                recalled[r * of.n_thresholds * draws + place] =
-                    of.ranks[r] > last_rank ? all : found_below(drawn, t, of.ranks[r]);
+                if (of.ranks[r] > last_rank)
+                    for (int lane = 0; lane < lanes; ++lane) counted[lane] = curves.found(lane);
+                else
+                    count_below(of, drawn, t, of.ranks[r], counted);
+                for (int lane = 0; lane < lanes; ++lane)
+                    recalled[r * of.n_thresholds * draws + place + lane] = counted[lane];
             }
         }
     }

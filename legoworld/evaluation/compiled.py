@@ -87,18 +87,33 @@ def bits_of(flags: NDArray[np.bool_]) -> Bits:
     return bits
 
 
+def in_lanes(counts: NDArray[np.int32]) -> NDArray[np.uint16]:
+    """(blocks, images, lanes) bootstrap counts as the library reads them: lanes are draws.
+
+    counts: (draws, images) how often each image is in each draw, below 2**16.
+    """
+    draws, images = counts.shape
+    lanes = int(_library().lw_lanes())
+    blocks = -(-draws // lanes)
+    padded = np.zeros((blocks * lanes, images), np.uint16)
+    padded[:draws] = counts
+    return np.ascontiguousarray(padded.reshape(blocks, lanes, images).transpose(0, 2, 1))
+
+
 def resample(
-    ranking: Ranking, counts: Counts, n_truths: Counts, ranks: Sequence[int | None]
+    ranking: Ranking,
+    laned: NDArray[np.uint16],
+    n_truths: Counts,
+    ranks: Sequence[int | None],
 ) -> tuple[Floats, Counts]:
     """Average precision (T, draws) and true positives below each rank (R, T, draws).
 
-    counts: (draws, images) how often each image is in each draw; n_truths: (draws,), above 0.
-    ranks: None counts all. The copies of an image stand one after the other, each whole: where
-    two of its detections have equal scores, a b becomes a b a b (docs/protocols/ties.md). A draw
-    holds less than 2**31 detections.
+    laned: the draws' counts, see `in_lanes`; n_truths: (draws,), above 0. ranks: None counts all.
+    The copies of an image stand one after the other, each whole: where two of its detections have
+    equal scores, a b becomes a b a b (docs/protocols/ties.md). A draw holds less than 2**31
+    detections.
     """
-    draws, images = counts.shape
-    shape = len(IOU_THRESHOLDS), draws
+    shape = len(IOU_THRESHOLDS), len(n_truths)
     precision = np.zeros(shape)
     limits = np.array([_ANY_RANK if r is None else r for r in ranks], np.int32)
     recalled = np.zeros((len(limits), *shape), np.int32)
@@ -112,10 +127,11 @@ def resample(
         _pointer(limits),
         len(limits),
     )
-    counts, n_truths = np.ascontiguousarray(counts, np.int32), n_truths.astype(np.int32)
+    n_truths = np.ascontiguousarray(n_truths, np.int32)
     done = _library().lw_resample(
-        ctypes.byref(struct), _pointer(counts), ctypes.c_int64(draws), ctypes.c_int64(images),
-        _pointer(n_truths), _pointer(precision), _pointer(recalled),
+        ctypes.byref(struct), _pointer(laned), ctypes.c_int64(len(n_truths)),
+        ctypes.c_int64(laned.shape[1]), _pointer(n_truths), _pointer(precision),
+        _pointer(recalled),
     )  # fmt: skip
     _check(done)
     return precision, recalled
@@ -144,7 +160,7 @@ def ordered_precision(
 @functools.cache
 def _library() -> ctypes.CDLL:
     loaded = open_library(Path(__file__).parent, "library of evaluation")
-    for name in ("lw_resample", "lw_ordered"):
+    for name in ("lw_lanes", "lw_resample", "lw_ordered"):
         getattr(loaded, name).restype = ctypes.c_int32
     return loaded
 

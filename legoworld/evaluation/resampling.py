@@ -13,7 +13,7 @@ from scipy import sparse
 from legoworld.errors import ShapeError
 from legoworld.evaluation.accumulation import category_slices
 from legoworld.evaluation.category_threads import category_threads
-from legoworld.evaluation.compiled import ranking_of, resample
+from legoworld.evaluation.compiled import in_lanes, ranking_of, resample
 from legoworld.evaluation.matching import MatchTable
 from legoworld.evaluation.problem import Floats
 from legoworld.evaluation.protocols import (
@@ -38,20 +38,20 @@ def resampled_metrics(
     """
     sums = {m.name: np.zeros(len(counts)) for m in protocol.metrics}
     defined = {m.name: np.zeros(len(counts)) for m in protocol.metrics}
-    counts = np.ascontiguousarray(counts, np.int32)
     _check_size(table, counts)
+    laned, by_image = in_lanes(counts), np.ascontiguousarray(counts.T)
     rows = category_slices(table)
     group_of = [""] * len(rows) if frequencies is None else frequencies.tolist()
     with category_threads() as pool:
         for a, area in enumerate(AREA_NAMES):
-            truths = _truths_by_image(table, a) @ counts.T
+            truths = _truths_by_image(table, a) @ by_image
             jobs = [
                 (int(k), [m for m in protocol.metrics if m.area == area and _is_in(m, group_of[k])])
                 for k in np.unique(table.truth_category[table.n_truths[a] > 0])
             ]
             found = pool.map(
                 lambda job, a=a, n=truths: _category(
-                    table, a, rows[job[0]], counts, n[job[0]], job[1]
+                    table, a, rows[job[0]], laned, n[job[0]], job[1]
                 ),
                 jobs,
             )
@@ -67,12 +67,15 @@ def resampled_metrics(
 
 def _check_size(table: MatchTable, counts: Counts) -> None:
     """ShapeError where a sample could hold more detections than are counted in 32 bits."""
-    most = len(table.image) * int(counts.max(initial=0))
-    if counts.shape[1] != len(table.image_ids) or most > np.iinfo(np.int32).max:
+    often = int(counts.max(initial=0))
+    most = len(table.image) * often
+    if counts.shape[1] != len(table.image_ids) or often >= 1 << 16 or most >= 1 << 31:
         raise ShapeError(
             "a bootstrap sample cannot be accumulated",
-            found=f"{counts.shape[1]} images drawn, up to {most} predictions in a sample",
-            expected=f"{len(table.image_ids)} images, and up to 2**31 - 1 predictions",
+            found=f"{counts.shape[1]} images drawn, one up to {often} times, up to {most} "
+            "predictions in a sample",
+            expected=f"{len(table.image_ids)} images, each below 2**16 times, and below 2**31 "
+            "predictions",
         )
 
 
@@ -91,7 +94,7 @@ def _category(
     table: MatchTable,
     a: int,
     rows: slice,
-    counts: Counts,
+    laned: NDArray[np.uint16],
     n_truths: Counts,
     metrics: list[Metric],
 ) -> dict[str, Floats]:
@@ -101,7 +104,7 @@ def _category(
     )
     ranks = list(dict.fromkeys(m.max_rank for m in metrics if m.kind == "AR"))
     some = np.maximum(n_truths, 1)
-    precision, found = resample(ranking, counts, some, ranks)
+    precision, found = resample(ranking, laned, some, ranks)
     recall = {rank: found[r] / some for r, rank in enumerate(ranks)}
     values = {}
     for m in metrics:
