@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
 
-from legoworld.errors import LegoWorldError, WorkerTimeoutError
+from legoworld.errors import LegoWorldError, WorkerCrashedError, WorkerTimeoutError
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
 pytestmark = pytest.mark.blender
@@ -49,4 +51,24 @@ def test_an_aborted_process_leaves_nothing(temporary: Path):
         blender.abort()
         with pytest.raises(LegoWorldError):
             blender.request({"kind": "version"})
+    assert names(temporary) == []
+
+
+def test_an_abort_while_the_process_is_started_ends_it(temporary: Path, monkeypatch):
+    """It comes from another thread, when there is nothing yet that it could end."""
+    made: list[subprocess.Popen[str]] = []
+
+    def started(*arguments, **options):
+        aborting = threading.Thread(target=blender.abort)
+        aborting.start()
+        aborting.join(0.1)
+        made.append(popen(*arguments, **options))
+        return made[0]
+
+    popen = subprocess.Popen
+    monkeypatch.setattr("legoworld.scene.blender_process.subprocess.Popen", started)
+    with BlenderProcess(Limits(time_s=60)) as blender:
+        with pytest.raises(WorkerCrashedError):
+            blender.request({"kind": "version"})
+        assert made[0].poll() is not None
     assert names(temporary) == []

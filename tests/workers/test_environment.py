@@ -107,6 +107,14 @@ def test_the_reading_worker_does_not_get_the_callers_environment(monkeypatch):
     assert b"PYTHONHASHSEED=0" in seen
 
 
+def test_the_draco_decoder_does_not_get_the_callers_environment(monkeypatch):
+    from legoworld.scene.gltf.draco import _environment
+
+    for name, value in SECRETS.items():
+        monkeypatch.setenv(name, value)
+    assert not any("hidden-" in value for value in _environment().values())
+
+
 def test_a_card_whose_variables_are_no_names_is_refused(tmp_path):
     folder = tmp_path / "odd"
     folder.mkdir()

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import one_line
 from legoworld.scene.gltf.verdicts import Budget, UnsupportedGltfError, unreadable
+from legoworld.workers.environment import ChildKind, child_environment, python_path
 
 EXTENSION: Final = "KHR_draco_mesh_compression"
 _WORKER: Final = Path(__file__).with_name("draco_worker.py")
@@ -67,8 +68,7 @@ def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
         done = subprocess.run(
             [sys.executable, "-P", str(_WORKER)],
             input=b"".join(parts),
-            # numpy's thread pools would count against the memory limit.
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+            env=_environment(),
             capture_output=True,
             timeout=_TIME_LIMIT_S,
             check=False,
@@ -82,6 +82,17 @@ def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
             f"the Draco decoder ended with {done.returncode}: {one_line(words[-1], 120)}"
         )
     return _answers(payloads, json.loads(header), memoryview(body), budget)
+
+
+def _environment() -> dict[str, str]:
+    """Nothing of the caller's but where its packages are: the data is untrusted."""
+    nowhere = Path(os.devnull)  # it writes no file
+    return child_environment(ChildKind.BLENDER, home=nowhere, temporary=nowhere) | {
+        "PYTHONPATH": python_path(),
+        # numpy's thread pools would count against the memory limit.
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+    }
 
 
 def _answers(
