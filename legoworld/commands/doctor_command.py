@@ -49,7 +49,15 @@ def command(as_json: bool) -> int:
       legoworld doctor
       legoworld doctor --json
     """
-    findings = [_python(), _system_libraries(), _blender(), _kernel(), _cache(), *_baselines()]
+    findings = [
+        _python(),
+        _system_libraries(),
+        _blender(),
+        _kernel(),
+        _cache(),
+        _sandbox(),
+        *_baselines(),
+    ]
     bad = [f for f in findings if not f.good and f.needed]
     if as_json:
         options.print_json({"ok": not bad, "findings": [f.__dict__ for f in findings]})
@@ -125,6 +133,21 @@ def _kernel() -> Finding:
         return Finding(
             name="visibility kernel", good=False, found=error.found, next_step=error.next_step
         )
+
+
+def _sandbox() -> Finding:
+    """Whether `execute` can confine a program; without bubblewrap it limits it only."""
+    from legoworld.workers.sandbox import protections
+
+    held = protections("auto")
+    return Finding(
+        name="sandbox",
+        good=held.bubblewrap is not None,
+        found=f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not),
+        next_step="programs run by `execute` are limited but not confined: apt-get install "
+        "bubblewrap, and allow user namespaces (docs/sandbox.md)",
+        needed=False,
+    )
 
 
 def _cache() -> Finding:

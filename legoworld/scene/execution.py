@@ -42,6 +42,8 @@ from legoworld.workers.sandbox import (
 )
 
 _OK: Final = {"status": "ok", "code": "ok", "reason": None}
+_NOT_SHOWN: Final = "the sandbox shows the program no file but its own"
+_SHOW: Final = "name what it reads with --input"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +90,8 @@ def execute(
         warnings = list(report.warnings)
         if "render" in report.skipped:
             warnings.append(f"the program's own render calls were skipped; see {PICTURE}")
+        if held.bubblewrap and report.error and _looked_for(report.error["type"]):
+            warnings.append(f"{_NOT_SHOWN}: {_SHOW}")
         check = _check(reader, made, warnings)
         if picture and check["code"] != "no_camera":
             warnings += _picture(reader, made)
@@ -128,7 +132,7 @@ def _run(
             raise over_limit(ending, ending.over, report.at, allowed, program)
         if not report.done:
             raise ended_early(ending, report.at, program)
-        _refuse_failure(report, allowed)
+        _refuse_failure(report, allowed, confined=held.bubblewrap is not None)
         if _taken(workspace, BLEND, made) is None:
             raise _no_scene("no such file")
         _taken(workspace, GLB, made)
@@ -152,7 +156,7 @@ def _no_scene(found: str) -> ProgramOutputError:
     )
 
 
-def _refuse_failure(report: ProgramReport, allowed: SandboxLimits) -> None:
+def _refuse_failure(report: ProgramReport, allowed: SandboxLimits, *, confined: bool) -> None:
     """Raise why there is no scene, where the report says that there is none."""
     reason = report.reason
     if reason is None:
@@ -178,7 +182,14 @@ def _refuse_failure(report: ProgramReport, allowed: SandboxLimits) -> None:
             expected="a scene that Blender can save",
             next_step="the program may have replaced what Blender needs: run it in Blender",
         )
+    if reason["code"] == "built_nothing" and confined and _looked_for(reason["found"]):
+        reason = {**reason, "next": f"correct the program; {_NOT_SHOWN}: {_SHOW}"}
     raise from_reason(reason)
+
+
+def _looked_for(error: str) -> bool:
+    """Whether an error is what a program meets that reads a file it is not shown."""
+    return any(kind in error for kind in ("FileNotFoundError", "ModuleNotFoundError"))
 
 
 def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> dict[str, Any]:

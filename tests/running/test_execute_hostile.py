@@ -109,6 +109,7 @@ def test_bubblewrap_keeps_a_program_from_its_callers_files(tmp_path):
     code, output = execute(tmp_path, program, "--no-picture", "--sandbox", "bubblewrap")
     assert code == 1
     assert execution(output)["error"]["type"] == "FileNotFoundError"
+    assert any("--input" in warning for warning in execution(output)["warnings"])
     assert "files" in execution(output)["sandbox"]["holds"]
     options = ("--no-picture", "--sandbox", "bubblewrap", "--input", str(tmp_path / "wood.txt"))
     code, output = execute(tmp_path, program, *options)
