@@ -283,3 +283,40 @@ def test_baselines_of_a_task(capsys):
 def test_coco_is_the_schema_when_no_task_is_given(capsys):
     assert cli.run(["list", "schema"]) == 0
     assert capsys.readouterr().out == printed("coco", capsys)
+
+
+@pytest.fixture
+def own_track(tmp_path):
+    """A track with a vocabulary of its own, and its task on record."""
+    path = tmp_path / "own.json"
+    document = {
+        "info": {"task": "lvis"},
+        "images": [{"id": 1, "file_name": "a.png", "width": 8, "height": 8}],
+        "categories": [{"id": 4, "name": "lathe_(machine)"}, {"id": 9, "name": "vice"}],
+    }
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_a_tracks_own_vocabulary_is_what_the_author_is_told(own_track, capsys):
+    assert cli.run(["list", "schema", "--track", str(own_track), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["task"] == "lvis"
+    assert told["vocabulary"] == ["lathe_(machine)", "vice"]
+    assert told["synonyms"] == {"lathe": "lathe_(machine)"}
+    assert {e["category"] for e in told["labels_file"]["labels"]} == {"lathe_(machine)", "vice"}
+    assert cli.run(["list", "schema", "--track", str(own_track)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "--task lvis --track TRACK" in shown
+    assert "couch" not in shown
+
+
+def test_a_track_is_refused_where_it_says_nothing(own_track, tmp_path, capsys):
+    assert cli.run(["list", "tasks", "--track", str(own_track)]) == 2
+    assert "--track is for schema" in capsys.readouterr().err
+    assert cli.run(["list", "schema", "--task", "coco", "--track", str(own_track)]) == 2
+    assert "made for lvis, not for coco" in capsys.readouterr().err
+    silent = json.loads(own_track.read_text()) | {"info": {}}
+    (tmp_path / "silent.json").write_text(json.dumps(silent))
+    assert cli.run(["inspect", str(tmp_path), "--track", str(tmp_path / "silent.json")]) == 2
+    assert "does not say its task: pass --task" in capsys.readouterr().err

@@ -26,6 +26,11 @@ if TYPE_CHECKING:
     type=options.Choice(["coco", "coco-masks", "lvis"]),
     help="Resolve labels in this task's vocabulary [default: every label counts].",
 )
+@click.option(
+    "--track",
+    type=options.EXISTING_FILE,
+    help="Resolve labels in this track's vocabulary; gives the task where it records one.",
+)
 @click.option("--source", type=options.Choice(["blend", "glb"]), default="blend", show_default=True)
 @click.option(
     "--compare-sources",
@@ -46,6 +51,7 @@ def command(
     size_wh: tuple[int, int] | None,
     photo: Path | None,
     task: str | None,
+    track: Path | None,
     source: Literal["blend", "glb"],
     compare_sources: bool,
     allow_changed: bool,
@@ -70,11 +76,10 @@ def command(
     Examples:
       legoworld inspect scenes/000000000139
       legoworld inspect scenes/coffee --photo coffee.png -o look
-      legoworld inspect scenes/coffee --compare-sources
+      legoworld inspect scenes/coffee --compare-sources --track track.json
       legoworld inspect s3://bucket/scenes/coffee --size 1200x800 --task lvis --json
     """
     from legoworld.inspection import inspect_scene, write_inspection
-    from legoworld.readouts.tasks import protocol
     from legoworld.scene.blender_process import BlenderProcess
     from legoworld.scene.folder import find_scene
 
@@ -88,7 +93,7 @@ def command(
 
         height, width = read_photo(photo).shape[:2]
         size_wh = (width, height)
-    reading = protocol(task, None) if task else None
+    reading = options.protocol_of(task, track, default=None)
     with (
         read_from(scene) as here,
         BlenderProcess(options.chosen_limits(time_limit, memory_limit)) as blender,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 import tomllib
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +14,7 @@ from legoworld.commands import options
 
 if TYPE_CHECKING:
     from legoworld.readouts.instructions import Instructions
+    from legoworld.readouts.tasks import Protocol
 
 
 @click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
@@ -22,8 +24,13 @@ if TYPE_CHECKING:
     type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
     help="Only what is for this task; whose schema [default: coco].",
 )
+@click.option(
+    "--track",
+    type=options.EXISTING_FILE,
+    help="schema: with this track's vocabulary, and its task where it records one.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def command(kind: str, task: str | None, as_json: bool) -> int:
+def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> int:
     """List the tasks, datasets and baselines there are, or what a scene's author is told.
 
     \b
@@ -31,10 +38,11 @@ def command(kind: str, task: str | None, as_json: bool) -> int:
       legoworld list tasks
       legoworld list datasets --json
       legoworld list baselines --task lvis
-      legoworld list schema --task coco
+      legoworld list schema --task coco --track track.json
     """
     if kind == "schema":
-        return _schema(task or "coco", as_json=as_json)
+        return _schema(options.protocol_of(task, track, default="coco"), as_json=as_json)
+    options.refuse_given(["track"], f"is for schema, not for {kind}")
     cards = _cards(kind, task)
     if as_json:
         options.print_json({kind: cards})
@@ -70,12 +78,11 @@ def _cards(kind: str, task: str | None) -> list[dict[str, Any]]:
     return cards
 
 
-def _schema(task: str, *, as_json: bool) -> int:
+def _schema(reading: Protocol, *, as_json: bool) -> int:
     """What a scene's author needs to know, and nothing private."""
     from legoworld.readouts.instructions import instructions
-    from legoworld.readouts.tasks import protocol
 
-    told = instructions(protocol(task, None))
+    told, task = instructions(reading), reading.task.name
     if as_json:
         options.print_json(_document(told))
         return 0

@@ -143,6 +143,26 @@ def chosen_limits(time_limit_s: float, memory_limit_gib: float) -> Any:
     return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
 
 
+def protocol_of(task: str | None, track: Path | None, *, default: str | None) -> Any:
+    """The Protocol of --task in the vocabulary of --track, which may name the task, too.
+
+    None where neither says a task and there is no default; click.UsageError where they disagree.
+    """
+    from legoworld.readouts.tasks import protocol
+    from legoworld.track import load_track, serves
+
+    if track is None:
+        chosen = task or default
+        return protocol(chosen, None) if chosen else None
+    images = load_track(track)
+    chosen = task or images.info.get("task")
+    if chosen is None:
+        raise click.UsageError(f"--track {track.name} does not say its task: pass --task")
+    if not serves(images, chosen):
+        raise click.UsageError(f"the track is made for {images.info['task']}, not for {chosen}")
+    return protocol(str(chosen), images.vocabulary)
+
+
 def refuse_given(names: Sequence[str], why: str) -> None:
     """click.UsageError when one of these options is on the command line: none is ignored."""
     context = click.get_current_context()

@@ -16,6 +16,7 @@ from legoworld import catalog
 from legoworld.cards import Card
 from legoworld.errors import InstallationError
 from legoworld.readouts.tasks import Protocol
+from legoworld.readouts.tasks import protocol as protocol_of_task
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
 from legoworld.vocabulary import Vocabulary, normal_name
@@ -52,8 +53,9 @@ def instructions(protocol: Protocol) -> Instructions:
     path = catalog.folder("readouts") / WORDING
     with path.open("rb") as stream:
         wording = tomllib.load(stream)
-    labels_file = _labels_file(protocol, wording["examples"].get(protocol.task.name))
-    render = _Renderer(protocol, wording, labels_file)
+    example = _example(protocol, wording["examples"].get(protocol.task.name))
+    labels_file = _labels_file(protocol, example)
+    render = _Renderer(protocol, wording, example, labels_file)
     return Instructions(
         protocol=protocol,
         sections=tuple(
@@ -85,7 +87,11 @@ class _Renderer:
     """Templates filled in with one task's card."""
 
     def __init__(
-        self, protocol: Protocol, wording: Mapping[str, Any], labels_file: Mapping[str, Any] | None
+        self,
+        protocol: Protocol,
+        wording: Mapping[str, Any],
+        example: Mapping[str, str] | None,
+        labels_file: Mapping[str, Any] | None,
     ) -> None:
         from jinja2 import Environment, StrictUndefined
 
@@ -102,7 +108,8 @@ class _Renderer:
                 "time_s": f"{limits.time_s:g}",
                 "memory_gib": f"{limits.memory_bytes / 2**30:g}",
             },
-            "example": wording["examples"].get(protocol.task.name),
+            "example": example,
+            "own_vocabulary": _has_own_vocabulary(protocol),
             "labels_file_json": json.dumps(labels_file),
             "rule": self.rule,
         }
@@ -124,6 +131,25 @@ class _Renderer:
                 next_step=f"add the sentence to {Path('readouts') / WORDING}",
             )
         return self.text(sentences[said])
+
+
+def _has_own_vocabulary(reading: Protocol) -> bool:
+    """Whether a track's categories are read, and not those that ship with the task."""
+    shipped = protocol_of_task(reading.task.name, None).vocabulary
+    return reading.vocabulary is not None and reading.vocabulary != shipped
+
+
+def _example(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[str, str] | None:
+    """The example, with categories of the vocabulary where it has not the usual ones."""
+    vocabulary = protocol.vocabulary
+    if example is None or vocabulary is None:
+        return example
+    names = [category.name for category in vocabulary.categories]
+    own = dict(zip(("object_category", "collection_category"), (names[0], names[-1]), strict=True))
+    return {
+        key: own[key] if key in own and vocabulary.match(text) is None else text
+        for key, text in example.items()
+    }
 
 
 def _labels_file(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[str, Any] | None:

@@ -106,6 +106,21 @@ def test_inspect_of_a_broken_scene_is_one_line(scenes, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_inspect_resolves_labels_in_a_tracks_own_vocabulary(scenes, tmp_path, capsys):
+    track = tmp_path / "track.json"
+    document = {
+        "info": {"task": "coco"},
+        "images": [{"id": 1, "file_name": "a.png", "width": 64, "height": 48}],
+        "categories": [{"id": 1, "name": "dogg"}],
+    }
+    track.write_text(json.dumps(document))
+    scene = str(scenes / "odd_labels")
+    assert cli.run(["inspect", scene, "--track", str(track), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert {e["category"] for e in shown["instances"] if e["labelled"]} == {"dogg"}
+    assert "dogg" not in shown["outside_vocabulary"]
+
+
 def test_inspect_names_what_a_label_is_like(scenes, capsys):
     scene = str(scenes / "odd_labels")
     assert cli.run(["inspect", scene, "--task", "coco"]) == 0
