@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from legoworld_baseline.resampling import resized
 from numpy.typing import NDArray
-from torch.nn import functional
 
 
 def written_array(depth: NDArray[np.float32], photo_wh: tuple[int, int]) -> NDArray[np.float32]:
@@ -20,12 +20,4 @@ def written_array(depth: NDArray[np.float32], photo_wh: tuple[int, int]) -> NDAr
     width, height = photo_wh
     if depth.shape[1] <= width and depth.shape[0] <= height:
         return depth
-    values = torch.from_numpy(depth)
-    seen = torch.isfinite(values)
-    disparity = torch.where(seen, 1.0 / values, 0.0)
-    planes = torch.stack([disparity, seen.to(disparity.dtype)])[None]
-    resized = functional.interpolate(
-        planes, size=(height, width), mode="bilinear", align_corners=False
-    )[0]
-    found = torch.where(resized[1] >= 0.5, resized[1] / resized[0], torch.inf)
-    return found.to(torch.float32).numpy()
+    return resized(torch.from_numpy(depth), "depth", photo_wh).numpy()

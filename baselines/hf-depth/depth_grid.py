@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from legoworld_baseline.resampling import resized
 from numpy.typing import NDArray
-from torch.nn import functional
 
 #: The scorer's own limit for an array whose aspect is not the photo's.
 _ASPECT_TOLERANCE = 0.05
@@ -30,7 +30,7 @@ def written_array(
     if padding_wh == (0, 0) and fits(values.shape, photo_wh):
         return values
     (width, height), (left, top) = photo_wh, padding_wh
-    found = _resized(torch.from_numpy(values), space, (width + 2 * left, height + 2 * top))
+    found = resized(torch.from_numpy(values), space, (width + 2 * left, height + 2 * top))
     return np.ascontiguousarray(found[top : top + height, left : left + width].numpy())
 
 
@@ -40,18 +40,3 @@ def fits(shape_hw: tuple[int, ...], photo_wh: tuple[int, int]) -> bool:
     expected = photo_wh[1] * width / photo_wh[0]
     same_aspect = abs(height - expected) <= max(1.0, _ASPECT_TOLERANCE * expected)
     return same_aspect and width <= photo_wh[0] and height <= photo_wh[1]
-
-
-def _resized(values: torch.Tensor, space: str, size_wh: tuple[int, int]) -> torch.Tensor:
-    seen = torch.isfinite(values)
-    if space == "depth":
-        seen &= values > 0
-    disparity = torch.where(seen, values if space == "disparity" else 1.0 / values, 0.0)
-    planes = torch.stack([disparity, seen.to(values.dtype)])[None]
-    resized = functional.interpolate(
-        planes, size=size_wh[::-1], mode="bilinear", align_corners=False
-    )[0]
-    found = resized[1] >= 0.5
-    if space == "disparity":
-        return torch.where(found, resized[0] / resized[1], torch.nan)
-    return torch.where(found, resized[1] / resized[0], torch.inf)
