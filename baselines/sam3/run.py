@@ -10,6 +10,7 @@ from legoworld_baseline.devices import check_dtype_on, device_type
 from sam3_options import Options, read_options
 from sam3_prompts import prompt_strings
 
+TASKS = ("coco-masks", "lvis")
 LIBRARIES = ("huggingface-hub", "numpy", "pycocotools", "tokenizers", "torch", "transformers")
 
 
@@ -30,8 +31,12 @@ class Model:
 
 def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
     """The network and the phrases, and what the masks depend on. Refused when not as asked."""
-    if request["task"] != "lvis":
-        raise Refused("SAM 3 gives masks", found=f"task {request['task']}", expected="task lvis")
+    if request["task"] not in TASKS:
+        raise Refused(
+            "SAM 3 gives masks",
+            found=f"task {request['task']}",
+            expected=" or ".join(f"task {task}" for task in TASKS),
+        )
     options = read_options(request["options"])
     category_ids = tuple(c["id"] for c in request["categories"])
     prompts = _prompts(request, category_ids)

@@ -319,6 +319,17 @@ def test_end_to_end(checkpoint, tmp_path, photo):
     assert said.provenance["cap"]["per_image"] == 100
 
 
+def test_coco_masks_are_masks(checkpoint, photo):
+    run = program("hf-segmenter")
+    found = {}
+    for task in ("coco-masks", "lvis"):
+        asked = segment_request(task, checkpoint, photo)
+        model, _ = run.load(asked)
+        found[task] = run.predict(model, asked["images"][0])["predictions"]
+    assert found["coco-masks"] == found["lvis"]
+    assert all("segmentation" in entry for entry in found["coco-masks"])
+
+
 # Refusals
 
 

@@ -356,6 +356,14 @@ def test_end_to_end_on_a_real_photo(checkpoint, tmp_path, real_data):
     check(ask("sam3", lvis_request(checkpoint, tmp_path, [photo], options)), photo, 12)
 
 
+def test_coco_masks_are_the_same_masks(everything, checkpoint, tmp_path, photo):
+    run = program("sam3")
+    asked = {**lvis_request(checkpoint, tmp_path, [photo]), "task": "coco-masks"}
+    model, _ = run.load(asked)
+    found = run.predict(model, asked["images"][0])["predictions"]
+    assert found == everything.results[1]["predictions"]
+
+
 def test_half_precision_is_autocast_over_float32_weights(checkpoint, tmp_path, photo):
     run = program("sam3")
     found = {}
