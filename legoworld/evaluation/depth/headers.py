@@ -19,6 +19,8 @@ SizeCheck = Callable[[tuple[int, int]], None]
 #: 16384 x 16384. No camera has more pixels, and their float64 is 2 GiB.
 MOST_PX: Final = 1 << 28
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
+#: Bytes of a PNG chunk besides its data: length, type and checksum.
+_PNG_CHUNK: Final = 12
 _LONGEST_TEXT_HEADER: Final = 4096
 #: What numpy's parser of an .npy header raises for text that is none.
 _BAD_HEADER: Final = (
@@ -128,11 +130,25 @@ def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
 
 
 def png_claim(path: Path) -> tuple[int, ...]:
-    """The shape a PNG's IHDR chunk claims."""
+    """The shape a PNG's IHDR chunk claims; every chunk must lie in the file.
+
+    Decoders make room for the length that a chunk claims, up to 4 GiB, before they read it.
+    """
     with path.open("rb") as stream:
         start = stream.read(26)
-    if len(start) < 26 or start[:8] != _PNG or start[12:16] != b"IHDR":
-        raise DepthFileError(f"{path.name} cannot be read", expected="a 16-bit PNG")
+        if len(start) < 26 or start[:8] != _PNG or start[8:16] != b"\0\0\0\x0dIHDR":
+            raise DepthFileError(f"{path.name} cannot be read", expected="a 16-bit PNG")
+        place, end, kind = len(_PNG), path.stat().st_size, b""
+        while kind != b"IEND" and place + _PNG_CHUNK <= end:
+            stream.seek(place)
+            length, kind = struct.unpack(">I4s", stream.read(8))
+            place += _PNG_CHUNK + length
+    if kind != b"IEND" or place > end:
+        raise DepthFileError(
+            f"{path.name} cannot be read: it is cut, or damaged",
+            found=f"{end} bytes",
+            expected="chunks that lie in the file, the last of them IEND",
+        )
     width, height = struct.unpack(">II", start[16:24])
     return (height, width)
 

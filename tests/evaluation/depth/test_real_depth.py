@@ -11,6 +11,7 @@ import pytest
 from evaluation.depth.folders import rows_of, write_run
 from numpy.typing import NDArray
 
+from legoworld import cli
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
@@ -126,3 +127,33 @@ def test_the_next_frame_of_a_moving_camera_is_close_but_not_the_same(
     assert values["error_1"] == pytest.approx(
         values["exclude"] * (1 - row["hole_share"]) + row["hole_share"], rel=1e-12
     )
+
+
+#: By unit: the photo and its depth as their datasets name them.
+PAIRS = {
+    "mm": ("color/00000.jpg", "depth/00000.png"),
+    "m/5000": ("other_formats/TUM_color.png", "other_formats/TUM_depth.png"),
+    "sun_rgbd": ("other_formats/SUN_color.jpg", "other_formats/SUN_depth.png"),
+    "nyu_raw": ("other_formats/NYU_color.ppm", "other_formats/NYU_depth.pgm"),
+}
+
+
+@pytest.mark.parametrize("unit", PAIRS)
+def test_a_real_camera_s_folder_from_track_to_score(rgbd: Path, tmp_path: Path, unit: str) -> None:
+    for source, kind in zip(PAIRS[unit], ("photos", "depths"), strict=True):
+        (tmp_path / kind).mkdir()
+        shutil.copy(rgbd / source, tmp_path / kind / f"view{Path(source).suffix}")
+    depths, track = tmp_path / "depths", tmp_path / "t.json"
+    declared = ["--space", "depth", "--unit", unit]
+    for command in (
+        ["track", "make", "--task", "eth3d", "--truth", depths, "--photos", tmp_path / "photos",
+         *declared, "--dataset", "desk", "-o", track],
+        ["baseline", "import", depths, "--task", "eth3d", "--track", track, *declared,
+         "-o", tmp_path / "run"],
+        ["evaluate", tmp_path / "run", "--truth", depths, "-o", tmp_path / "e", "--draws", "9"],
+    ):  # fmt: skip
+        assert cli.run([str(word) for word in command]) == 0
+    (row,) = rows_of(tmp_path / "e")
+    assert row["truth_wh"] == [640, 480] or unit == "sun_rgbd"
+    assert row["n_valid"] > 200_000
+    assert row["metrics"]["abs_rel"]["error_1"] < 1e-12
