@@ -150,6 +150,19 @@ def test_a_text_is_a_name_before_it_is_an_id(bring):
     assert ids(found) == [285]
 
 
+def test_a_name_of_two_photos_names_neither(bring):
+    names = ["a/x.jpg", "b/x.jpg", *NAMES[2:]]
+    assert ids(bring([box("b/x.jpg")], names=names)[1]) == [285]
+    code, _, said = bring([box("x.jpg")], names=names)
+    assert code == 2
+    assert "1 of 1 predictions are of images outside the track; found: image 'x.jpg'" in said
+
+
+def test_ids_without_a_gap_that_hold_the_tracks_are_ids(bring):
+    _, found, _ = bring([box(i) for i in range(1, 800)], "--subset")
+    assert ids(found) == list(IDS)
+
+
 def test_a_file_name_in_the_result_wins_over_its_id(bring):
     _, found, _ = bring([box(139, file_name=NAMES[3])])
     assert ids(found) == [724]

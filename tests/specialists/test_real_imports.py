@@ -70,6 +70,51 @@ def test_lvis_results(real_data, tmp_path):
     assert summary["metrics"]["AP"] == pytest.approx(0.305714, abs=5e-7)
 
 
+def test_the_masks_of_cocoapis_own_sample(real_data, tmp_path):
+    """On a track made for boxes: the published twelve numbers, to the digits that are printed."""
+    truth = real_data / "evaluators/instances_val2014_100.json"
+    source = real_data / "evaluators/instances_val2014_fakesegm100_results.json"
+    track, run = tmp_path / "track.json", tmp_path / "run"
+    assert call(["track", "make", "--task", "coco", "--truth", truth, "-o", track]) == 0
+    arguments = ["baseline", "import", source, "--task", "coco-masks", "--track", track, "-o", run]
+    assert call(arguments) == 0
+    official = evaluated(run, truth, tmp_path)["official"]
+    assert official[0] == pytest.approx(0.319545, abs=5e-7)
+    printed = (real_data / "evaluators/val2014_fake_eval_res.txt").read_text(encoding="utf-8")
+    block = printed.split("type=segm\n")[1].split("-----")[0]
+    expected = [float(x.rsplit("=", 1)[1]) for x in block.splitlines() if "@[" in x]
+    assert [round(x, 3) for x in official] == expected
+
+
+def test_renumbered_images_keep_their_photos(real_data, tmp_path):
+    """The detector's boxes as a dataset tool exports them, on 12 of its 188 photos."""
+    truth = real_data / "coco/instances_val2017_188.json"
+    source = real_data / "coco/yolox_nano_val2017_188_results.json"
+    photos = json.loads(truth.read_text())["images"]
+    number = {photo["id"]: n for n, photo in enumerate(photos, start=1)}
+    track = tmp_path / "track.json"
+    make = ["track", "make", "--task", "coco", "--truth", truth, "--sample", "12", "-o", track]
+    assert call(make) == 0
+    entries = json.loads(source.read_text())
+    whole = {
+        "images": [{"id": number[p["id"]], "file_name": p["file_name"]} for p in photos],
+        "annotations": [{**e, "image_id": number[e["image_id"]]} for e in entries],
+    }
+    (tmp_path / "whole.json").write_text(json.dumps(whole))
+    runs = []
+    for path in (source, tmp_path / "whole.json"):
+        runs.append(tmp_path / f"run-{path.stem}")
+        words = ["baseline", "import", path, "--task", "coco", "--track", track, "--subset"]
+        assert call([*words, "-o", runs[-1]]) == 0
+    ours, theirs = ((run / "predictions.json").read_bytes() for run in runs)
+    assert ours == theirs
+    # Without their names the numbers are places in a list, and some are ids of other photos.
+    (tmp_path / "bare.json").write_text(json.dumps(whole["annotations"]))
+    words = ["baseline", "import", tmp_path / "bare.json", "--task", "coco", "--track", track]
+    assert call([*words, "--subset", "-o", tmp_path / "bare"]) == 2
+    assert not (tmp_path / "bare").exists()
+
+
 @pytest.fixture
 def kinect(real_data: Path, tmp_path: Path) -> tuple[Path, Path, Path]:
     """(real depth in mm, the same as truth, a track) of five frames of a moving camera."""
