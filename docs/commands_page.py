@@ -12,6 +12,18 @@ from legoworld.cli import main
 
 PAGE = Path(__file__).with_name("commands.md")
 
+_COMPLETION = """Shell completion of commands, options and choices, in the shell's start-up file:
+
+```sh
+eval "$(_LEGOWORLD_COMPLETE=bash_source legoworld)"              # bash 4.4 or later, ~/.bashrc
+eval "$(_LEGOWORLD_COMPLETE=zsh_source legoworld)"               # zsh, ~/.zshrc
+_LEGOWORLD_COMPLETE=fish_source legoworld | source               # fish, ~/.config/fish/config.fish
+```
+
+To keep the call out of the start-up of a shell, write what it prints into a file once, and source
+the file.
+"""
+
 
 def render() -> str:
     """The whole page."""
@@ -19,7 +31,8 @@ def render() -> str:
     codes = "".join(f"| {code} | {meaning} |\n" for code, meaning in exit_codes.MEANING.items())
     parts = [
         "# Commands\n\nGenerated from the program's own help by `python docs/commands_page.py`.\n\n"
-        f"| exit code | meaning |\n|---:|---|\n{codes}"
+        f"| exit code | meaning |\n|---:|---|\n{codes}",
+        _COMPLETION,
     ]
     for name in main.list_commands(context):
         command = main.get_command(context, name)

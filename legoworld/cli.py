@@ -110,8 +110,9 @@ def _run(arguments: list[str] | None) -> int:
     except LegoWorldError as error:
         click.echo(f"legoworld: {error}", err=True)
         return error.exit_code
-    except SystemExit:
-        return exit_codes.BLOCKED  # click's own, with 1, where nobody reads the output any more
+    except SystemExit as ended:
+        # click's own: 0 of shell completion, 1 where nobody reads the output any more.
+        return exit_codes.BLOCKED if ended.code else exit_codes.DONE
     except OSError as error:
         click.echo(f"legoworld: {_refused(error)}", err=True)
         return exit_codes.of_os_error(error)

@@ -165,6 +165,34 @@ def test_an_output_that_nobody_reads_is_no_finished_command():
     assert process.returncode == 4
 
 
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shell_completion_is_installed_as_the_page_says(shell, monkeypatch, capsys):
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert f"_LEGOWORLD_COMPLETE={shell}_source legoworld" in page
+    monkeypatch.setenv("_LEGOWORLD_COMPLETE", f"{shell}_source")
+    monkeypatch.setattr("click.shell_completion.BashComplete._check_version", lambda *_: None)
+    assert cli.run([]) == 0
+    assert "_LEGOWORLD_COMPLETE" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("legoworld re", {"readout", "report"}),
+        ("legoworld readout --ta", {"--task"}),
+        ("legoworld readout --task co", {"coco", "coco-masks"}),
+        ("legoworld baseline i", {"install", "import"}),
+    ],
+)
+def test_completion_names_commands_options_and_choices(words, wanted, monkeypatch, capsys):
+    monkeypatch.setenv("_LEGOWORLD_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    assert cli.run([]) == 0
+    found = {line.partition(",")[2] for line in capsys.readouterr().out.splitlines()}
+    assert found == wanted
+
+
 def test_a_folder_without_scenes_is_one_line(tmp_path, capsys):
     assert cli.run(["readout", str(tmp_path), "--task", "coco", "-o", str(tmp_path / "r")]) == 2
     error = capsys.readouterr().err
