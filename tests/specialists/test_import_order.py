@@ -11,7 +11,11 @@ from evaluation.detection_runs import box_mask, random_predictions, random_truth
 from evaluation.test_official_numbers import direct_coco, direct_lvis
 from specialists.tracks import call, run_document
 
-DIRECT = {"coco": direct_coco, "lvis": direct_lvis}
+DIRECT = {
+    "coco": direct_coco,
+    "coco-masks": lambda truth_path, entries: direct_coco(truth_path, entries, "segm"),
+    "lvis": direct_lvis,
+}
 
 
 def written(path: Path, document) -> Path:
@@ -42,6 +46,8 @@ def evaluated(run: Path, truth_path: Path, output: Path, *options):
 def tied(task, seed, **options):
     """A truth, and results of three scores in which a file's order and the canonical one differ."""
     truth = random_truth(task, seed=seed, images=8, categories=4, **options)
+    for number, annotation in enumerate(truth["annotations"] if task == "coco-masks" else ()):
+        annotation["iscrowd"] = int(number % 7 == 0)
     entries = random_predictions(task, truth, seed=seed, per_image=25, levels=3)
     np.random.default_rng(seed).shuffle(entries)
     return truth, entries

@@ -169,9 +169,12 @@ def test_real_ray_distance_is_undone_and_matters(kinect, tmp_path):
     assert scores[1]["error_1"] > 0.01
 
 
-def test_cocoapis_own_sample_has_its_published_ap(real_data, tmp_path):
-    """Its file has equal scores inside images and categories, in an order of its own."""
+@pytest.mark.parametrize(
+    ("task", "iou_type", "ap"), [("coco", "bbox", 0.504581), ("coco-masks", "segm", 0.319545)]
+)
+def test_cocoapis_own_samples_have_their_published_ap(task, iou_type, ap, real_data, tmp_path):
+    """Its files have equal scores inside images and categories, in an order of their own."""
     truth = real_data / "evaluators/instances_val2014_100.json"
-    source = real_data / "evaluators/instances_val2014_fakebbox100_results.json"
-    summary = evaluated(imported(source, truth, "coco", tmp_path), truth, tmp_path)
-    assert round(summary["metrics"]["AP"], 6) == 0.504581
+    source = real_data / f"evaluators/instances_val2014_fake{iou_type}100_results.json"
+    summary = evaluated(imported(source, truth, task, tmp_path), truth, tmp_path)
+    assert round(summary["metrics"]["AP"], 6) == ap
