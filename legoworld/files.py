@@ -9,6 +9,7 @@ import os
 import stat
 import threading
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import BufferedReader
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 TEMPORARY_SUFFIX: Final = ".tmp"
+_SHOWN: Final = 50  # characters of a file's name in its temporary one
 _MACHINE: Final = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EDQUOT,
                    errno.EROFS, errno.EFBIG)  # fmt: skip
 _KINDS: Final = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a FIFO"), (stat.S_ISSOCK, "a socket"),
@@ -64,6 +66,11 @@ class NotRegularError(OSError):
     """A name stands for something that is no regular file; strerror says what."""
 
 
+def as_unicode(text: str) -> str:
+    """The text with halves of surrogate pairs written out: names of files may hold them."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 def is_unicode(text: str) -> bool:
     """Whether a text can be written as UTF-8: Python's may hold halves of surrogate pairs."""
     try:
@@ -97,7 +104,11 @@ def atomic_path(path: Path) -> Iterator[Path]:
     `TEMPORARY_SUFFIX`, so that the next run can sweep it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    name = f".{path.name}.{os.getpid()}-{threading.get_ident()}{TEMPORARY_SUFFIX}"
+    # A name may be as long as the file system allows; its temporary one needs room for the rest.
+    shown = path.name
+    if len(shown) > _SHOWN:
+        shown = f"{shown[:_SHOWN]}-{zlib.crc32(os.fsencode(shown)):08x}"
+    name = f".{shown}.{os.getpid()}-{threading.get_ident()}{TEMPORARY_SUFFIX}"
     temporary = path.with_name(name)
     try:
         yield temporary

@@ -96,7 +96,7 @@ def command(
     """
     from legoworld.commands.shipped import shipped_examples
     from legoworld.readouts.tasks import protocol
-    from legoworld.running.image import ImageOptions
+    from legoworld.running.image_record import ImageOptions
     from legoworld.running.readout_run import RunRequest, run_readout, shard_images
     from legoworld.track import load_track, serves, track_of_folder
 

@@ -12,6 +12,9 @@ from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.scene.instances import Instance
 from legoworld.visibility.view import View
 
+Export = tuple[dict[str, Any], Instance]
+"""A prediction, and the instance that it is of."""
+
 
 def exported(instances: Sequence[Instance], view: View) -> list[Instance]:
     """The instances a task exports: of the vocabulary, with at least one visible pixel."""
@@ -22,18 +25,22 @@ def box_predictions(
     image_id: int, instances: Sequence[Instance], view: View
 ) -> list[dict[str, Any]]:
     """COCO box results of one image, in canonical order: category id, then the box's numbers."""
-    rows = []
+    return [prediction for prediction, _ in box_exports(image_id, instances, view)]
+
+
+def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
+    """`box_predictions`, each with its instance."""
+    rows: list[Export] = []
     for instance in exported(instances, view):
         assert instance.category is not None
-        rows.append(
-            {
-                "image_id": image_id,
-                "category_id": instance.category.id,
-                "bbox": bbox_xywh_px(view, instance.id),
-                "score": EQUAL_CONFIDENCE,
-            }
-        )
-    return sorted(rows, key=lambda r: (r["category_id"], r["bbox"]))
+        prediction = {
+            "image_id": image_id,
+            "category_id": instance.category.id,
+            "bbox": bbox_xywh_px(view, instance.id),
+            "score": EQUAL_CONFIDENCE,
+        }
+        rows.append((prediction, instance))
+    return sorted(rows, key=lambda r: (r[0]["category_id"], r[0]["bbox"]))
 
 
 def mask_predictions(
@@ -43,19 +50,28 @@ def mask_predictions(
 
     No bbox: the official evaluators would take the box's area for the mask's.
     """
-    rows = []
+    return [prediction for prediction, _ in mask_exports(image_id, instances, view)]
+
+
+def mask_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
+    """`mask_predictions`, each with its instance."""
+    rows: list[Export] = []
     runs = ColumnRuns(view.buffers.instance)
     for instance in exported(instances, view):
         assert instance.category is not None
-        rows.append(
-            {
-                "image_id": image_id,
-                "category_id": instance.category.id,
-                "segmentation": runs.rle(instance.id),
-                "score": EQUAL_CONFIDENCE,
-            }
-        )
-    return sorted(rows, key=lambda r: (r["category_id"], r["segmentation"]["counts"].encode()))
+        prediction = {
+            "image_id": image_id,
+            "category_id": instance.category.id,
+            "segmentation": runs.rle(instance.id),
+            "score": EQUAL_CONFIDENCE,
+        }
+        rows.append((prediction, instance))
+    return sorted(rows, key=_by_category_and_counts)
+
+
+def _by_category_and_counts(export: Export) -> tuple[int, bytes]:
+    prediction, _ = export
+    return prediction["category_id"], prediction["segmentation"]["counts"].encode()
 
 
 def bbox_xywh_px(view: View, instance_id: int) -> list[int]:

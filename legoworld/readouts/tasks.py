@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 from legoworld import catalog
 from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
-from legoworld.readouts.exports import box_predictions, mask_predictions
+from legoworld.readouts.exports import Export, box_exports, mask_exports
 from legoworld.scene.instances import Instance
 from legoworld.visibility.view import View
 from legoworld.vocabulary import Vocabulary, load
 
-Predict = Callable[[int, Sequence[Instance], View], list[dict[str, Any]]]
+Predict = Callable[[int, Sequence[Instance], View], list[Export]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,9 +28,9 @@ class Task:
 TASKS: Final = {
     task.name: task
     for task in (
-        Task(name="coco", predict=box_predictions),
-        Task(name="coco-masks", predict=mask_predictions),
-        Task(name="lvis", predict=mask_predictions),
+        Task(name="coco", predict=box_exports),
+        Task(name="coco-masks", predict=mask_exports),
+        Task(name="lvis", predict=mask_exports),
         Task(name="eth3d", predict=None),
     )
 }

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 from legoworld.errors import WorkerCrashedError
-from legoworld.running.image import ImageOptions, Record, SceneReader, failed_record
+from legoworld.running.image import SceneReader, failed_record
+from legoworld.running.image_record import ImageOptions, Record
 from legoworld.running.task_process import ProcessLostError, TaskProcess
 from legoworld.scene.blender_process import Limits
 from legoworld.track import TrackImage

@@ -8,26 +8,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import IO, Any
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
-from legoworld.files import canonical_json, sha256_of_text
+from legoworld.files import as_unicode, canonical_json, sha256_of_text
 from legoworld.processors import usable_cores
 from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
 from legoworld.running import run_folder
 from legoworld.running.disk import check_disk
 from legoworld.running.engines import ENGINES, EngineName, Job
-from legoworld.running.image import (
-    ImageOptions,
-    Record,
-    SceneReader,
-    arrived,
-    lost_record,
-    still_valid,
-)
+from legoworld.running.image import SceneReader, arrived, lost_record, still_valid
+from legoworld.running.image_record import ROW_SCHEMA, ImageOptions, Record, verdict_instead
 from legoworld.running.prediction_files import with_division
 from legoworld.running.reader_process import ReaderProcess, worth_processes
 from legoworld.scene.blender_process import Limits
@@ -110,8 +104,9 @@ def run_readout(
         with run_folder.journal(folder) as journal:
             records = {i: run_folder.append(journal, record) for i, record in records.items()}
             for record in _read_all(request, todo):
-                records[record["row"]["image_id"]] = run_folder.append(journal, record)
-                progress(record["row"])
+                kept = _appended(journal, record)
+                records[kept["row"]["image_id"]] = kept
+                progress(kept["row"])
         rows = [records[image.id]["row"] for image in images if image.id in records]
         summary = summarise(configuration, rows)
         run_folder.finish(
@@ -122,6 +117,14 @@ def run_readout(
             with_predictions=request.image_options.protocol.task.predict is not None,
         )
     return RunResult(rows=tuple(rows), summary=summary)
+
+
+def _appended(journal: IO[bytes], record: Record) -> Record:
+    """The record on disk; a verdict in its place where no file can hold what was read."""
+    try:
+        return run_folder.append(journal, record)
+    except run_folder.UnwritableRecordError as error:
+        return run_folder.append(journal, verdict_instead(record, error))
 
 
 def selected_images(request: RunRequest) -> list[TrackImage]:
@@ -201,7 +204,7 @@ def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, A
     options = request.image_options
     protocol = options.protocol
     selected = selected_images(request)
-    described = [[i.id, i.file_name, i.size_wh] for i in selected]
+    described = [[i.id, as_unicode(i.file_name), i.size_wh] for i in selected]
     return {
         "schema_version": SCHEMA_VERSION,
         "kind": "scene",
@@ -220,6 +223,7 @@ def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, A
         "legoworld": __version__,
         "bpy": bpy_version(),
         "snapshot_schema": SNAPSHOT_SCHEMA,
+        "row_schema": ROW_SCHEMA,
     }
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 
-from legoworld.errors import ConfigurationMismatchError, UsageError
+from legoworld.errors import ConfigurationMismatchError, SceneInvalidError, UsageError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
     canonical_json,
@@ -38,6 +38,12 @@ _TIME: Final = "finished_at"  # run.json's own, and the only time in a run
 _RESULTS: Final = (RUN, ROWS, SUMMARY, JOURNAL)
 
 Record = dict[str, Any]
+
+
+class UnwritableRecordError(SceneInvalidError):
+    """A record holds a text or a number that no JSON file can hold."""
+
+    code = "unwritable_record"
 
 
 @contextmanager
@@ -165,11 +171,12 @@ def journal(folder: Path) -> Iterator[IO[bytes]]:
 def append(stream: IO[bytes], record: Record) -> Record:
     """Put one record on disk before the next image is reported done.
 
-    Returns it with the place in the journal instead of its predictions, for `finish`.
+    Returns it with the place in the journal instead of its predictions, for `finish`. Raises
+    UnwritableRecordError for one that no JSON file can hold.
     """
     kept = {"row": record["row"], "scene": record["scene"], "journal_at": stream.tell()}
+    line = _line_of(record)
     try:
-        line = (canonical_json(record) + "\n").encode("utf-8")
         while line:
             line = line[stream.write(line) :]
         os.fsync(stream.fileno())
@@ -177,6 +184,18 @@ def append(stream: IO[bytes], record: Record) -> Record:
         error.filename = error.filename or stream.name  # a full disk does not say which file
         raise
     return kept
+
+
+def _line_of(record: Record) -> bytes:
+    try:
+        return (canonical_json(record) + "\n").encode("utf-8")
+    except (ValueError, TypeError, RecursionError) as error:
+        raise UnwritableRecordError(
+            "what was read of the scene cannot be written as JSON",
+            found=f"{type(error).__name__}: {error}",
+            expected="text in Unicode and finite numbers",
+            next_step="correct the names and properties of the scene",
+        ) from error
 
 
 def finish(

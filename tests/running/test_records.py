@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from legoworld.readouts.tasks import protocol
-from legoworld.running.image import ImageOptions, arrived
+from legoworld.running.image import arrived
+from legoworld.running.image_record import ImageOptions
 
 
 def test_a_depth_file_that_is_not_seen_here_is_a_verdict(tmp_path: Path):

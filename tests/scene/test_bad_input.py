@@ -13,7 +13,8 @@ import pytest
 
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.tasks import protocol
-from legoworld.running.image import ImageOptions, Record, read_image
+from legoworld.running.image import read_image
+from legoworld.running.image_record import ImageOptions, Record
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder

@@ -15,7 +15,8 @@ from gltf.test_reading import NoBlender
 from legoworld.errors import LabelsInvalidError, SceneInvalidError, SideFileInvalidError
 from legoworld.files import readable_json
 from legoworld.readouts.tasks import protocol
-from legoworld.running.image import ImageOptions, Record, read_image, still_valid
+from legoworld.running.image import read_image, still_valid
+from legoworld.running.image_record import ImageOptions, Record
 from legoworld.scene import side_files
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import SceneFolder
