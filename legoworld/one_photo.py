@@ -16,7 +16,7 @@ from legoworld.readouts.tasks import Protocol, protocol
 from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
-from legoworld.running.image import ImageOptions
+from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache

@@ -59,7 +59,7 @@ def read_run(folder: Path) -> Run:
         task = configuration["task"]
         images = tuple(sorted(map(_image, read_rows(folder / ROWS)), key=lambda i: i.id))
         attempted = configuration["attempted"]
-    except (KeyError, TypeError, ValueError, OSError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError, OSError) as error:
         raise RunUnusableError(
             f"the run in {folder.name} cannot be read",
             found=f"{type(error).__name__}: {error}",
@@ -123,7 +123,7 @@ def _image(row: dict[str, Any]) -> RunImage:
 def _read_json(path: Path, expected: str) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RunUnusableError(
             f"{path.parent.name}/{path.name} cannot be read",
             found=getattr(error, "strerror", None) or str(error),

@@ -105,7 +105,18 @@ def _refuse_losses(folder: Path, record: Record) -> None:
 
 
 def _summary_of(folder: Path) -> dict[str, Any]:
-    summary: dict[str, Any] = json.loads((folder / run_folder.SUMMARY).read_text(encoding="utf-8"))
+    try:
+        text = (folder / run_folder.SUMMARY).read_text(encoding="utf-8")
+        summary: dict[str, Any] = json.loads(text)
+        if any(type(summary["coverage"][key]) is not int for key in ("ok", "attempted")):
+            raise TypeError("no coverage in it")
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise run_folder.RunDamagedError(
+            f"{folder.name}/{run_folder.SUMMARY} cannot be read",
+            found=getattr(error, "strerror", None) or str(error),
+            expected="what a finished run writes",
+            next_step="run its command again with --overwrite",
+        ) from error
     return summary
 
 
@@ -118,7 +129,7 @@ def _finished_document(folder: Path) -> dict[str, Any]:
             raise ValueError("it has not ended")
         if task not in TASKS:
             raise ValueError(f"task {task!r}")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(
             f"{folder.name} is not a finished shard",
             found=getattr(error, "strerror", None) or str(error),

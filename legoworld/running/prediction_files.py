@@ -12,7 +12,7 @@ from itertools import groupby, islice
 from pathlib import Path
 from typing import IO, Any, Final
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, one_line
 from legoworld.files import atomic_path, canonical_json
 
 PREDICTIONS: Final = "predictions.json"
@@ -65,7 +65,7 @@ def stored_entries(files: Iterable[Path]) -> Iterator[Any]:
                 batches = _of_lines(stream) if path.suffix == ".jsonl" else _of_list(stream)
                 for batch in batches:
                     yield from batch
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise PredictionsUnreadableError(
                 f"{path.parent.name}/{path.name} cannot be read",
                 found=getattr(error, "strerror", None) or str(error),
@@ -80,13 +80,25 @@ def predictions_of(image_ids: Iterable[int], files: Iterable[Path]) -> Iterator[
     What is stored out of that order is left out: an image without all of its predictions differs
     from what its row says of them.
     """
-    groups = groupby(stored_entries(files), key=lambda entry: int(entry["image_id"]))
+    groups = groupby(stored_entries(files), key=_image_id)
     found = ((image_id, list(entries)) for image_id, entries in groups)
     at, predictions = next(found, (None, []))
     for image_id in image_ids:
         while at is not None and at < image_id:
             at, predictions = next(found, (None, []))
         yield predictions if at == image_id else []
+
+
+def _image_id(entry: Any) -> int:
+    try:
+        return int(entry["image_id"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise PredictionsUnreadableError(
+            "a file of predictions holds what is no prediction",
+            found=one_line(repr(entry), 80),
+            expected="an image_id in each",
+            next_step="delete the file and run the run's command again",
+        ) from error
 
 
 def write_predictions(

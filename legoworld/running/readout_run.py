@@ -87,7 +87,10 @@ def run_readout(
     images = shard_images(request)
     configuration = with_division(_configuration(request, images), request.images_per_file)
     with run_folder.locked(folder):
+        damage = None if request.overwrite else run_folder.damage_notice(folder)
         earlier = run_folder.prepare(folder, configuration, overwrite=request.overwrite)
+        if damage:
+            notice(damage)
         by_id = {record["row"]["image_id"]: record for record in earlier}
         records = {
             image.id: by_id[image.id]
@@ -104,9 +107,9 @@ def run_readout(
         with run_folder.journal(folder) as journal:
             records = {i: run_folder.append(journal, record) for i, record in records.items()}
             for record in _read_all(request, todo):
-                kept = _appended(journal, record)
-                records[kept["row"]["image_id"]] = kept
-                progress(kept["row"])
+                stored = _appended(journal, record)
+                records[stored["row"]["image_id"]] = stored
+                progress(stored["row"])
         rows = [records[image.id]["row"] for image in images if image.id in records]
         summary = summarise(configuration, rows)
         run_folder.finish(
@@ -153,7 +156,22 @@ def shard_images(request: RunRequest) -> list[TrackImage]:
 
 
 def summarise(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """summary.json: coverage by status, what was exported, and what labels came to nothing."""
+    """summary.json: coverage by status, what was exported, and what labels came to nothing.
+
+    RunDamagedError for rows of an earlier run that are not what a run writes.
+    """
+    try:
+        return _summary(configuration, rows)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise run_folder.RunDamagedError(
+            f"a row of {run_folder.ROWS} cannot be used",
+            found=f"{type(error).__name__}: {error}",
+            expected="rows as a run writes them",
+            next_step="run its command again with --overwrite",
+        ) from error
+
+
+def _summary(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     with_predictions = TASKS[configuration["task"]].predict is not None
     statuses = Counter(row["status"] for row in rows)
     ok = [row for row in rows if row["status"] == "ok"]

@@ -4,23 +4,34 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
-from legoworld.errors import ConfigurationMismatchError, SceneInvalidError, UsageError
+from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
     canonical_json,
     readable_json,
     sha256_of_file,
+    sync_file,
+    sync_folder,
     write_text,
 )
+from legoworld.running.journal import (
+    JOURNAL,
+    Record,
+    UnwritableRecordError,
+    append,
+    journal,
+    journal_records,
+    predictions_at,
+)
 from legoworld.running.prediction_files import (
+    FOLDER,
     IMAGES_PER_FILE,
-    Prediction,
+    PREDICTIONS,
     delete_predictions,
     prediction_files,
     predictions_of,
@@ -31,19 +42,20 @@ from legoworld.running.prediction_files import (
 RUN: Final = "run.json"
 ROWS: Final = "per_image.jsonl"
 SUMMARY: Final = "summary.json"
-JOURNAL: Final = "journal.jsonl"
 _CONFIGURATION: Final = "configuration.json"
+__all__ = ["JOURNAL", "Record", "UnwritableRecordError", "append", "journal"]
 _LOCK: Final = ".lock"
 _TIME: Final = "finished_at"  # run.json's own, and the only time in a run
 _RESULTS: Final = (RUN, ROWS, SUMMARY, JOURNAL)
+#: All that a run writes into its folder, and what of it only a run has.
+_OF_A_RUN: Final = {*_RESULTS, _CONFIGURATION, _LOCK, PREDICTIONS, FOLDER, "depth"}
+_OF_A_RUN_ALONE: Final = {ROWS, JOURNAL, _LOCK}
 
-Record = dict[str, Any]
 
+class RunDamagedError(ConfigurationMismatchError):
+    """A file of a run folder is not what a run writes."""
 
-class UnwritableRecordError(SceneInvalidError):
-    """A record holds a text or a number that no JSON file can hold."""
-
-    code = "unwritable_record"
+    code = "run_damaged"
 
 
 @contextmanager
@@ -67,9 +79,17 @@ def locked(folder: Path) -> Iterator[None]:
 
 def refuse_strangers(folder: Path) -> None:
     """Refuse a folder that holds something else than a run, before anything in it is touched."""
-    if not folder.exists() or recorded_configuration(folder) is not None:
+    if not folder.exists():
         return
-    strangers = sorted(p.name for p in folder.iterdir() if not _is_of_a_beginning(p.name))
+    names = [p.name for p in folder.iterdir()]
+    try:
+        if recorded_configuration(folder) is not None:
+            return
+    except RunDamagedError:
+        if _OF_A_RUN_ALONE & {*names} and all(map(_is_of_a_run, names)):
+            return  # begun again with --overwrite; without it, it is refused when it is read
+        raise
+    strangers = sorted(name for name in names if not _is_of_a_beginning(name))
     if strangers:
         raise ConfigurationMismatchError(
             "the output folder holds something that is not a run",
@@ -77,6 +97,10 @@ def refuse_strangers(folder: Path) -> None:
             expected="an empty folder or an earlier run",
             next_step="choose another -o",
         )
+
+
+def _is_of_a_run(name: str) -> bool:
+    return name in _OF_A_RUN or (name.startswith(".") and name.endswith(TEMPORARY_SUFFIX))
 
 
 def _is_of_a_beginning(name: str) -> bool:
@@ -104,11 +128,20 @@ def earlier_records(
     unknown: keys of the configuration that are known only when the work begins; `begin` compares
     them. ConfigurationMismatchError names the other keys that differ, unless `overwrite`.
     """
-    earlier = recorded_configuration(folder)
-    if overwrite or earlier is None:
+    earlier = None if overwrite else recorded_configuration(folder)
+    if earlier is None:
         return []
     _refuse_changes(earlier, configuration, unknown)
-    return [*finished_records(folder), *_journal_records(folder)]
+    records, _ = journal_records(folder)
+    return [*finished_records(folder), *records]
+
+
+def damage_notice(folder: Path) -> str | None:
+    """What to say of a journal with lines that cannot be used; None for a whole one."""
+    _, damaged = journal_records(folder)
+    if not damaged:
+        return None
+    return f"{JOURNAL} is damaged: what {damaged} of its lines held is done again"
 
 
 def begin(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> None:
@@ -128,6 +161,8 @@ def begin(folder: Path, configuration: dict[str, Any], *, overwrite: bool) -> No
         write_text(folder / _CONFIGURATION, readable_json(configuration))
     else:
         _refuse_changes(earlier, configuration, ())
+    if (folder / _CONFIGURATION).is_file():
+        sync_file(folder / _CONFIGURATION)  # without it a power cut leaves a journal of nothing
 
 
 def _refuse_changes(
@@ -159,45 +194,6 @@ def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-@contextmanager
-def journal(folder: Path) -> Iterator[IO[bytes]]:
-    """The open journal; see `append`."""
-    path = folder / JOURNAL
-    _drop_torn_line(path)
-    with path.open("ab", buffering=0) as stream:
-        yield stream
-
-
-def append(stream: IO[bytes], record: Record) -> Record:
-    """Put one record on disk before the next image is reported done.
-
-    Returns it with the place in the journal instead of its predictions, for `finish`. Raises
-    UnwritableRecordError for one that no JSON file can hold.
-    """
-    kept = {"row": record["row"], "scene": record["scene"], "journal_at": stream.tell()}
-    line = _line_of(record)
-    try:
-        while line:
-            line = line[stream.write(line) :]
-        os.fsync(stream.fileno())
-    except OSError as error:
-        error.filename = error.filename or stream.name  # a full disk does not say which file
-        raise
-    return kept
-
-
-def _line_of(record: Record) -> bytes:
-    try:
-        return (canonical_json(record) + "\n").encode("utf-8")
-    except (ValueError, TypeError, RecursionError) as error:
-        raise UnwritableRecordError(
-            "what was read of the scene cannot be written as JSON",
-            found=f"{type(error).__name__}: {error}",
-            expected="text in Unicode and finite numbers",
-            next_step="correct the names and properties of the scene",
-        ) from error
-
-
 def finish(
     folder: Path,
     *,
@@ -215,7 +211,7 @@ def finish(
     if with_predictions:
         places = [r["journal_at"] for r in ordered]
         per_file = run["configuration"].get(IMAGES_PER_FILE)
-        write_predictions(folder, per_file, _journalled(folder, places), len(places))
+        write_predictions(folder, per_file, predictions_at(folder, places), len(places))
     write_text(folder / ROWS, "".join(canonical_json(r["row"]) + "\n" for r in ordered))
     write_text(folder / SUMMARY, readable_json(summary))
     scenes = {str(r["row"]["image_id"]): r["scene"] for r in ordered if r["scene"]}
@@ -225,15 +221,27 @@ def finish(
         again = {**document, _TIME: before[0].get(_TIME)}
         document = again if json.loads(canonical_json(again)) == before[0] else document
     write_text(folder / RUN, readable_json(document))
+    _sync(folder, ordered)
     (folder / JOURNAL).unlink(missing_ok=True)
     (folder / _CONFIGURATION).unlink(missing_ok=True)
+
+
+def _sync(folder: Path, records: Sequence[Record]) -> None:
+    """Have every result on disk: after the journal there is nothing to make them from."""
+    depth = [folder / r["row"]["depth"]["file"] for r in records if "depth" in r["row"]]
+    results = [folder / RUN, folder / ROWS, folder / SUMMARY, *present_files(folder), *depth]
+    for path in results:
+        sync_file(path)
+    inside = {parent for path in results for parent in path.parents}
+    for place in sorted(p for p in inside if p == folder or folder in p.parents):
+        sync_folder(place)
 
 
 def _earlier_results(folder: Path) -> tuple[dict[str, Any], dict[str, str]] | None:
     """run.json and the hashes of the results of a run that had ended; None where there is none."""
     try:
         document = json.loads((folder / RUN).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return (document, _hashes(folder)) if isinstance(document, dict) else None
 
@@ -244,14 +252,6 @@ def _hashes(folder: Path) -> dict[str, str]:
         path.relative_to(folder).as_posix(): sha256_of_file(path)
         for path in (*results, *present_files(folder))
     }
-
-
-def _journalled(folder: Path, places: Sequence[int]) -> Iterator[list[Prediction]]:
-    """The predictions of the records at these places of the journal."""
-    with (folder / JOURNAL).open("rb") as stream:
-        for place in places:
-            stream.seek(place)
-            yield json.loads(stream.readline())["predictions"]
 
 
 def recorded_configuration(folder: Path) -> dict[str, Any] | None:
@@ -270,13 +270,13 @@ def _configuration_in(path: Path, name: str) -> dict[str, Any]:
         if isinstance(found, dict) and "task" in found:
             return found
         problem = "no configuration in it"
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         problem = f"{type(error).__name__}: {error}"
-    raise ConfigurationMismatchError(
+    raise RunDamagedError(
         f"{path.name} in the output folder is not of a run",
         found=problem,
         expected="an empty folder or an earlier run",
-        next_step="choose another -o",
+        next_step="choose another -o, or pass --overwrite where it is a damaged run",
     )
 
 
@@ -288,8 +288,7 @@ def finished_records(folder: Path) -> Iterator[Record]:
     """
     if not (folder / RUN).is_file() or not (folder / ROWS).is_file():
         return
-    document = json.loads((folder / RUN).read_text(encoding="utf-8"))
-    rows = sorted(map(json.loads, _lines(folder / ROWS)), key=lambda row: int(row["image_id"]))
+    rows, document = _finished(folder)
     per_file = document["configuration"].get(IMAGES_PER_FILE)
     files = [f for f in prediction_files(folder, per_file, len(rows)) if f.is_file()]
     each = predictions_of([row["image_id"] for row in rows], files)
@@ -298,28 +297,32 @@ def finished_records(folder: Path) -> Iterator[Record]:
         yield {"row": row, "predictions": predictions, "scene": scene}
 
 
-def _journal_records(folder: Path) -> list[Record]:
-    path = folder / JOURNAL
-    _drop_torn_line(path)
-    if not path.is_file():
-        return []
-    return [json.loads(line) for line in _lines(path)]
+def _finished(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The rows of a finished run by ascending image id, and run.json."""
+    name = RUN
+    try:
+        document = json.loads((folder / RUN).read_text(encoding="utf-8"))
+        per_file = document["configuration"].get(IMAGES_PER_FILE)
+        if not isinstance(document["scenes"], dict) or not isinstance(per_file, int | None):
+            raise TypeError("not as a run writes it")
+        name = ROWS
+        rows = [json.loads(line) for line in _lines(folder / ROWS)]
+        ids = [row["image_id"] for row in rows if {"status", "warnings"} <= row.keys()]
+        if len({*ids}) != len(rows) or any(type(i) is not int for i in ids):
+            raise TypeError("rows that are not one of each image")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise RunDamagedError(
+            f"{folder.name}/{name} cannot be read",
+            found=getattr(error, "strerror", None) or f"{type(error).__name__}: {error}",
+            expected="what a finished run writes",
+            next_step="run its command again with --overwrite",
+        ) from error
+    return sorted(rows, key=lambda row: int(row["image_id"])), document
 
 
 def _lines(path: Path) -> list[str]:
     """Lines that end in a newline; a name may hold other characters that end lines elsewhere."""
     return [line for line in path.read_text(encoding="utf-8").split("\n") if line]
-
-
-def _drop_torn_line(path: Path) -> None:
-    """Cut the line a killed process left unfinished."""
-    if not path.is_file():
-        return
-    data = path.read_bytes()
-    whole = data.rfind(b"\n") + 1
-    if whole != len(data):
-        with path.open("r+b") as stream:
-            stream.truncate(whole)
 
 
 def _delete_results(folder: Path) -> None:

@@ -193,7 +193,7 @@ def test_the_second_task_does_not_start_blender(scenes, run, tmp_path: Path, mon
 
 def test_another_configuration_is_refused_by_name(scenes, track, run, capsys):
     code = readout(scenes, "--task", "lvis", "--track", track, "-o", run)
-    assert code == 1
+    assert code == 2
     message = capsys.readouterr().err
     assert 'task: "coco" -> "lvis"' in message
     assert "--overwrite" in message

@@ -1,0 +1,112 @@
+"""The journal of a run that has not ended: one line per image, on disk before the next is done.
+
+A line is a record as canonical JSON, a tab, and the checksum of the JSON: what a disk or a hand has
+changed is no record, and its image is read again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Final
+
+from legoworld.errors import SceneInvalidError
+from legoworld.files import canonical_json, sync_folder
+
+JOURNAL: Final = "journal.jsonl"
+
+Record = dict[str, Any]
+
+
+class UnwritableRecordError(SceneInvalidError):
+    """A record holds a text or a number that no JSON file can hold."""
+
+    code = "unwritable_record"
+
+
+@contextmanager
+def journal(folder: Path) -> Iterator[IO[bytes]]:
+    """The open journal; see `append`."""
+    path = folder / JOURNAL
+    _drop_torn_line(path)
+    with path.open("ab", buffering=0) as stream:
+        sync_folder(folder)  # a journal whose name a power cut takes has nothing on disk
+        yield stream
+
+
+def append(stream: IO[bytes], record: Record) -> Record:
+    """Put one record on disk before the next image is reported done.
+
+    Returns it with the place in the journal instead of its predictions, for `finish`. Raises
+    UnwritableRecordError for one that no JSON file can hold.
+    """
+    kept = {"row": record["row"], "scene": record["scene"], "journal_at": stream.tell()}
+    line = _line_of(record)
+    try:
+        while line:
+            line = line[stream.write(line) :]
+        os.fsync(stream.fileno())
+    except OSError as error:
+        error.filename = error.filename or stream.name  # a full disk does not say which file
+        raise
+    return kept
+
+
+def journal_records(folder: Path) -> tuple[list[Record], int]:
+    """The records in a folder's journal, and how many lines hold none that can be used."""
+    path = folder / JOURNAL
+    _drop_torn_line(path)
+    if not path.is_file():
+        return [], 0
+    with path.open("rb") as stream:
+        found = [_record_in(line) for line in stream]
+    good = [record for record in found if record is not None]
+    return good, len(found) - len(good)
+
+
+def predictions_at(folder: Path, places: Sequence[int]) -> Iterator[list[dict[str, Any]]]:
+    """The predictions of the records at these places of the journal."""
+    with (folder / JOURNAL).open("rb") as stream:
+        for place in places:
+            stream.seek(place)
+            record = _record_in(stream.readline())
+            if record is None:
+                raise OSError(f"{JOURNAL} was changed while the run was writing it")
+            yield record["predictions"]
+
+
+def _line_of(record: Record) -> bytes:
+    try:
+        data = canonical_json(record).encode("utf-8")
+    except (ValueError, TypeError, RecursionError) as error:
+        raise UnwritableRecordError(
+            "what was read of the scene cannot be written as JSON",
+            found=f"{type(error).__name__}: {error}",
+            expected="text in Unicode and finite numbers",
+            next_step="correct the names and properties of the scene",
+        ) from error
+    return data + b"\t%08x\n" % zlib.crc32(data)
+
+
+def _record_in(line: bytes) -> Record | None:
+    """The record of a line; None for one that is not as it was written."""
+    data, tab, checksum = line.rstrip(b"\n").rpartition(b"\t")
+    if not tab or checksum != b"%08x" % zlib.crc32(data):
+        return None
+    record: Record = json.loads(data)
+    return record
+
+
+def _drop_torn_line(path: Path) -> None:
+    """Cut the line a killed process left unfinished."""
+    if not path.is_file():
+        return
+    data = path.read_bytes()
+    whole = data.rfind(b"\n") + 1
+    if whole != len(data):
+        with path.open("r+b") as stream:
+            stream.truncate(whole)

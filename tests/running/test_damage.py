@@ -1,0 +1,213 @@
+"""Run folders that a disk or a hand has changed: one line, never a traceback; or they heal."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
+from running.test_every_step import tree
+from running.test_wall import scene_at
+
+from legoworld import cli
+from legoworld.running import readout_run, run_folder
+
+NAMES = ("a", "b", "c")
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("damage") / "scenes"
+    for name in NAMES:
+        scene_at(folder / name)
+    return folder
+
+
+def command(scenes: Path, output: Path, *more: str, task: str = "coco") -> list[str]:
+    return ["readout", str(scenes), "--task", task, "--source", "glb", "-o", str(output), "-q",
+            "--no-cache", "--workers", "1", *more]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole(scenes: Path) -> Path:
+    output = scenes.parent / "whole"
+    assert cli.run(command(scenes, output)) == 0
+    return output
+
+
+@pytest.fixture(scope="module")
+def stopped(scenes: Path) -> Path:
+    """A run that was stopped when all images were in the journal."""
+    output = scenes.parent / "stopped"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(readout_run.run_folder, "finish", _interrupt)
+        assert cli.run(command(scenes, output)) == 130
+    assert (output / "journal.jsonl").read_bytes().count(b"\n") == len(NAMES)
+    return output
+
+
+def _interrupt(*_arguments: object, **_named: object) -> None:
+    raise KeyboardInterrupt
+
+
+def damages(data: bytes, count: int) -> list[bytes]:
+    """Flipped, cut off, doubled and nested contents; some flips make a line end."""
+    rng = random.Random(0)
+    made = [b"", b"[" * 100_000, b"{}", b"[]", b"null", b"\xff" + data, data + data, data[1:]]
+    for _ in range(count):
+        at = rng.randrange(len(data))
+        made += [
+            data[:at] + bytes([byte]) + data[at + 1 :]
+            for byte in (data[at] ^ 1 << rng.randrange(8), ord("\n"), 0xFF)
+        ]
+        made.append(data[: rng.randrange(len(data))])
+    return made
+
+
+def one_line_or_none(capsys: pytest.CaptureFixture[str]) -> str:
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    lines = [line for line in error.splitlines() if line.startswith("legoworld: ")]
+    assert len(lines) <= 1, error
+    return "".join(lines)
+
+
+def test_a_damaged_journal_heals(scenes, whole, stopped, tmp_path, capsys):
+    data = (stopped / "journal.jsonl").read_bytes()
+    for i, damaged in enumerate(damages(data, 8)):
+        output = tmp_path / f"run{i}"
+        shutil.copytree(stopped, output)
+        (output / "journal.jsonl").write_bytes(damaged)
+        assert cli.run(command(scenes, output)) == 0, i
+        assert one_line_or_none(capsys) == ""
+        assert tree(output) == tree(whole), i
+
+
+def test_a_damaged_journal_is_said(scenes, stopped, tmp_path, capsys):
+    output = tmp_path / "run"
+    shutil.copytree(stopped, output)
+    lines = (output / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    (output / "journal.jsonl").write_bytes(lines[0] + lines[1].replace(b'"ok"', b'"OK"') + lines[2])
+    loud = [argument for argument in command(scenes, output) if argument != "-q"]
+    assert cli.run(loud) == 0
+    assert "journal.jsonl is damaged: what 1 of its lines held is done again" in (
+        "".join(capsys.readouterr())
+    )
+
+
+@pytest.mark.parametrize("name", ["configuration.json", "run.json", "per_image.jsonl",
+                                  "summary.json", "predictions.json"])  # fmt: skip
+def test_any_damaged_file_is_one_line_and_overwrite_works(
+    name, scenes, whole, stopped, tmp_path, capsys
+):
+    source = stopped if name == "configuration.json" else whole
+    for i, damaged in enumerate(damages((source / name).read_bytes(), 3)):
+        output = tmp_path / f"run{i}"
+        shutil.copytree(source, output)
+        (output / name).write_bytes(damaged)
+        code = cli.run(command(scenes, output))
+        said = one_line_or_none(capsys)
+        assert code in ((0, 1) if not said else (2,)), (i, code, said)
+        assert cli.run(command(scenes, output, "--overwrite")) == 0, i
+        assert tree(output) == tree(whole), i
+
+
+def test_overwrite_leaves_a_folder_that_is_not_a_runs(scenes, tmp_path, capsys):
+    output = tmp_path / "theirs"
+    output.mkdir()
+    (output / "configuration.json").write_text("[[[[[")
+    (output / "run.json").write_text("not a run")
+    (output / ".lock").write_text("")
+    (output / "thesis.tex").write_text("years of work")
+    before = tree_of(output)
+    assert cli.run(command(scenes, output, "--overwrite")) == 2
+    assert "is not of a run" in one_line_or_none(capsys)
+    assert tree_of(output) == before
+
+
+def tree_of(folder: Path) -> dict[str, bytes]:
+    return {p.name: p.read_bytes() for p in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", ["run.json", "per_image.jsonl", "summary.json",
+                                  "predictions.json"])  # fmt: skip
+def test_merge_and_evaluate_say_it_in_one_line(name, whole, tmp_path, capsys):
+    truth = random_truth("coco", seed=1, images=3)
+    scored = write_run(
+        tmp_path / "scored", "coco", truth, random_predictions("coco", truth, seed=2)
+    )
+    path = write_truth(tmp_path / "truth.json", truth)
+    for i, damaged in enumerate(damages((whole / name).read_bytes(), 3)):
+        shutil.copytree(whole, tmp_path / f"run{i}")
+        (tmp_path / f"run{i}" / name).write_bytes(damaged)
+        code = cli.run(["merge", str(tmp_path / f"run{i}"), "-o", str(tmp_path / f"merged{i}")])
+        assert code in (0, 1, 2), i
+        assert bool(one_line_or_none(capsys)) == (code == 2)
+    if not (scored / name).is_file():
+        return
+    for i, damaged in enumerate(damages((scored / name).read_bytes(), 3)):
+        shutil.copytree(scored, tmp_path / f"scored{i}")
+        (tmp_path / f"scored{i}" / name).write_bytes(damaged)
+        arguments = ["evaluate", "-q", str(tmp_path / f"scored{i}"), "--truth", str(path)]
+        code = cli.run([*arguments, "-o", str(tmp_path / f"eval{i}"), "--draws", "3"])
+        assert code in (0, 1, 2), i
+        assert bool(one_line_or_none(capsys)) == (code == 2)
+
+
+# What is on disk before the journal goes.
+
+
+def synced(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
+    """Names of what is synced, replaced and removed, as it happens."""
+    events: list[tuple[str, str]] = []
+
+    def watched(kind: str, owner: object, name: str, path: Callable[..., object]) -> None:
+        original = getattr(owner, name)
+
+        def noted(*arguments: object, **named: object) -> object:
+            events.append((kind, Path(str(path(*arguments))).name))
+            return original(*arguments, **named)
+
+        monkeypatch.setattr(owner, name, noted)
+
+    watched("sync", os, "fsync", lambda fd: Path(f"/proc/self/fd/{fd}").readlink())
+    watched("write", Path, "replace", lambda _path, target: target)
+    watched("remove", Path, "unlink", lambda path, **_named: path)
+    return events
+
+
+@pytest.mark.parametrize(
+    ("task", "more"), [("coco", []), ("coco", ["--images-per-file", "1"]), ("eth3d", [])]
+)
+def test_every_result_is_on_disk_before_the_journal_goes(task, more, scenes, tmp_path, monkeypatch):
+    output = tmp_path / "run"
+    events = synced(monkeypatch)
+    assert cli.run(command(scenes, output, *more, task=task)) == 0
+    gone = events.index(("remove", "journal.jsonl"))
+    results = [p for p in output.rglob("*") if p.name != ".lock"]
+    assert len(results) >= 4
+    for path in results:
+        sync = max(i for i, e in enumerate(events[:gone]) if e == ("sync", path.name))
+        if path.is_file():
+            written = max(i for i, e in enumerate(events) if e == ("write", path.name))
+            assert written < sync, path
+    last_write = max(i for i, e in enumerate(events[:gone]) if e[0] == "write")
+    assert max(i for i, e in enumerate(events[:gone]) if e == ("sync", "run")) > last_write
+
+
+def test_the_configuration_is_on_disk_before_the_first_record(scenes, tmp_path, monkeypatch):
+    events = synced(monkeypatch)
+    assert cli.run(command(scenes, tmp_path / "run")) == 0
+    first = events.index(("sync", "journal.jsonl"))
+    assert events.index(("sync", "configuration.json")) < events.index(("sync", "run")) < first
+
+
+def test_the_journal_is_no_longer_than_it_has_to_be(stopped):
+    records, damaged = run_folder.journal_records(stopped)
+    assert (len(records), damaged) == (len(NAMES), 0)
+    assert all(json.dumps(record["row"]) for record in records)
