@@ -16,7 +16,9 @@ import contextlib
 import importlib.util
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import contenders
 import numpy as np
@@ -33,6 +35,7 @@ class Times:
 
     wall: list[float] = field(default_factory=list)
     cpu: list[float] = field(default_factory=list)
+    added_mb: float = float("nan")
 
 
 def brute_force_depth(surfaces: Surfaces, projection: Projection, pixels: np.ndarray) -> np.ndarray:
@@ -97,6 +100,7 @@ def run_case(scene: str, width: int, args: argparse.Namespace, skip: set[str]) -
     if "open3d" not in skip:
         runs["open3d"] = contenders.open3d(surfaces, projection, size_wh)
     times = {name: Times() for name in runs}
+    times["kernel"].added_mb = added_mb(contenders.our_kernel(surfaces, projection, size_wh).run)
     with contextlib.ExitStack() as stack:
         cycles = None
         if "cycles" not in skip:
@@ -119,6 +123,23 @@ def run_case(scene: str, width: int, args: argparse.Namespace, skip: set[str]) -
         if name in runs:
             print(f"    {name}: same z at {agreement(ours.depth, runs[name].depth):.4%}")
     return times
+
+
+def added_mb(run: Callable[[], object]) -> float:
+    """Peak resident memory that a call adds, its result included; NaN where /proc does not tell."""
+    try:
+        before = resident_mb("VmRSS")
+        Path("/proc/self/clear_refs").write_text("5")  # the peak starts again
+    except OSError:
+        return float("nan")
+    run()
+    return resident_mb("VmHWM") - before
+
+
+def resident_mb(which: str) -> float:
+    """A line of /proc/self/status in MB."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(which)) / 1000
 
 
 def ratio(times: dict[str, Times], name: str, what: str) -> str:
@@ -164,13 +185,14 @@ def arguments() -> argparse.Namespace:
 
 def print_table(rows: list[tuple[str, int, dict[str, Times]]]) -> None:
     columns = [("floor", "cpu"), ("embreex", "cpu"), ("open3d", "cpu"), ("cycles", "wall")]
-    heads = ["scene", "width", "kernel wall ms", "CPU ms", "over floor, CPU"]
+    heads = ["scene", "width", "kernel wall ms", "CPU ms", "added MB", "over floor, CPU"]
     heads += ["embreex, CPU", "Open3D, CPU", "Cycles, wall"]
     print("\n| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
     for scene, width, times in rows:
         ours = times["kernel"]
         cells = [scene, str(width)]
         cells += [f"{np.median(values) * 1e3:.1f}" for values in (ours.wall, ours.cpu)]
+        cells.append(f"{ours.added_mb:.0f}")
         cells += [ratio(times, name, what) for name, what in columns]
         print("| " + " | ".join(cells) + " |")
 
