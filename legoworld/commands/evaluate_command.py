@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from legoworld.commands import options
-from legoworld.commands.evaluation_short import short_depth, short_detections
+from legoworld.commands.evaluation_short import of_eth3d, short_depth, short_detections
 from legoworld.commands.places import PlaceType, read_from, written_whole
 from legoworld.places import Place
 
@@ -227,7 +227,7 @@ def _depth_text(summary: dict[str, Any]) -> str:
     lines = [
         f"{evaluator['name']} {evaluator['version']}, camera model {protocol['camera_model']}, "
         f"{coverage['attempted']} images attempted, {coverage['scored']} scored, "
-        f"{coverage['with_truth']} with truth{_of_eth3d(coverage)}; intervals over "
+        f"{coverage['with_truth']} with truth{of_eth3d(coverage)}; intervals over "
         f"{groups['groups']} {groups['unit']}s",
         options.table(header, rows),
         f"over all {every['images']} images with truth, {every['missing']} of them without a score "
@@ -240,17 +240,6 @@ def _depth_text(summary: dict[str, Any]) -> str:
         *(f"{r['status']}: {r['file_name']}: {r['reason']}" for r in summary["not_scored"]),
     ]
     return "\n\n".join(lines[:3]) + "".join(f"\n{line}" for line in lines[3:])
-
-
-def _of_eth3d(coverage: dict[str, Any]) -> str:
-    """How much of ETH3D was attempted, where that is what the images are of."""
-    part = coverage.get("eth3d")
-    if part is None:
-        return ""
-    return (
-        f" ({part['images']} of ETH3D's {part['of_images']}, in {part['scenes']} of "
-        f"{part['of_scenes']} scenes)"
-    )
 
 
 def _depth_counts(summary: dict[str, Any]) -> list[str]:

@@ -43,7 +43,7 @@ def short_depth(summary: Summary) -> str:
     """AbsRel and delta1 under each hole policy, over how many images, and what got no score."""
     lines = [
         f"{_first(summary)}, camera model {summary['protocol']['camera_model']}: "
-        f"{_images(summary['coverage'])}"
+        f"{_images(summary['coverage'])}{of_eth3d(summary['coverage'])}"
     ]
     for metric in ("abs_rel", "delta1"):
         by_policy = summary["metrics"].get(metric, {})
@@ -57,6 +57,17 @@ def short_depth(summary: Summary) -> str:
     if len(rows) > _SHORT:
         lines.append(f"... and {len(rows) - _SHORT} more images without a score (-v lists them)")
     return "\n".join(lines)
+
+
+def of_eth3d(coverage: Summary) -> str:
+    """How much of ETH3D was attempted, where that is what the images are of."""
+    part = coverage.get("eth3d")
+    if part is None:
+        return ""
+    return (
+        f" ({part['images']} of ETH3D's {part['of_images']}, in {part['scenes']} of "
+        f"{part['of_scenes']} scenes)"
+    )
 
 
 def _first(summary: Summary) -> str:

@@ -352,7 +352,10 @@ def test_coverage_says_how_much_of_eth3d_was_attempted(
     assert coverage["eth3d"] == {
         "images": 4, "of_images": 454, "scenes": 2, "of_scenes": 13
     }  # fmt: skip
-    assert "(4 of ETH3D's 454, in 2 of 13 scenes)" in capsys.readouterr().out
+    assert "with truth (4 of ETH3D's 454, in 2 of 13 scenes)" in capsys.readouterr().out
+    again = ["evaluate", str(run), "--truth", str(truth), "-o", str(tmp_path / "f"), "-v"]
+    assert cli.run(again) == 0
+    assert "with truth (4 of ETH3D's 454, in 2 of 13 scenes)" in capsys.readouterr().out
     summary, _ = score(tmp_path / "own", {"a.jpg": z}, {"a.jpg": z})
     assert "eth3d" not in summary["coverage"]
 
