@@ -1,0 +1,91 @@
+"""docs/json.md against what the commands print."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from evaluation.detection_runs import random_predictions, random_truth, write_truth
+
+from legoworld import cli
+
+PAGE = Path(__file__).parents[1] / "docs" / "json.md"
+SCENE = Path(__file__).parents[1] / "examples" / "coffee"
+ROWS = dict(re.findall(r"^\| `([^`]+)` \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.M))
+
+
+def keys(command: str) -> set[str]:
+    """The top-level keys the page gives a command."""
+    return set(re.findall(r"`(\w+)`", re.sub(r"\{[^}]*\}", "", ROWS[command])))
+
+
+def inner_keys(command: str, key: str) -> set[str]:
+    """The keys of the entries of a list, where the page names them."""
+    return set(re.findall(r"`(\w+)`", re.search(rf"`{key}`:[^;{{]*\{{(.*?)\}}", ROWS[command])[1]))
+
+
+@pytest.fixture(scope="module")
+def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    """What each command of the page prints, from one small data set."""
+    here = tmp_path_factory.mktemp("json")
+    truth = random_truth("coco", seed=1, images=4)
+    results = here / "results.json"
+    results.write_text(json.dumps(random_predictions("coco", truth, seed=1)))
+    annotations = write_truth(here / "truth.json", truth)
+    for name in ("photos", "scenes/stranger"):
+        (here / name).mkdir(parents=True)
+    (here / "scenes" / "stranger" / "scene.blend").write_bytes(b"")
+    cv2.imwrite(str(here / "photos" / "x.png"), np.zeros((4, 4, 3), np.uint8))
+    track, run, evaluation = here / "track.json", here / "run", here / "eval"
+    imported = ["--task", "coco", "--track", track]
+    calls: dict[str, list[Any]] = {
+        **{f"list {kind}": [] for kind in ("tasks", "datasets", "baselines", "schema")},
+        "track make": ["--task", "coco", "--truth", annotations, "-o", track],
+        "track check": [track, "--photos", here / "photos"],
+        "inspect": [SCENE, "--source", "glb", "--size", "60x40"],
+        "readout": [here / "scenes", *imported, "-o", here / "read"],
+        "baseline import": [results, *imported, "-o", run],
+        "merge": [run, "-o", here / "merged"],
+        "evaluate": [run, "--truth", annotations, "-o", evaluation, "--draws", "5"],
+        "evidence verify": [evaluation],
+        "compare": [evaluation, evaluation, "-o", here / "comparison", "--draws", "5"],
+        "report": [evaluation, "-o", here / "report.html"],
+    }
+    return {name: document(name, arguments) for name, arguments in calls.items()}
+
+
+def document(name: str, arguments: list[Any]) -> dict[str, Any]:
+    import contextlib
+    import io
+
+    with contextlib.redirect_stdout(io.StringIO()) as shown:
+        code = cli.run([*name.split(), *map(str, arguments), "--json"])
+    assert code in (0, 1), name
+    found: dict[str, Any] = json.loads(shown.getvalue())
+    return found
+
+
+@pytest.mark.parametrize("command", ROWS)
+def test_the_page_names_every_key(command, printed):
+    assert set(printed[command]) == keys(command) | {"schema_version"}
+    assert printed[command]["schema_version"] == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "key"),
+    [
+        ("list tasks", "tasks"),
+        ("track check", "problems"),
+        ("readout", "unmatched_folders"),
+        ("evidence verify", "checks"),
+    ],
+)
+def test_the_page_names_the_keys_of_entries(command, key, printed):
+    assert printed[command][key], "something to look at"
+    for entry in printed[command][key]:
+        assert set(entry) == inner_keys(command, key)
