@@ -117,6 +117,15 @@ def test_it_comes_back_by_import(task, exported, tmp_path, capfd):
     assert "images are matched by file name" in capfd.readouterr().err
 
 
+def test_annotations_keep_the_order_of_an_imported_run(exported, tmp_path):
+    truth = random_truth("coco", seed=1)
+    given = sorted(random_predictions("coco", truth, seed=2), key=lambda p: p["image_id"])
+    track = tmp_path / "track.json"
+    _, document, _ = exported("coco", truth, given, "--track", track, prediction_order="given")
+    assert [a["score"] for a in document["annotations"]] == [p["score"] for p in given]
+    assert given != sorted(given, key=canonical_key)
+
+
 def test_a_scenes_annotations_name_their_objects(exported, tmp_path):
     truth = random_truth("coco", seed=1, images=3)
     predictions = [p for p in random_predictions("coco", truth, seed=2) if p["image_id"] != 13]

@@ -306,6 +306,15 @@ def test_outputs_whose_lists_differ(bring, change):
     assert "output 1 of results.json cannot be used" in said
 
 
+@pytest.mark.parametrize("key", ["boxes", "labels", "scores", "image_id"])
+def test_outputs_without_one_of_their_lists(bring, key):
+    output = {"image_id": 139, **OUTPUT}
+    del output[key]
+    code, _, said = bring([output])
+    assert code == 2
+    assert said.count("\n") == 1
+
+
 def test_json_lines(bring):
     lines = "\n".join(json.dumps(box(i)) for i in IDS) + "\n"
     code, found, _ = bring(lines, suffix=".jsonl")
