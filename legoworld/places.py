@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
-from legoworld.files import TEMPORARY_SUFFIX
+from legoworld.files import TEMPORARY_SUFFIX, refused_by_machine
 
 Place = Path | str
 """A folder of this machine, or the URL of one elsewhere."""
@@ -42,15 +42,47 @@ def child(url: str, name: str) -> str:
 def fetch_folder(url: str, into: Path) -> int:
     """Copy every file below a URL into a folder of this machine; returns how many there were.
 
-    Nothing there is no error: the folder then stays away. PlaceError when it cannot be reached.
+    Nothing there is no error: the folder then stays away. PlaceError when it cannot be reached, or
+    when a name there leads out of the folder; OSError where this machine cannot write.
     """
     with _reaching(url) as (system, top):
         names = _names_below(system, top)
         for name in names:
+            _refuse_odd(name)
             target = into / name
-            target.parent.mkdir(parents=True, exist_ok=True)
+            with _here():
+                target.parent.mkdir(parents=True, exist_ok=True)
             system.get_file(f"{top}/{name}", str(target))
     return len(names)
+
+
+def _refuse_odd(name: str) -> None:
+    """Stores take any name; as a path, one with `..` in it would be written somewhere else."""
+    parts = name.split("/")
+    if not {"..", ".", ""}.isdisjoint(parts) or "\0" in name:
+        raise PlaceError(
+            "a name in the store is no path inside its folder",
+            found=repr(name),
+            expected="parts that are neither empty nor dots",
+            next_step="delete or rename what is stored under that name",
+        )
+
+
+class _HereError(Exception):
+    """What this machine refused, as opposed to the place at the URL."""
+
+    def __init__(self, refusal: OSError) -> None:
+        super().__init__(str(refusal))
+        self.refusal = refusal
+
+
+@contextmanager
+def _here() -> Iterator[None]:
+    """Marks what is done on this machine, so that the URL is not blamed for it."""
+    try:
+        yield
+    except OSError as error:
+        raise _HereError(error) from error
 
 
 def publish_folder(folder: Path, url: str, *, last: str) -> None:
@@ -107,7 +139,13 @@ def _reaching(url: str) -> Iterator[tuple[Any, str]]:
     try:
         system, top = fsspec.core.url_to_fs(url)
         yield system, str(top).rstrip("/")
+    except PlaceError:
+        raise
+    except _HereError as error:
+        raise error.refusal from None
     except Exception as error:  # each kind of place raises errors of its own library
+        if isinstance(error, OSError) and refused_by_machine(error):
+            raise  # a full disk here, whatever the credentials are
         raise PlaceError(
             f"{url} cannot be reached",
             found=f"{type(error).__name__}: {error}",

@@ -51,7 +51,7 @@ def written_at(place: Place, *, last: str, overwrite: bool) -> Iterator[Path]:
     from legoworld.scene.cache import default_cache_folder
 
     name = hashlib.sha256(place.encode("utf-8")).hexdigest()[:16]
-    folder = default_cache_folder().parent / "published" / name
+    folder = default_cache_folder() / "published" / name
     if not overwrite and not folder.exists():
         fetch_folder(place, folder)
     try:
