@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts, write_frozen
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 from legoworld.scene.reading import read_scene
+from legoworld.scene.snapshot import save
 
 
 class NoBlender(BlenderProcess):
@@ -162,3 +164,36 @@ def test_every_verdict_is_one_line_with_a_next_step(folder):
         read(folder)
     assert "\n" not in str(verdict.value)
     assert "next: export the scene again" in str(verdict.value)
+
+
+def test_a_picture_that_changes_while_it_is_read_is_no_scene(folder, monkeypatch):
+    from legoworld.scene.gltf import snapshot as gltf_snapshot
+
+    with_picture(folder, np.full((2, 2), 255, np.uint8))
+    original = gltf_snapshot.snapshot_of_glb
+
+    def replacing(*arguments):
+        made = original(*arguments)
+        (folder / "leaf.png").write_bytes(png_of_alpha(np.zeros((2, 2), np.uint8)))
+        return made
+
+    monkeypatch.setattr(gltf_snapshot, "snapshot_of_glb", replacing)
+    with pytest.raises(SceneInvalidError, match="changed while it was read"):
+        read(folder)
+
+
+def test_a_blend_that_changes_while_it_is_read_is_no_scene(folder, tmp_path):
+    class Replacing(BlenderProcess):
+        def request(self, message):
+            snapshot = read(folder).snapshot
+            save(snapshot, Path(message["output"]))
+            (folder / "scene.blend").write_bytes(b"another, of other content")
+            return {"dependencies": []}
+
+    (folder / "scene.blend").write_bytes(b"the one that was hashed")
+    scene = SceneFolder(path=folder, name=folder.name)
+    files = checked_artefacts(scene, require_frozen=False)
+    cache = SnapshotCache(tmp_path / "cache")
+    with pytest.raises(SceneInvalidError, match="changed while it was read"):
+        read_scene(scene, source="blend", blender=Replacing(Limits()), cache=cache, files=files)
+    assert not list((tmp_path / "cache").rglob("*.snapshot"))
