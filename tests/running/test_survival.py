@@ -207,7 +207,7 @@ cp -r "$disk" "$copy.full" || exit 99
 mount -o remount,size=50m "$disk" || exit 99
 "$@"; second=$?
 cp -r "$disk" "$copy" || exit 99
-[ $first = 1 ] && [ $second = 0 ]
+[ $first = 4 ] && [ $second = 0 ]
 """
 
 
