@@ -159,12 +159,13 @@ def _false(
     for d, p in enumerate(drawn_predictions(task, image, side)):
         if p["k"] is None or d in told:
             continue
-        truth = None if p["t"] is None else image.truths[p["t"]]
+        t = p["t"]
+        truth = None if t is None else image.truths[t]
         whole = lone_part(task, image, d, side) if p["k"] in ("background", "both") else None
         if whole is not None:
             found[_part_alone(names[p["c"]], side.errors.truth[whole])] += 1
         else:
-            taken = truth is not None and side.errors.truth[p["t"]] == "found"
+            taken = t is not None and side.errors.truth[t] == "found"
             found[_false_one(p, truth, names, taken=taken)] += 1
     return [
         Advice(level=a.level, what=f"{n} x {a.what}" if n > 1 else a.what, do=a.do)

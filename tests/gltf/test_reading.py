@@ -11,7 +11,6 @@ from gltf.documents import Document, png_of_alpha
 
 from legoworld import cli
 from legoworld.errors import LegoWorldError, SceneChangedError, SceneInvalidError
-from legoworld.scene import cache as cache_module
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
@@ -72,15 +71,6 @@ def test_the_second_reading_comes_from_the_cache(folder, tmp_path, monkeypatch):
     read(folder, cache)
     with pytest.raises(TypeError):
         read(folder)
-
-
-def test_the_key_covers_the_reader(tmp_path, monkeypatch):
-    sources = cache_module.reader_sha256.__wrapped__()
-    real = cache_module.sha256_of_file
-    monkeypatch.setattr(
-        cache_module, "sha256_of_file", lambda p: "x" if p.name == "accessors.py" else real(p)
-    )
-    assert cache_module.reader_sha256.__wrapped__() != sources
 
 
 def test_files_beside_it_are_part_of_the_key_and_of_the_record(folder, tmp_path):
