@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="Bootstrap samples and tie orders [default: 2000].",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Of both [default: 0].")
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="RNG seed for tie orders and bootstrap [default: 0]."
+)
 @click.option(
     "--fail-below",
     "thresholds",
@@ -81,7 +83,7 @@ def command(
         from legoworld.comparison.making import make_joined
 
         joined = make_joined(evaluations, output, overwrite=overwrite)
-        _show(joined, [], output, as_json=as_json)
+        _show(joined, [], output, as_json=as_json, verbose=verbose)
         return 0
     from legoworld.comparison.document import Settings
     from legoworld.comparison.making import make_comparison
@@ -98,14 +100,19 @@ def command(
         overwrite=overwrite,
         notice=options.notifier(quiet or not (verbose or options.on_terminal())),
     )
-    _show(document, below, output, as_json=as_json)
+    _show(document, below, output, as_json=as_json, verbose=verbose)
     for one in below:
         click.echo(f"legoworld: below its threshold: {one}", err=True)
     return exit_codes.BELOW if below else exit_codes.DONE
 
 
 def _show(
-    document: dict[str, Any], below: Sequence[Tripped], output: Path, *, as_json: bool
+    document: dict[str, Any],
+    below: Sequence[Tripped],
+    output: Path,
+    *,
+    as_json: bool,
+    verbose: bool,
 ) -> None:
     if as_json:
         tripped = [str(one) for one in below]
@@ -113,12 +120,15 @@ def _show(
             {"folder": str(output), "comparison": document, "below_threshold": tripped}
         )
         return
+    from legoworld.commands.comparison_short import short_comparison
+
+    click.echo(_tables(document) if verbose else short_comparison(document))
+    click.echo(f"\n-> {output}")
+
+
+def _tables(document: dict[str, Any]) -> str:
     from legoworld.comparison.tables import coverage_table, headline_table
 
     headline = headline_table(document)
-    click.echo(headline_text(headline))
-    click.echo()
-    click.echo(coverage_text(coverage_table(document)))
-    click.echo()
-    click.echo(notes_text(headline.notes))
-    click.echo(f"\n-> {output}")
+    parts = (headline_text(headline), coverage_text(coverage_table(document)))
+    return "\n\n".join((*parts, notes_text(headline.notes)))

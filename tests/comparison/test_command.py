@@ -43,9 +43,9 @@ def call(*arguments):
 
 def test_two_tables_on_standard_output_and_six_in_the_folder(pair, tmp_path, capsys):
     out = tmp_path / "out"
-    assert call(*pair, "-o", out) == 0
+    assert call(*pair, "-o", out, "-v") == 0
     shown = capsys.readouterr()
-    assert shown.err == ""
+    assert shown.err == "30 bootstrap samples of scene and specialist\n"
     attempted, paired_block, coverage, notes = shown.out.split("\n\n")[:4]
     document = json.loads((out / "comparison.json").read_text())
     paired = document["pairs"][0]["coverage"]["paired"]
@@ -65,6 +65,33 @@ def test_two_tables_on_standard_output_and_six_in_the_folder(pair, tmp_path, cap
     names = {f"{a}.{b}" for a in ("table", "coverage") for b in ("md", "tex", "csv")}
     assert {p.name for p in out.iterdir()} == {*names, "comparison.json", "evidence.json"}
     assert len((out / "table.md").read_text().splitlines()) >= 2 + 30
+
+
+@pytest.mark.parametrize("task", ["coco", "eth3d"])
+def test_without_v_each_headline_metric_has_a_verdict(task, pair, depth_pair, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert call(*(pair if task == "coco" else depth_pair), "-o", out) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (one,) = json.loads((out / "comparison.json").read_text())["pairs"]
+    coverage = one["coverage"]
+    assert lines[0] == (
+        f"{task}: {one['scene']} against {one['baseline']}, "
+        f"{coverage['paired']} paired of {coverage['attempted']} attempted images"
+    )
+    rows = [r for r in one["rows"] if r["level"] == 1 and r["images"] == "paired"]
+    assert len(rows) >= 1
+    for line, row in zip(lines[3:], rows, strict=False):
+        assert line.split()[0] == row["metric"]
+        assert f"{row['scene']['value']:.3f}" in line
+        assert f"{row['difference']['value']:+.3f}" in line
+        low, high = (row["difference"]["interval"][k] for k in ("low", "high"))
+        gain = low > 0 if row["better"] == "higher" else high < 0
+        loss = high < 0 if row["better"] == "higher" else low > 0
+        word = "better" if gain else "worse" if loss else "undecided"
+        assert line.endswith(f"  {word}")
+    assert any(line.startswith("not paired in ") for line in lines)
+    assert lines[-1] == f"-> {out}"
+    assert max(map(len, lines)) <= 100
 
 
 def shown_numbers(text: str) -> list[str]:
@@ -91,9 +118,9 @@ def test_the_terminal_has_100_columns_and_every_number(which, pair, depth_pair, 
         compared(pair, tmp_path / "one", draws=30)
         compared(depth_pair, tmp_path / "two", draws=30)
         assert cli.run(["compare", "--join", str(tmp_path / "one"), str(tmp_path / "two"),
-                        "-o", str(out)]) == 0  # fmt: skip
+                        "-o", str(out), "-v"]) == 0  # fmt: skip
     else:
-        assert call(*sides, "-o", out) == 0
+        assert call(*sides, "-o", out, "-v") == 0
     shown = capsys.readouterr().out
     text = shown[: shown.rindex("\n-> ")]
     assert max(map(len, text.splitlines())) <= 100
