@@ -123,14 +123,15 @@ def _image_name(request: PhotoRequest) -> str:
         images = annotation_source(request.task, request.truth).images
     parts = request.photo.resolve().parts
     tails = ["/".join(parts[-n:]) for n in range(len(parts), 0, -1)]
-    names = {str(i.get("file_name") or i["coco_url"].rpartition("/")[2]) for i in images}
-    urls = {str(i["coco_url"]).rpartition("/")[2] for i in images if i.get("coco_url")}
-    found = next((tail for tail in tails if tail in names | urls), None)
+    names = {str(i["file_name"]) for i in images if i.get("file_name")}
+    names |= {str(i["coco_url"]).rpartition("/")[2] for i in images if i.get("coco_url")}
+    found = next((tail for tail in tails if tail in names), None)
     if found is None:
         raise UsageError(
             "the truth lists no photo of this name",
             found=request.photo.name,
-            expected=f"one of {len(images)} file names, such as {min(names)}",
+            expected=f"one of {len(names)} file names"
+            + (f", such as {min(names)}" if names else ""),
             next_step="rename the photo as the dataset has it, or pass --image ID",
         )
     return found

@@ -40,13 +40,17 @@ class Track:
     info: dict[str, Any]
 
 
-def load_track(path: Path) -> Track:
-    """Read a track file (COCO "image info" JSON). CatalogError says what cannot be used."""
+def load_track(path: Path, called: str | None = None) -> Track:
+    """Read a track file (COCO "image info" JSON). CatalogError says what cannot be used.
+
+    called: the file's name in messages, where it is another one's.
+    """
+    source = called or path.name
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise CatalogError(
-            f"the track {path.name} cannot be read",
+            f"the track {source} cannot be read",
             found=str(error),
             expected='COCO image-info JSON: {"info", "images", "categories"}',
             next_step="make one with `legoworld track make`",
@@ -54,17 +58,17 @@ def load_track(path: Path) -> Track:
     entries = document.get("images") if isinstance(document, dict) else None
     if not isinstance(entries, list) or not entries:
         raise CatalogError(
-            f"the track {path.name} lists no image",
+            f"the track {source} lists no image",
             found=f'"images" is {type(entries).__name__}',
             expected='a list of {"id", "file_name", "width", "height"}',
         )
-    _refuse_annotations(document, entries, path.name)
-    images = sorted((_image(entry, path.name) for entry in entries), key=lambda i: i.id)
-    _refuse_duplicates(images, path.name)
+    _refuse_annotations(document, entries, source)
+    images = sorted((_image(entry, source) for entry in entries), key=lambda i: i.id)
+    _refuse_duplicates(images, source)
     categories = document.get("categories")
     return Track(
         images=tuple(images),
-        vocabulary=from_json(categories, path.name) if categories else None,
+        vocabulary=from_json(categories, source) if categories else None,
         sha256=sha256_of_file(path),
         info=document.get("info") or {},
     )

@@ -23,7 +23,7 @@ from legoworld.evaluation.truth_checks import (
     check_image_values,
     check_images,
 )
-from legoworld.files import canonical_json, readable_json, sha256_of_file, write_text
+from legoworld.files import atomic_path, canonical_json, readable_json, sha256_of_file
 from legoworld.track import TrackImage, load_track
 from legoworld.track_source import Source
 from legoworld.vocabulary import from_json
@@ -95,8 +95,9 @@ def make_track(
         "images": images,
         "categories": source.categories,
     }
-    write_text(output, _readable(document))
-    load_track(output)  # what was written is what every other step will accept
+    with atomic_path(output) as unfinished:
+        unfinished.write_text(_readable(document), encoding="utf-8")
+        load_track(unfinished, called=f"of {source.name}")  # what every other step will accept
     for text in source.notices:
         notice(text)
     return document

@@ -25,8 +25,11 @@ def test_every_command_has_help_and_examples(name, capsys):
     text = capsys.readouterr().out
     examples = [x for x in text.splitlines() if x.strip().startswith(f"legoworld {name}")]
     assert 2 <= len(examples) <= 4
-    for option in re.findall(r"^  (-\S+.*)$", text, re.MULTILINE):
-        assert "  " in option.strip(), f"no help for {option}"
+    # Help stands beside an option, or below one that is wider than the column.
+    options = re.findall(r"^  (-\S+.*)\n( *)", text[text.index("Options:") :], re.MULTILINE)
+    assert len(options) >= 1
+    for option, below in options:
+        assert "  " in option.strip() or len(below) > 10, f"no help for {option}"
 
 
 def test_the_reference_page_is_what_the_commands_say():
@@ -213,7 +216,7 @@ def test_list(kind, capsys):
     assert cli.run(["list", kind, "--json"]) == 0
     names = [entry["name"] for entry in json.loads(capsys.readouterr().out)[kind]]
     if kind == "tasks":
-        assert names == ["coco", "eth3d", "lvis"]
+        assert names == ["coco", "coco-masks", "eth3d", "lvis"]
     if kind == "datasets":
         assert names == ["coco", "eth3d", "lvis", "skimage_examples"]
 

@@ -163,7 +163,7 @@ class Conversation:
     def _waited_for(self, image_ids: Any) -> list[int]:
         """Those of the ids a process wrote down that still have no record."""
         ids = image_ids if isinstance(image_ids, list) else []
-        return [i for i in ids if type(i) is int and i in self._pending]
+        return list(dict.fromkeys(i for i in ids if type(i) is int and i in self._pending))
 
     def _answered(self, image_id: int, message: Message) -> Record:
         image = self._pending.pop(image_id)

@@ -51,11 +51,14 @@ def place(
     """
     photos = _Photos(images)
     places = _places(infos, photos)
+    named = any(file_name(info) is not None for info in infos.values())
     kept, strangers, by_name = [], [], False
     for entry in entries:
         name = _name(entry, infos)
         by_name |= name is not None
         image_id = _image_id(entry, name, places, photos)
+        if named and name is None and type(image_id) is int:
+            image_id = _OUTSIDE  # the file names its photos, and not this one
         if image_id is _OUTSIDE:
             strangers.append(entry)
         else:
@@ -76,26 +79,44 @@ _OUTSIDE: Final = _Outside()
 
 
 class _Photos:
-    """The track's photos by every name that is only one photo's."""
+    """The track's photos by path, and by base name where the folders do not disagree.
+
+    Folders agree when one path ends in the other: "val2017/1.jpg" may be "1.jpg", and
+    "b/1.jpg" is not "a/1.jpg".
+    """
 
     def __init__(self, images: Sequence[TrackImage]) -> None:
         self.ids = {image.id for image in images}
         self.size_wh = {image.id: image.size_wh for image in images}
-        self._by_name: dict[str, set[int]] = {}
+        self._by_path: dict[str, set[int]] = {}
+        self._by_base: dict[str, set[tuple[int, tuple[str, ...]]]] = {}
         for image in images:
             path = PurePosixPath(image.file_name)
-            for name in {image.file_name, path.name, path.stem, str(path.with_suffix(""))}:
-                self._by_name.setdefault(name, set()).add(image.id)
+            for name in {image.file_name, str(path.with_suffix(""))}:
+                self._by_path.setdefault(name, set()).add(image.id)
+            for name in {path.name, path.stem}:
+                self._by_base.setdefault(name, set()).add((image.id, path.parent.parts))
 
     def find(self, text: str) -> int | None:
         """The id of a photo's name, path or name without extension, or of an id as text."""
         path = PurePosixPath(text.replace("\\", "/"))
-        for name in (str(path), str(path.with_suffix("")), path.name, path.stem):
-            ids = self._by_name.get(name, set())
+        for name in (str(path), str(path.with_suffix(""))):
+            ids = self._by_path.get(name, set())
+            if len(ids) == 1:
+                return next(iter(ids))
+        for name in (path.name, path.stem):
+            based = self._by_base.get(name, set())
+            ids = {i for i, folders in based if _agree(folders, path.parent.parts)}
             if len(ids) == 1:
                 return next(iter(ids))
         as_id = int(text) if text.isascii() and text.isdigit() and len(text) < 20 else None
         return as_id if as_id in self.ids else None
+
+
+def _agree(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    """Whether one path of folders ends in the other."""
+    length = min(len(one), len(other))
+    return not length or one[-length:] == other[-length:]
 
 
 def _name(entry: Any, infos: Mapping[Any, Entry]) -> str | None:

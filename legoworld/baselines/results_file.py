@@ -18,7 +18,7 @@ from legoworld.baselines.foreign_results import (
     refuse_other_documents,
 )
 from legoworld.baselines.labels import Matcher
-from legoworld.evaluation.masks import compressed
+from legoworld.evaluation.masks import MOST_COORDINATE_PX, compressed
 from legoworld.evaluation.predictions import PredictionsInvalidError
 
 _LISTS: Final = ("annotations", "predictions", "results")
@@ -90,7 +90,7 @@ def _read(path: Path) -> Any:
         try:
             return json.loads(text)
         except ValueError:
-            lines = [line for line in text.splitlines() if line.strip()]
+            lines = [line for line in text.split("\n") if line.strip()]
             if len(lines) < 2 or not lines[0].lstrip().startswith("{"):
                 raise
             return [json.loads(line) for line in lines]
@@ -164,7 +164,7 @@ def _are_polygons(mask: Any) -> bool:
     return (
         isinstance(mask, list)
         and all(isinstance(p, list) and len(p) >= 6 and len(p) % 2 == 0 for p in mask)
-        and all(type(v) in (int, float) and abs(v) < 1e9 for p in mask for v in p)
+        and all(type(v) in (int, float) and abs(v) < MOST_COORDINATE_PX for p in mask for v in p)
     )
 
 
@@ -186,7 +186,7 @@ def _names(document: Entry, path: Path) -> dict[int, str]:
     categories = document.get("categories") or []
     try:
         return {int(c["id"]): str(c["name"]) for c in categories}
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise PredictionsInvalidError(
             f"{path.name} has categories that cannot be used",
             found=f"{type(error).__name__}: {error}",
@@ -200,10 +200,10 @@ def _images(document: Entry, path: Path) -> dict[Any, Entry]:
         isinstance(i, dict) and isinstance(i.get("id"), Hashable) for i in images
     )
     found = {i.get("id"): i for i in images} if usable else {}
-    if len(found) != len(images) or None in found:
+    if not usable or len(found) != len(images) or None in found:
         raise PredictionsInvalidError(
             f"{path.name} has images that cannot be used",
-            found=f"{len(images)} entries, {len(found)} ids",
+            found=f"{len(images)} entries, {len(found)} ids" if usable else repr(images)[:60],
             expected='"images": [{"id", "file_name"}], ids distinct',
         )
     return found

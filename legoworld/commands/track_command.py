@@ -82,8 +82,6 @@ def command(
     \b
     Examples:
       legoworld track make --task coco --truth instances_val2017.json --sample 100 -o track.json
-      legoworld track make --task lvis --truth lvis_v1_val.json --images ids.txt -o track.json
-      legoworld track make --task eth3d --truth eth3d -o eth3d.json
       legoworld track make --task eth3d --truth eth3d --scenes courtyard,office -o two.json
       legoworld track make --task eth3d --truth depths --photos photos --space depth --unit mm \\
           --dataset desk -o desk.json

@@ -88,7 +88,15 @@ class Evaluation:
 def input_file(role: str, path: Path) -> InputFile:
     """Hash an input file; a run's own document without its time."""
     without = TIMES if role == "run" else ()
-    sha256, size = hash_and_size(path, without)
+    try:
+        sha256, size = hash_and_size(path, without)
+    except (ValueError, RecursionError) as error:
+        raise EvaluationFolderError(
+            f"{path.name} cannot be put on record",
+            found=f"{type(error).__name__}: {error}",
+            expected="a file as legoworld writes it",
+            next_step="make the run again",
+        ) from error
     return InputFile(role=role, path=path, sha256=sha256, size_bytes=size, without=without)
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import BoxFormatError, check_box_format, is_finite
-from legoworld.evaluation.masks import covers, pixels_covered, rle_problem
+from legoworld.evaluation.masks import MOST_COORDINATE_PX, covers, pixels_covered, rle_problem
+from legoworld.vocabulary import LARGEST_ID
 
 Entry = dict[str, Any]
 Fault = Callable[[Entry], str | None]
@@ -24,7 +25,6 @@ _FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
 _CORRECT = "correct the file, or use the dataset's own"
 #: Numbers of the smallest polygon, a triangle; pycocotools takes four numbers for a box.
 _POLYGON_NUMBERS = 6
-_MAX_COORDINATE = 1e9
 
 
 class TruthInvalidError(LegoWorldError):
@@ -45,6 +45,13 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
     twice: list[int] = []
     for entry in entries:
         image_id = _whole(entry["id"], "image ids", repairs)
+        if not 0 <= image_id <= LARGEST_ID:
+            raise TruthInvalidError(
+                f"an image id of {name} cannot be used",
+                found=f"{image_id}",
+                expected="0 to 2**53, the integers that every JSON reader keeps",
+                next_step=_CORRECT,
+            )
         if image_id in found:
             twice.append(image_id)
         found[image_id] = {**entry, "id": image_id}
@@ -296,5 +303,5 @@ def _are_coordinates(values: list[Any]) -> bool:
     """Whether all are finite numbers; a truth has millions, so without a call for each."""
     if not set(map(type, values)) <= {int, float}:
         return False
-    in_range = min(values) > -_MAX_COORDINATE and max(values) < _MAX_COORDINATE
+    in_range = min(values) > -MOST_COORDINATE_PX and max(values) < MOST_COORDINATE_PX
     return in_range and math.isfinite(sum(values))  # the sum finds a NaN that min and max pass over

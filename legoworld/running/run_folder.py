@@ -14,6 +14,7 @@ from legoworld.files import (
     TEMPORARY_SUFFIX,
     canonical_json,
     readable_json,
+    refused_by_machine,
     sha256_of_file,
     sync_file,
     sync_folder,
@@ -270,6 +271,10 @@ def _configuration_in(path: Path, name: str) -> dict[str, Any]:
         if isinstance(found, dict) and "task" in found:
             return found
         problem = "no configuration in it"
+    except OSError as error:
+        if refused_by_machine(error):
+            raise
+        problem = error.strerror or type(error).__name__
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         problem = f"{type(error).__name__}: {error}"
     raise RunDamagedError(

@@ -199,9 +199,10 @@ class BlenderProcess:
 
     def _kill(self) -> None:
         """Kill the worker's whole session; once it is reaped its number may be another's."""
-        if self._process is not None and self._process.returncode is None:
+        process = self._process  # another thread may be closing it
+        if process is not None and process.returncode is None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._process.pid, signal.SIGKILL)
+                os.killpg(process.pid, signal.SIGKILL)
 
     def _crashed(self) -> WorkerCrashedError:
         code = None

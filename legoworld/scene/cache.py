@@ -79,6 +79,7 @@ _SHARED: Final = (
     "scene/spheres.py",
     "scene/strands.py",
     "scene/tubes.py",
+    "workers/environment.py",
 )
 
 

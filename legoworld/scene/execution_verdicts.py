@@ -110,7 +110,9 @@ def ended_early(ending: Ending, at: str | None, program: Path) -> LegoWorldError
             expected="a bubblewrap that starts Python",
             next_step="--sandbox limits runs the program without bubblewrap",
         )
-    if at is None:
+    if (
+        at is None and code != 0
+    ):  # without a report and with code 0, the program took the report away
         return BlenderNotStartedError(
             "Blender did not start, and the program was not run",
             found=one_line(f"{how}; {_last_line(ending)}", 300),

@@ -14,6 +14,7 @@ from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
 from legoworld.files import (
+    NotRegularError,
     canonical_json,
     open_regular,
     readable_json,
@@ -32,7 +33,7 @@ from legoworld.scene.folder import (
     PROGRAM,
     SceneFolder,
 )
-from legoworld.scene.outside import leaves_scenes, recorded_name
+from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, invalid, read_side_file
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.
@@ -104,6 +105,10 @@ def _file_hash(folder: Path, name: str) -> FileHash | None:
             )
     except (FileNotFoundError, NotADirectoryError):
         return None
+    except NotRegularError as error:
+        if name not in ARTEFACTS and (folder / name).is_dir():
+            return None  # a folder of caches: the files in it are dependencies of their own
+        raise _unusable(name, str(error.strerror)) from error
     except OSError as error:
         if refused_by_machine(error):
             raise
@@ -272,8 +277,13 @@ def hashed_dependencies(
 
 
 def _listed(name: str, scene: SceneFolder, files: FrozenFiles) -> str:
-    """The name that a dependency has on record; records of the first kind hold paths."""
-    return name if name in files.dependencies else recorded_name(name, scene)
+    """The name that a dependency has on record.
+
+    Records of the first kind hold paths, and what lies outside depends on where SCENES begins: a
+    scene may be frozen by itself and read among others.
+    """
+    known = (n for n in (name, outside_name(name)) if n in files.dependencies)
+    return next(known, recorded_name(name, scene))
 
 
 def _refuse_unlisted(read_by: str, unlisted: list[str]) -> None:

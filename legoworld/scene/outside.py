@@ -28,4 +28,9 @@ def recorded_name(name: str, scene: SceneFolder) -> str:
     """What records call a dependency: its relative path, or what says no path."""
     if name.startswith(OUTSIDE) or not leaves_scenes(name, scene):
         return name
+    return outside_name(name)
+
+
+def outside_name(name: str) -> str:
+    """A path's hash and the file's own name."""
     return f"{OUTSIDE}{sha256_of_text(ascii(name))[:16]}/{PureWindowsPath(name).name}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,19 +34,24 @@ class ProgramReport:
 _NOTHING: Final = ProgramReport(
     at=None, done=False, reason=None, error=None, skipped=(), warnings=()
 )
+#: A report is written whole: one that cannot be read was damaged by the program.
+_DAMAGED: Final = replace(_NOTHING, at="program")
 
 
 def read_report(path: Path | None) -> ProgramReport:
-    """The report in a file taken from a sandbox; one that says nothing where there is none."""
+    """The report in a file taken from a sandbox; one that says nothing where there is none.
+
+    What cannot be read is a program's doing, which had then begun.
+    """
     if path is None:
         return _NOTHING
     try:
         with path.open("rb") as stream:
             value = json.loads(stream.read(_MOST_BYTES))
     except (OSError, ValueError, RecursionError):
-        return _NOTHING
+        return _DAMAGED
     if not isinstance(value, dict):
-        return _NOTHING
+        return _DAMAGED
     at = value.get("at")
     if "ok" not in value:
         return ProgramReport(

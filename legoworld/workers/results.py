@@ -6,6 +6,8 @@ import os
 import stat
 from pathlib import Path
 
+from legoworld.files import refused_by_machine
+
 
 def take_file(folder: Path, name: str, into: Path) -> bool:
     """Move a file of a sandbox into a folder of ours; False where there is none.
@@ -23,6 +25,10 @@ def take_file(folder: Path, name: str, into: Path) -> bool:
         os.rename(name, into / name, src_dir_fd=source)
     except FileNotFoundError:
         return False
+    except OSError as error:  # a folder in its place, or one that is closed to us
+        if refused_by_machine(error):
+            raise
+        raise ValueError(error.strerror) from error
     finally:
         os.close(source)
     status = (into / name).lstat()

@@ -10,6 +10,7 @@ import contextlib
 import json
 import os
 import selectors
+import signal
 import subprocess
 import sys
 import time
@@ -285,7 +286,9 @@ class Sandbox:
             self.close()
             return Ending(code=-9, over=None, last_output=last)
         code: int = json.loads(line)["code"]
-        if self._confined and code > 128:  # how bubblewrap passes on the signal of its program
+        # How bubblewrap passes on the signal of its program; the program may also end with such a
+        # code itself.
+        if self._confined and code - 128 in signal.valid_signals():
             code = 128 - code
         return Ending(code=code, over=None, last_output=last)
 
@@ -314,6 +317,8 @@ def workspace_bytes(folder: Path) -> int:
                         pending.append(Path(entry.path))
                     else:
                         total += entry.stat(follow_symlinks=False).st_blocks * 512
+        except FileNotFoundError:
+            continue  # gone since
         except OSError:
-            continue  # gone since, or closed to us
+            return 1 << 62  # closed to us, or nested beyond any path: not to be counted
     return total

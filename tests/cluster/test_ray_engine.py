@@ -46,7 +46,7 @@ def results(run: Path) -> dict[str, bytes]:
 
 def test_an_unreachable_cluster_is_said(scenes: Path, tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
-    assert readout(scenes, tmp_path / "run", "coco", "--engine", "ray") == 2
+    assert readout(scenes, tmp_path / "run", "coco", "--engine", "ray") == 4
     assert "RAY_ADDRESS" in capsys.readouterr().err
 
 

@@ -10,7 +10,7 @@ import pytest
 from evaluation.detection_runs import random_truth, write_truth
 
 from legoworld import catalog, cli
-from legoworld.errors import CatalogError, UsageError
+from legoworld.errors import CatalogError, LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.track import load_track
 from legoworld.track_making import make_track
@@ -218,3 +218,21 @@ def test_an_image_the_truth_has_not_is_refused(chosen, tmp_path):
     with pytest.raises(UsageError, match="no such image"):
         make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=chosen)
     assert not (tmp_path / "t.json").exists()
+
+
+def test_a_truth_that_makes_no_track_leaves_the_earlier_one(tmp_path):
+    truth, output = tmp_path / "truth.json", tmp_path / "track.json"
+    output.write_text("an earlier track")
+    images = [
+        {"id": i, "file_name": n, "width": 4, "height": 4} for i, n in ((1, "a.jpg"), (2, "a.png"))
+    ]
+    document = {"images": images, "annotations": [], "categories": [{"id": 1, "name": "x"}]}
+    truth.write_text(json.dumps(document))
+    with pytest.raises(LegoWorldError, match=r"truth\.json"):
+        make_track("coco", truth, output, sample=None, seed=0)
+    document["images"] = [dict(images[0], id=-1)]
+    truth.write_text(json.dumps(document))
+    with pytest.raises(LegoWorldError, match="image id"):
+        make_track("coco", truth, output, sample=None, seed=0)
+    assert output.read_text() == "an earlier track"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["track.json", "truth.json"]

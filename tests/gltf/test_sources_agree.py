@@ -252,7 +252,7 @@ def test_the_command_writes_both_sides(folder, tmp_path, capsys):
         assert (tmp_path / "out" / source / "overlay.png").is_file()
     shutil.copytree(scene, tmp_path / "half")
     (tmp_path / "half" / "scene.glb").unlink()
-    assert cli.run(["inspect", str(tmp_path / "half"), "--compare-sources"]) == 1
+    assert cli.run(["inspect", str(tmp_path / "half"), "--compare-sources"]) == 2
     assert "holds no scene.glb" in capsys.readouterr().err
 
 

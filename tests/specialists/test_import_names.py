@@ -364,3 +364,60 @@ def test_a_folder_of_yolo_labels_is_told_the_way(bring, tmp_path, capfd):
     arguments = ["baseline", "import", labels, "--task", "coco", "--track", tmp_path / "track.json"]
     assert call([*arguments, "-o", tmp_path / "other"]) == 2
     assert "save_json=True" in capfd.readouterr().err
+
+
+def test_one_base_name_in_two_folders_is_two_photos(bring):
+    names = ["a/1.jpg", "a/2.jpg", "c/3.jpg", "c/4.jpg", "5.jpg"]
+    mine = [{"file_name": "a/1.jpg", "category_id": 1, "bbox": BOX, "score": 0.5}]
+    other = [{"file_name": "b/2.jpg", "category_id": 1, "bbox": BOX, "score": 0.5}]
+    code, _, said = bring(mine + other, names=names)
+    assert code == 2
+    assert "1 of 2 predictions are of images outside the track" in said
+    code, kept, _ = bring(mine + other, "--subset", names=names)
+    assert code == 0
+    assert [p["image_id"] for p in kept] == [139]
+    # A path that ends in the other is the same photo.
+    longer = [{"file_name": "data/c/4.jpg", "category_id": 1, "bbox": BOX, "score": 0.5}]
+    code, kept, _ = bring(longer, names=names)
+    assert [p["image_id"] for p in kept] == [724]
+
+
+def test_an_id_that_the_files_own_images_lack_is_no_photo_of_the_track(bring):
+    document = renumbered()
+    document["images"] = document["images"][:1]
+    stray = dict(document["annotations"][0], image_id=IDS[1])
+    document["annotations"] = [
+        a for a in document["annotations"] if a["image_id"] == document["images"][0]["id"]
+    ] + [stray]
+    code, _, said = bring(document)
+    assert code == 2
+    assert "1 of 2 predictions are of images outside the track" in said
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({"annotations": [], "images": 5}, "has images that cannot be used"),
+        ({"annotations": [], "categories": [{"id": 1e400, "name": "x"}]}, "categories that cannot"),
+    ],
+)
+def test_tables_that_are_none_are_one_line(bring, document, said):
+    code, _, error = bring(document)
+    assert code == 2
+    assert said in error
+    assert "Traceback" not in error
+
+
+def test_a_line_separator_inside_a_text_ends_no_json_line(bring):
+    lines = [json.dumps(box(i, note="a\u2028b"), ensure_ascii=False) for i in IDS[:2]]
+    code, kept, _ = bring("\n".join(lines), suffix=".jsonl")
+    assert code == 0
+    assert len(kept) == 2
+
+
+def test_a_polygon_that_would_end_pycocotools_is_refused(bring):
+    far = [[0, 0, 4.9e8, 0, 0, 10]]
+    given = [{"image_id": IDS[0], "category_id": 1, "segmentation": far, "score": 0.5}]
+    code, _, said = bring(given, task="coco-masks")
+    assert code == 2
+    assert "Traceback" not in said

@@ -23,6 +23,7 @@ from legoworld.errors import LegoWorldError, WorkerMemoryError
 
 #: How long before the time limit the program's line is printed.
 _SAY_BEFORE_S: Final = 0.3
+_MOST_WARNINGS: Final = 200  # as many as are read
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -36,8 +37,12 @@ def main() -> int:
     report = Path(request["report"])
 
     def say(answer: dict[str, Any]) -> None:
+        if "warnings" in answer:
+            answer["warnings"] = answer["warnings"][:_MOST_WARNINGS]
+        unfinished = report.with_name(f".{report.name}")
         with contextlib.suppress(OSError):  # a report that is not there is a verdict, too
-            report.write_text(json.dumps(answer), encoding="utf-8")
+            unfinished.write_text(json.dumps(answer), encoding="utf-8")
+            unfinished.replace(report)  # whole, or the one before
 
     say(_answer(Path(request["program"]), Path(request["output"]), say))
     # Some add-ons and caches abort in Blender's own exit code; all results are written by now.

@@ -116,7 +116,7 @@ def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
     # A program's exit() closes standard input, which is where the next request comes from.
     stdin, sys.stdin = sys.stdin, io.StringIO()
     arguments, sys.argv = sys.argv, ["blender", "--background", "--python", str(program)]
-    sys.path.insert(0, str(program.parent))
+    path, sys.path[:] = list(sys.path), [str(program.parent), *sys.path]
     try:
         source = program.read_bytes()
         code = compile(source, str(program), "exec")
@@ -130,9 +130,11 @@ def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
     except BaseException as error:  # noqa: BLE001  any error of a foreign program is its verdict
         return _error(error, program)
     finally:
-        del bpy.ops.render, bpy.ops.wm
+        # A program may have taken any of it away.
+        for name in ("render", "wm"):
+            vars(bpy.ops).pop(name, None)
         sys.argv, sys.stdin = arguments, stdin
-        sys.path.remove(str(program.parent))
+        sys.path[:] = path
     return None
 
 
