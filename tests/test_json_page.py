@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_truth
 
-from legoworld import cli
+from legoworld import catalog, cli
 
 PAGE = Path(__file__).parents[1] / "docs" / "json.md"
 SCENE = Path(__file__).parents[1] / "examples" / "coffee"
+EXAMPLES_TRUTH = catalog.folder("datasets") / "skimage_examples" / "truth_coco.json"
 ROWS = dict(re.findall(r"^\| `([^`]+)` \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.M))
 
 
@@ -41,6 +43,10 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any
         (here / name).mkdir(parents=True)
     (here / "scenes" / "stranger" / "scene.blend").write_bytes(b"")
     cv2.imwrite(str(here / "photos" / "x.png"), np.zeros((4, 4, 3), np.uint8))
+    program = here / "program.py"
+    program.write_text("import bpy\nbpy.ops.mesh.primitive_cube_add()\n")
+    shutil.copytree(SCENE, here / "frozen" / "coffee")
+    cv2.imwrite(str(here / "photos" / "coffee.png"), np.zeros((400, 600, 3), np.uint8))
     track, run, evaluation = here / "track.json", here / "run", here / "eval"
     imported = ["--task", "coco", "--track", track]
     calls: dict[str, list[Any]] = {
@@ -55,6 +61,22 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any
         "evidence verify": [evaluation],
         "compare": [evaluation, evaluation, "-o", here / "comparison", "--draws", "5"],
         "report": [evaluation, "-o", here / "report.html"],
+        "export": [run, "--track", track, "-o", here / "coco.json"],
+        "execute": [program, "-o", here / "executed", "--no-picture", "--sandbox", "limits"],
+        "freeze": [here / "frozen"],
+        "score": [
+            SCENE,
+            "--photo",
+            here / "photos" / "coffee.png",
+            "--truth",
+            EXAMPLES_TRUTH,
+            "--source",
+            "glb",
+            "--no-cache",
+            "-o",
+            here / "score",
+        ],
+        "doctor": [],
     }
     return {name: document(name, arguments) for name, arguments in calls.items()}
 
@@ -82,6 +104,8 @@ def test_the_page_names_every_key(command, printed):
         ("list tasks", "tasks"),
         ("track check", "problems"),
         ("readout", "unmatched_folders"),
+        ("freeze", "scenes"),
+        ("doctor", "findings"),
         ("evidence verify", "checks"),
     ],
 )

@@ -156,7 +156,10 @@ def _not_of_the_task(source: Path, task: str) -> str:
     if task == "eth3d":
         return f"--task {task} imports a folder of depth arrays"
     advice = next_step_for(source)
-    return f"--task {task} imports a file" + (f": {advice}" if advice else "")
+    what = f"--task {task} imports one results file, and {source.name} is a folder"
+    if (source / "run.json").is_file():
+        return f"{what}: it is a run already, evaluate it as it is"
+    return what + (f": {advice}" if advice else "")
 
 
 def _import_detections(

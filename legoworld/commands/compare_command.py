@@ -62,6 +62,7 @@ def command(
 ) -> int:
     """Put the first of EVALUATIONS, the scene's, beside each of the others.
 
+    Prints the headline metrics and which side each favours; -v prints everything.
     Numbers over all attempted images and over paired ones (scored on both sides, with truth), and
     their differences, with intervals from bootstrap samples that both sides share. Evaluations
     of other truth, tracks, cards, evaluators or versions are refused.

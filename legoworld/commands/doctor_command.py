@@ -54,6 +54,7 @@ def command(as_json: bool) -> int:
         _system_libraries(),
         _blender(),
         _kernel(),
+        _lvis(),
         _cache(),
         _sandbox(),
         *_baselines(),
@@ -146,6 +147,18 @@ def _sandbox() -> Finding:
         found=f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not),
         next_step="programs run by `execute` are limited but not confined: apt-get install "
         "bubblewrap, and allow user namespaces (docs/sandbox.md)",
+        needed=False,
+    )
+
+
+def _lvis() -> Finding:
+    from legoworld.evaluation.lvis_package import HOW_TO_INSTALL, installed
+
+    return Finding(
+        name="LVIS evaluator",
+        good=installed(),
+        found="the official lvis package" if installed() else "no lvis package",
+        next_step=f"{HOW_TO_INSTALL} (to score --task lvis)",
         needed=False,
     )
 

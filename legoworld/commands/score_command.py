@@ -88,7 +88,10 @@ def command(
     from legoworld.scene.scratch import scratch_folder
 
     if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend"):
-        raise click.UsageError(f"{program_or_scene} is neither a .py nor a scene folder")
+        raise click.UsageError(
+            f"{program_or_scene} is neither a .py, a scene folder nor its scene.blend; to read a "
+            "scene.glb, pass its folder with --source glb"
+        )
     with scratch_folder("legoworld-score-") as scratch:
         folder = output or scratch / "score"
         kept = options.chosen_cache(cache, no_cache) or SnapshotCache(scratch / "snapshots")
