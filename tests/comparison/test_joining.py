@@ -33,7 +33,7 @@ def three(tmp_path_factory):
 
 def test_one_table_of_three_tasks(three, tmp_path, capsys):
     out = tmp_path / "out"
-    assert cli.run(["compare", "--join", *map(str, three), "-o", str(out)]) == 0
+    assert cli.run(["compare", "--join", *map(str, three), "-o", str(out), "-v"]) == 0
     shown = capsys.readouterr().out
     *blocks, coverage = shown.split("\n\n")[:8]
     tasks = [
