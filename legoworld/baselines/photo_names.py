@@ -56,9 +56,7 @@ def place(
     for entry in entries:
         name = _name(entry, infos)
         by_name |= name is not None
-        image_id = _image_id(entry, name, places, photos)
-        if named and name is None and type(image_id) is int:
-            image_id = _OUTSIDE  # the file names its photos, and not this one
+        image_id = _image_id(entry, name, places, photos, named=named)
         if image_id is _OUTSIDE:
             strangers.append(entry)
         else:
@@ -140,16 +138,19 @@ def file_name(info: Entry) -> str | None:
 
 
 def _image_id(
-    entry: Any, name: str | None, places: Mapping[str, int], photos: _Photos
+    entry: Any, name: str | None, places: Mapping[str, int], photos: _Photos, *, named: bool
 ) -> int | _Outside | None:
-    """The entry's photo; None where it says none that could be one."""
+    """The entry's photo; None where it says none that could be one.
+
+    named: the file names its photos, so that an id it gives no name is not the track's.
+    """
     if name is not None:
         found = places[name] if name in places else photos.find(name)
         return _OUTSIDE if found is None else found
     image_id = entry.get("image_id") if isinstance(entry, dict) else None
     if type(image_id) is not int:
         return None
-    return image_id if image_id in photos.ids else _OUTSIDE
+    return image_id if image_id in photos.ids and not named else _OUTSIDE
 
 
 def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
