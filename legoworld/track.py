@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,11 +12,12 @@ from legoworld.dataset_versions import dataset_of
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.places import Place, folders_holding
+from legoworld.records.base import UNSET, RecordError, decode
+from legoworld.records.track import PRIVATE_KEYS, ImageInfo, TrackFile
 from legoworld.repeats import repeated
-from legoworld.vocabulary import LARGEST_ID, Vocabulary, from_json
+from legoworld.vocabulary import Vocabulary, vocabulary_of
 
 _SCENE_FILES = ("scene.blend", "scene.glb")
-_PRIVATE_KEYS = ("annotations", "segmentation", "bbox", "area", "iscrowd")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,30 +47,23 @@ def load_track(path: Path, called: str | None = None) -> Track:
     """
     source = called or path.name
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        file = decode(TrackFile, path.read_bytes())
+    except (OSError, RecordError) as error:
         raise CatalogError(
             f"the track {source} cannot be read",
             found=str(error),
-            expected='COCO image-info JSON: {"info", "images", "categories"}',
+            expected='COCO image-info JSON: {"info", "images": [{"id", "file_name" or "coco_url", '
+            '"width", "height"}], "categories": [{"id", "name"}]}',
             next_step="make one with `legoworld track make`",
         ) from error
-    entries = document.get("images") if isinstance(document, dict) else None
-    if not isinstance(entries, list) or not entries:
-        raise CatalogError(
-            f"the track {source} lists no image",
-            found=f'"images" is {type(entries).__name__}',
-            expected='a list of {"id", "file_name", "width", "height"}',
-        )
-    _refuse_annotations(document, entries, source)
-    images = sorted((_image(entry, source) for entry in entries), key=lambda i: i.id)
+    _refuse_annotations(file, source)
+    images = sorted((_image(info, source) for info in file.images), key=lambda i: i.id)
     _refuse_duplicates(images, source)
-    categories = document.get("categories")
     return Track(
         images=tuple(images),
-        vocabulary=from_json(categories, source) if categories else None,
+        vocabulary=vocabulary_of(file.categories, source) if file.categories else None,
         sha256=sha256_of_file(path),
-        info=document.get("info") or {},
+        info=file.info or {},
     )
 
 
@@ -125,55 +118,39 @@ def scene_name(file_name: str) -> str:
     return str(path.with_suffix(""))
 
 
-def _image(entry: Any, source: str) -> TrackImage:
-    try:
-        name = _file_name(entry)
-        size = (entry["width"], entry["height"])
-        image_id = entry["id"]
-    except (AttributeError, KeyError, TypeError) as error:
+def _image(info: ImageInfo, source: str) -> TrackImage:
+    name = _file_name(info)
+    parts = PurePosixPath(name).parts
+    if ".." in parts or name.startswith("/") or not parts:
         raise CatalogError(
             f"the track {source} has an image that cannot be used",
-            found=repr(entry)[:100],
-            expected='{"id", "file_name" or "coco_url", "width", "height"}',
-        ) from error
-    parts = PurePosixPath(str(name)).parts
-    if (
-        type(image_id) is not int
-        or not 0 <= image_id <= LARGEST_ID
-        or any(type(x) is not int or x < 1 for x in size)
-        or not isinstance(name, str)
-        or ".." in parts
-        or name.startswith("/")
-        or not parts
-    ):
-        raise CatalogError(
-            f"the track {source} has an image that cannot be used",
-            found=f"id {image_id!r}, file_name {name!r}, size {size}",
-            expected="an integer id of 0 to 2**53, a relative file_name, a width and height of at "
-            "least 1",
+            found=f"id {info.id}, file_name {name!r}",
+            expected="a path below the photos' folder, as file_name or at the end of coco_url",
         )
-    return TrackImage(id=image_id, file_name=name, size_wh=size, scene=scene_name(name))
+    return TrackImage(
+        id=info.id, file_name=name, size_wh=(info.width, info.height), scene=scene_name(name)
+    )
 
 
-def _file_name(entry: dict[str, Any]) -> Any:
+def _file_name(info: ImageInfo) -> str:
     """The photo's file name. LVIS names photos by their coco_url (v0.5's file_name is another)."""
-    name = entry.get("file_name")
-    if not entry.get("coco_url"):
-        return entry["file_name"]
-    by_url = PurePosixPath(entry["coco_url"]).name
-    return name if name and PurePosixPath(name).name == by_url else by_url
+    name = info.file_name or ""
+    if not info.coco_url:
+        return name
+    by_url = PurePosixPath(info.coco_url).name
+    return name if PurePosixPath(name).name == by_url else by_url
 
 
-def _refuse_annotations(document: dict[str, Any], entries: list[Any], source: str) -> None:
-    private = [key for key in _PRIVATE_KEYS if key in document]
-    private += [k for e in entries if isinstance(e, dict) for k in _PRIVATE_KEYS if k in e]
-    if private:
-        raise CatalogError(
-            f"{source} holds annotations, and a track is public",
-            found=f"key {private[0]!r}",
-            expected="images and categories only",
-            next_step="make the public half with `legoworld track make`",
-        )
+def _refuse_annotations(file: TrackFile, source: str) -> None:
+    for part in (file, *file.images):
+        private = [key for key in PRIVATE_KEYS if getattr(part, key) is not UNSET]
+        if private:
+            raise CatalogError(
+                f"{source} holds annotations, and a track is public",
+                found=f"key {private[0]!r}",
+                expected="images and categories only",
+                next_step="make the public half with `legoworld track make`",
+            )
 
 
 def _refuse_duplicates(images: list[TrackImage], source: str) -> None:

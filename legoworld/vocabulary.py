@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import canonical_json, sha256_of_text
+from legoworld.records.base import RecordError, to_record
+from legoworld.records.track import CategoryInfo
 from legoworld.repeats import repeated
-
-#: Ids above this lose digits where JSON numbers are read as doubles.
-LARGEST_ID: Final = 2**53
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,37 +125,18 @@ def _bare_word(name: str) -> str | None:
     return word.strip() or None if bracket else None
 
 
-def from_json(entries: object, source: str) -> Vocabulary:
-    """A vocabulary from COCO-style category entries. CatalogError names what is wrong."""
-    if not isinstance(entries, list) or not entries:
+def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
+    """A vocabulary of a file's categories. CatalogError for an id or a name that is there twice."""
+    if not entries:
         raise CatalogError(
             f"{source} has no categories",
-            found=type(entries).__name__,
+            found="an empty list",
             expected='a list of {"id", "name"}',
         )
-    categories = []
-    for entry in entries:
-        if (
-            not isinstance(entry, dict)
-            or type(entry.get("id")) is not int
-            or not isinstance(entry.get("name"), str)
-        ):
-            raise CatalogError(
-                f"{source} has a category that cannot be used",
-                found=repr(entry)[:80],
-                expected='an integer "id" and a text "name"',
-            )
-        if not 0 <= entry["id"] <= LARGEST_ID:
-            raise CatalogError(
-                f"{source} has a category id that cannot be used",
-                found=f"{entry['id']} ({entry['name']!r:.60})",
-                expected="0 to 2**53, the integers that every JSON reader keeps",
-            )
-        synonyms = entry.get("synonyms") or ()
-        categories.append(
-            Category(id=entry["id"], name=entry["name"], synonyms=tuple(map(str, synonyms)))
-        )
-    categories.sort(key=lambda c: c.id)
+    categories = sorted(
+        (Category(id=e.id, name=e.name, synonyms=e.synonyms or ()) for e in entries),
+        key=lambda c: c.id,
+    )
     for attribute in ("id", "name"):
         values = [normal_name(c.name) if attribute == "name" else c.id for c in categories]
         if twice := repeated(values):
@@ -166,6 +146,19 @@ def from_json(entries: object, source: str) -> Vocabulary:
                 expected=f"distinct {attribute}s",
             )
     return Vocabulary(tuple(categories))
+
+
+def from_json(entries: object, source: str) -> Vocabulary:
+    """A vocabulary of COCO-style category entries. CatalogError says what cannot be used."""
+    try:
+        categories = to_record(tuple[CategoryInfo, ...], entries)
+    except RecordError as error:
+        raise CatalogError(
+            f"{source} has categories that cannot be used",
+            found=str(error),
+            expected='a list of {"id": 0 to 2**53, "name": text}',
+        ) from error
+    return vocabulary_of(categories, source)
 
 
 def load(path: Path) -> Vocabulary:

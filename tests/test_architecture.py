@@ -23,7 +23,7 @@ ROOMS = [
         "repeats",
         "wording",
     ),
-    ("colmap",),
+    ("colmap", "records"),
     ("cards", "vocabulary", "track", "scene_names", "track_source", "dataset_versions"),
     ("workers",),
     ("scene",),

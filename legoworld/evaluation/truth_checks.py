@@ -16,7 +16,7 @@ import numpy as np
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import BoxFormatError, check_box_format, is_finite
 from legoworld.evaluation.masks import MOST_COORDINATE_PX, covers, pixels_covered, rle_problem
-from legoworld.vocabulary import LARGEST_ID
+from legoworld.records.track import LARGEST_ID
 
 Entry = dict[str, Any]
 Fault = Callable[[Entry], str | None]

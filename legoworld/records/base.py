@@ -1,0 +1,123 @@
+"""Decoding and encoding records: JSON in, checked frozen values out, and back to the same bytes."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any, Final, TypeVar
+
+import msgspec
+from msgspec import UNSET, Struct, UnsetType
+
+from legoworld.files import canonical_json, readable_json
+
+__all__ = [
+    "UNSET",
+    "Record",
+    "RecordError",
+    "UnsetType",
+    "as_json",
+    "canonical",
+    "decode",
+    "decode_lines",
+    "readable",
+    "to_record",
+]
+
+_T = TypeVar("_T")
+#: Made once for each type: making one takes as long as reading a small file.
+_DECODERS: Final[dict[Any, msgspec.json.Decoder[Any]]] = {}
+_AT: Final = re.compile(r" - at `(?:key in )?([^`]*)`$")
+
+
+class Record(Struct, frozen=True, kw_only=True):
+    """Base of every record: frozen, built by keyword, equal by value.
+
+    Each type says `frozen=True, kw_only=True` again: msgspec hands neither down to fields that a
+    type adds.
+    A field that a file may leave out is `T | UnsetType = UNSET` and stays left out when it is
+    written; `T | None` is written as null. Keys that a type does not name are ignored when it is
+    read, so that a reader takes what a later minor version adds. A number that is written back as
+    it was read is `int | float`: a plain `float` turns 2 into 2.0.
+    """
+
+
+class RecordError(ValueError):
+    """A file's content is not what its type says; the text names what was found and where."""
+
+
+def decode(kind: type[_T], data: bytes | str) -> _T:
+    """JSON text as a value of a type, checked in full.
+
+    Raises RecordError for what is not JSON (NaN, infinity and halves of surrogate pairs are not)
+    and for a value of another type, with its place: "expected int, got str at $.images[3].id".
+    """
+    try:
+        return _decoder(kind).decode(data)
+    except msgspec.ValidationError as error:
+        raise RecordError(_sentence(str(error))) from error
+    except msgspec.DecodeError as error:
+        raise RecordError(_malformed(data)) from error
+    except RecursionError as error:
+        raise RecordError("lists or objects are nested too deeply") from error
+
+
+def decode_lines(kind: type[_T], data: bytes) -> list[_T]:
+    """JSON Lines as values of a type; the place of an error begins with its line, from 1."""
+    decoder = _decoder(kind)
+    try:
+        return decoder.decode_lines(data)
+    except (msgspec.DecodeError, RecursionError):
+        for number, line in enumerate(data.split(b"\n"), start=1):
+            if line.strip():
+                try:
+                    decode(kind, line)
+                except RecordError as error:
+                    raise RecordError(f"line {number}: {error}") from error
+        raise
+
+
+def to_record(kind: type[_T], value: Any) -> _T:
+    """A JSON value that is in memory already (of TOML, say) as a value of a type. RecordError."""
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        raise RecordError(_sentence(str(error))) from error
+    except RecursionError as error:
+        raise RecordError("lists or objects are nested too deeply") from error
+
+
+def as_json(record: Any) -> Any:
+    """A record as dicts, lists, texts and numbers: what `json.dumps` takes."""
+    return msgspec.to_builtins(record)
+
+
+def canonical(record: Any) -> str:
+    """One line of JSON with sorted keys: equal records give equal bytes. NaN is refused."""
+    return canonical_json(as_json(record))
+
+
+def readable(record: Any) -> str:
+    """Indented JSON with sorted keys and a final newline, for files people open."""
+    return readable_json(as_json(record))
+
+
+def _decoder(kind: type[_T]) -> msgspec.json.Decoder[_T]:
+    if kind not in _DECODERS:
+        _DECODERS[kind] = msgspec.json.Decoder(kind)
+    return _DECODERS[kind]
+
+
+def _sentence(text: str) -> str:
+    """msgspec's message in one style: "expected int, got str at $.images[3].id"."""
+    text = _AT.sub(r" at \1", text).replace("`", "")
+    return text[:1].lower() + text[1:]
+
+
+def _malformed(data: bytes | str) -> str:
+    """Why a text is not JSON, by line and column where Python's reader can tell."""
+    try:
+        json.loads(data)
+    except (ValueError, RecursionError) as error:
+        return f"not JSON: {error}"
+    return "not JSON: NaN, infinity or half of a surrogate pair"  # which Python's reader takes

@@ -1,0 +1,96 @@
+"""Records: what a type refuses, in which words, and that reading and writing lose nothing."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from legoworld.records.base import (
+    UNSET,
+    Record,
+    RecordError,
+    UnsetType,
+    canonical,
+    decode,
+    decode_lines,
+    to_record,
+)
+
+
+class Part(Record, frozen=True, kw_only=True):
+    id: int
+    score: int | float = 1
+    name: str | UnsetType = UNSET
+    note: str | None = None
+
+
+class Whole(Record, frozen=True, kw_only=True):
+    parts: tuple[Part, ...]
+
+
+parts = st.builds(
+    Part,
+    id=st.integers(-(2**70), 2**70),
+    score=st.one_of(st.integers(), st.floats(allow_nan=False, allow_infinity=False)),
+    name=st.one_of(st.just(UNSET), st.text(st.characters(codec="utf-8"))),
+    note=st.one_of(st.none(), st.text(st.characters(codec="utf-8"))),
+)
+
+
+@given(st.builds(Whole, parts=st.lists(parts).map(tuple)))
+def test_what_is_written_reads_back_and_writes_the_same_bytes(whole):
+    text = canonical(whole)
+    again = decode(Whole, text)
+    assert again == whole
+    assert canonical(again) == text
+
+
+@given(st.lists(parts))
+def test_lines_are_read_as_they_are_written(whole):
+    data = "".join(canonical(part) + "\n" for part in whole).encode()
+    assert decode_lines(Part, data) == whole
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ('{"parts": [{"id": 1}, {"id": "x"}]}', "expected int, got str at $.parts[1].id"),
+        ('{"parts": [{"id": true}]}', "expected int, got bool at $.parts[0].id"),
+        ('{"parts": [{}]}', "object missing required field id at $.parts[0]"),
+        ("[1]", "expected object, got array"),
+        ('{"parts": []} x', "not JSON: Extra data: line 1 column 15"),
+        ('{"parts": NaN}', "not JSON: NaN, infinity"),
+        ('{"parts": [], "other": "\\ud800"}', "half of a surrogate pair"),
+        ('{"parts": [{"id": 1, "score": 1e999}]}', "number out of range at $.parts[0].score"),
+        ('{"other": ' + "[" * 100_000 + "]" * 100_000 + "}", "nested too deeply"),
+        (b"\xff", "not JSON: 'utf-8' codec"),
+        ("", "not JSON"),
+    ],
+)
+def test_an_error_says_what_was_found_and_where(text, found):
+    with pytest.raises(RecordError) as error:
+        decode(Whole, text)
+    assert found in str(error.value)
+    assert "`" not in str(error.value)
+
+
+def test_an_error_in_lines_says_in_which():
+    with pytest.raises(RecordError, match=r"line 3: expected int, got float at \$\.id"):
+        decode_lines(Part, b'{"id": 1}\n\n{"id": 2.5}\n')
+
+
+def test_values_of_other_formats_are_checked_alike():
+    assert to_record(Whole, {"parts": [{"id": 1}]}) == Whole(parts=(Part(id=1),))
+    with pytest.raises(RecordError, match=r"expected int, got str at \$\.parts\[0\]\.id"):
+        to_record(Whole, {"parts": [{"id": "1"}]})
+
+
+def test_keys_a_type_does_not_name_are_ignored_and_fields_left_out_stay_out():
+    part = decode(Part, '{"id": 1, "later": [1, 2]}')
+    assert canonical(part) == '{"id":1,"note":null,"score":1}'
+
+
+def test_records_do_not_change():
+    with pytest.raises(AttributeError):
+        Part(id=1).id = 2
