@@ -1,0 +1,295 @@
+"""Changes the source in one place at a time and looks whether a test notices.
+
+    python benchmarks/mutation/mutate.py legoworld/evaluation --tests tests/evaluation \\
+        --count 300 --seed 1 --out FOLDER [--longest 4] [--only ID ...]
+
+Works in a copy of the tree below FOLDER. The tests run once unchanged, which tells which tests call
+which functions; then for each change of a random sample those tests run, quickest first, until one
+fails. Each change is made to the file itself, so a process that a test starts sees it as well.
+FOLDER/results.jsonl has a line for each change; the same command goes on where it stopped. Delete
+FOLDER/map.json when tests have changed. Prints survivors, and the killed with their 95 % Wilson
+interval. A change that runs past its limit of time counts as killed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import importlib
+import json
+import multiprocessing
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+from operators import Change, changes
+
+ROOT = Path(__file__).resolve().parents[2]
+#: Imported once, before the processes fork: most of a test run's start.
+PRELOADED = (
+    "cv2", "click", "hotcoco", "hypothesis", "jinja2", "numpy", "pycocotools.mask",
+    "scipy.optimize",
+)  # fmt: skip
+MARKERS = "not blender and not real_data and not packaging"
+#: hypothesis is imported before pytest could rewrite its assertions.
+IGNORED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+MEMORY = 12 << 30
+
+
+def main() -> int:
+    """Run and report."""
+    arguments = _arguments()
+    out = arguments.out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    tree = out / "tree"
+    _copy(tree)
+    os.chdir(tree)
+    os.environ.update(PYTHONPATH=str(tree), PYTHONDONTWRITEBYTECODE="1", OPENBLAS_NUM_THREADS="1")
+    sys.dont_write_bytecode = True
+    sys.path[0] = str(tree)
+    for name in PRELOADED:
+        importlib.import_module(name)
+    called = _map(out / "map.json", arguments)
+    sample = _sample(arguments)
+    results = out / "results.jsonl"
+    known = {}
+    if results.is_file():
+        known = {row["id"]: row for row in map(json.loads, results.read_text().splitlines())}
+    print(f"{len(sample)} changes; {len(called)} tests", flush=True)
+    for place, (path, change) in enumerate(sample):
+        name = _identity(path, change)
+        if name in known and not arguments.only:
+            continue
+        row = {
+            "id": name,
+            "path": path,
+            **asdict(change),
+            **_try(path, change, called),
+        }
+        known[name] = row
+        with results.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+        print(f"{place + 1}/{len(sample)} {row['outcome']} {row['seconds']} s {name}", flush=True)
+    _report([known[_identity(path, change)] for path, change in sample])
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("sources", nargs="+", type=Path, help="folders or files, from the root")
+    parser.add_argument("--tests", nargs="+", required=True, help="what pytest is given")
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--longest", type=float, default=4, help="seconds, default 4")
+    parser.add_argument("--only", nargs="+", help="these changes, whatever is known of them")
+    return parser.parse_args()
+
+
+def _copy(tree: Path) -> None:
+    """The tracked and new files of this tree and its compiled kernels."""
+    shutil.rmtree(tree, ignore_errors=True)
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT, check=True, capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    kernels = [str(path.relative_to(ROOT)) for path in (ROOT / "legoworld").rglob("_kernel*.so")]
+    for name in [*filter(None, listed.split("\0")), *kernels]:
+        if (ROOT / name).is_file():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, tree / name)
+
+
+def _sources(sources: list[Path]) -> Iterator[str]:
+    for source in sources:
+        files = sorted(source.rglob("*.py")) if source.is_dir() else [source]
+        yield from (str(path) for path in files)
+
+
+def _identity(path: str, change: Change) -> str:
+    key = hashlib.sha256(f"{path}{change.start}{change.end}{change.after}".encode()).hexdigest()
+    return f"{path}:{change.line}:{change.operator}:{key[:8]}"
+
+
+def _sample(arguments: argparse.Namespace) -> list[tuple[str, Change]]:
+    every = [
+        (path, change)
+        for path in _sources(arguments.sources)
+        for change in changes(Path(path).read_bytes())
+    ]
+    print(f"{len(every)} changes in all: {dict(Counter(c.operator for _, c in every))}")
+    if arguments.only:
+        return [one for one in every if _identity(*one) in arguments.only]
+    return random.Random(arguments.seed).sample(every, min(arguments.count, len(every)))
+
+
+class _Watch:
+    """A pytest plugin: seconds of each test, and the functions it calls, its fixtures' included."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = str(folder / "legoworld") + os.sep
+        self.now: set[tuple[str, int]] = set()
+        self.fixtures: dict[str, set[tuple[str, int]]] = defaultdict(set)
+        self.tests: dict[str, dict[str, Any]] = {}
+
+    def _trace(self, frame: Any, _event: str, _argument: object) -> None:
+        code = frame.f_code
+        if code.co_filename.startswith(self.folder):
+            self.now.add((code.co_filename[len(self.folder) - 10 :], code.co_firstlineno))
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
+        before, self.now = self.now, set()
+        yield
+        own = self.fixtures[f"{fixturedef.baseid}::{fixturedef.argname}"]
+        own |= self.now
+        self.now = before | own
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
+        self.now, started = set(), time.process_time()
+        threading.settrace(self._trace)
+        sys.settrace(self._trace)
+        yield
+        sys.settrace(None)
+        for name, definitions in item._fixtureinfo.name2fixturedefs.items():
+            for definition in definitions:
+                self.now |= self.fixtures.get(f"{definition.baseid}::{name}", set())
+        row = self.tests.setdefault(item.nodeid, {"passed": False})
+        row |= {"seconds": time.process_time() - started, "calls": sorted(self.now)}
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.when == "call":
+            self.tests.setdefault(report.nodeid, {})["passed"] = report.passed
+            self.tests[report.nodeid]["wall"] = report.duration
+
+
+def _map(path: Path, arguments: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Every test that passes on the unchanged tree and is quick enough."""
+    if not path.is_file():
+        context = multiprocessing.get_context("fork")
+        process = context.Process(target=_watch, args=(path, arguments.tests))
+        process.start()
+        process.join()
+    tests = json.loads(path.read_text())
+    passed = {name: row for name, row in tests.items() if row["passed"]}
+    quick = {name: row for name, row in passed.items() if row["wall"] <= arguments.longest}
+    print(f"{len(tests)} tests, {len(passed)} pass unchanged, {len(quick)} are quick enough")
+    return quick
+
+
+def _watch(path: Path, tests: list[str]) -> None:
+    watch = _Watch(Path.cwd())
+    pytest.main(_options(tests), plugins=[watch])
+    path.write_text(json.dumps(watch.tests))
+
+
+def _options(tests: list[str]) -> list[str]:
+    fixed = ["-q", "-n0", "-p", "no:cacheprovider", "--hypothesis-seed=0", "-m", MARKERS, *IGNORED]
+    return [*fixed, *tests]
+
+
+def _chosen(change: Change, called: dict[str, dict[str, Any]], path: str) -> list[str]:
+    """The tests that call a change's function (any of the file's, for the module's own lines)."""
+    chosen = {}
+    for name, row in called.items():
+        lines = {line for file, line in row["calls"] if file == path}
+        if change.function in lines or (not change.function and lines):
+            chosen[name] = row["wall"]
+    files: dict[str, list[float]] = defaultdict(list)
+    for name, seconds in chosen.items():
+        files[name.split("::")[0]].append(seconds)
+    mean = {file: sum(seconds) / len(seconds) for file, seconds in files.items()}
+    return sorted(chosen, key=lambda name: (mean[name.split("::")[0]], name.split("::")[0]))
+
+
+def _try(path: str, change: Change, called: dict[str, dict[str, Any]]) -> dict[str, object]:
+    """Change the file, run the tests, put it back."""
+    file = Path.cwd() / path
+    chosen = _chosen(change, called, path)
+    if not chosen:
+        return {"outcome": "survived", "by": "no test calls it", "seconds": 0}
+    limit = 60 + 10 * sum(called[name]["wall"] for name in chosen)
+    before, stat, started = file.read_bytes(), file.stat(), time.monotonic()
+    try:
+        file.write_bytes(before[: change.start] + change.after.encode() + before[change.end :])
+        # Two changes in one second never share a time: a .pyc is told stale by time and size.
+        os.utime(file, (stat.st_atime, stat.st_mtime + 1 + change.start))
+        outcome, by = _run(chosen, limit)
+    finally:
+        file.write_bytes(before)
+        os.utime(file, (stat.st_atime, stat.st_mtime))
+    seconds = round(time.monotonic() - started, 1)
+    return {"outcome": outcome, "by": by, "seconds": seconds, "tests": len(chosen)}
+
+
+def _run(tests: list[str], limit: float) -> tuple[str, str]:
+    context = multiprocessing.get_context("fork")
+    theirs, ours = context.Pipe(duplex=False)[::-1]
+    process = context.Process(target=_child, args=(tests, theirs))
+    process.start()
+    theirs.close()
+    process.join(limit)
+    late = process.is_alive()
+    with contextlib.suppress(ProcessLookupError):  # and what its tests left running
+        os.killpg(process.pid or 0, signal.SIGKILL)
+    process.join()
+    by = ""
+    with contextlib.suppress(EOFError):  # it ended without a word
+        by = ours.recv()
+    if late:
+        return "killed", "time limit"
+    return ("survived" if process.exitcode == 0 else "killed"), by or f"exit {process.exitcode}"
+
+
+def _child(tests: list[str], pipe: Any) -> None:
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1, 2):
+        os.dup2(nothing, stream)
+
+    class Failed:
+        def pytest_runtest_logreport(self, report: Any) -> None:
+            if report.failed:
+                pipe.send(report.nodeid)
+
+    code = int(pytest.main(["-x", *_options(tests)], plugins=[Failed()]))
+    os._exit(code)
+
+
+def _report(rows: list[dict[str, Any]]) -> None:
+    survivors = [row for row in rows if row["outcome"] == "survived"]
+    print("\nsurvivors")
+    for row in sorted(survivors, key=lambda row: str(row["id"])):
+        print(f"  {row['id']}\n    - {row['before']}\n    + {row['after']}   ({row['by']})")
+    killed = len(rows) - len(survivors)
+    low, high = _wilson(killed, len(rows))
+    share = killed / max(len(rows), 1)
+    print(f"\n{killed} of {len(rows)} killed: {share:.1%} (95 %: {low:.1%} to {high:.1%})")
+
+
+def _wilson(hits: int, count: int) -> tuple[float, float]:
+    """The 95 % interval of a share."""
+    z, n = 1.959964, max(count, 1)
+    share = hits / n
+    middle = (share + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * (share * (1 - share) / n + z * z / (4 * n * n)) ** 0.5
+    return middle - half, middle + half
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
