@@ -72,8 +72,9 @@ class TaskProcess(Generic[Item, Result]):
     def abort(self) -> None:
         """End the process from another thread: its call fails, and so does every later one."""
         self._aborted = True
-        if self._process is not None:
-            self._process.kill()
+        process = self._process  # its own thread may be closing it
+        if process is not None:
+            process.kill()
 
     def close(self) -> None:
         """End the process, whatever it is doing."""

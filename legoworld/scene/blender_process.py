@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import selectors
 import signal
@@ -30,6 +31,7 @@ from legoworld.workers.descendants import resident_bytes
 from legoworld.workers.environment import blender_environment
 
 _POLL_S: Final = 0.02
+_REAP_EVERY_S: Final = 0.002
 #: A worker that has read this many files is replaced: Blender's memory grows slowly with each.
 _RECYCLE_AFTER: Final = 200
 _RECYCLE_SHARE: Final = 0.5  # of the memory limit
@@ -55,7 +57,9 @@ class BlenderProcess:
         self._home: ScratchFolder | None = None
         self._served = 0
         self._aborted = False
-        self._starting = threading.Lock()
+        #: Held to start, kill and reap: an abort comes before a process is made or finds it, and
+        #: never signals a number that was reaped and may be another process's.
+        self._owning = threading.Lock()
 
     def __enter__(self) -> Self:
         return self
@@ -76,7 +80,7 @@ class BlenderProcess:
         home = self._home.path
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
         empty, environment = _made(home, "empty"), _environment(home)
-        with self._starting:  # an abort comes before the process is made, or finds it
+        with self._owning:
             if self._aborted:
                 raise self._crashed()
             self._process = subprocess.Popen(
@@ -115,21 +119,21 @@ class BlenderProcess:
         try:
             return self._ask(message)
         except LegoWorldError:
-            if self._process is not None and self._process.poll() is not None:
+            if self._exit_code() is not None:
                 self.close()
             raise
 
     def abort(self) -> None:
         """End the process from another thread: its request fails, and so does every later one."""
-        with self._starting:
+        with self._owning:
             self._aborted = True
-            self._kill()
+            if self._process is not None:
+                _kill(self._process)
 
     def close(self) -> None:
         """End the process, whatever it is doing."""
         if self._process is not None:
-            self._kill()
-            self._process.wait()
+            self._end()
             for pipe in (self._process.stdin, self._process.stdout):
                 if pipe is not None:
                     # A killed reader leaves unsent bytes behind.
@@ -157,7 +161,7 @@ class BlenderProcess:
         try:
             line = self._answer_line(process, deadline)
         except LegoWorldError:
-            self._process_failed()
+            self._end()  # it cannot be used any more; its log is kept for the message
             raise
         self._served += 1
         answer: dict[str, Any] = json.loads(line)
@@ -191,25 +195,26 @@ class BlenderProcess:
             raise self._crashed()
         return line
 
-    def _process_failed(self) -> None:
-        """Stop a process that cannot be used any more; its log is kept for the message."""
+    def _end(self) -> None:
+        """Kill the process and wait until it is gone."""
         if self._process is not None:
-            self._kill()
-            self._process.wait()
+            with self._owning:
+                _kill(self._process)
+            self._exit_code(within_s=None)
 
-    def _kill(self) -> None:
-        """Kill the worker's whole session; once it is reaped its number may be another's."""
-        process = self._process  # another thread may be closing it
-        if process is not None and process.returncode is None:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)
+    def _exit_code(self, *, within_s: float | None = 0.0) -> int | None:
+        """The process's exit code once it has ended; None where it runs, or there is none."""
+        deadline = math.inf if within_s is None else time.monotonic() + within_s
+        while self._process is not None:
+            with self._owning:
+                code = self._process.poll()
+            if code is not None or time.monotonic() >= deadline:
+                return code
+            time.sleep(_REAP_EVERY_S)
+        return None
 
     def _crashed(self) -> WorkerCrashedError:
-        code = None
-        if self._process is not None:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(timeout=5)
-            code = self._process.returncode
+        code = self._exit_code(within_s=5.0)
         killed = code is not None and code < 0
         how = f"signal {-code}" if code is not None and killed else f"exit code {code}"
         advice = (
@@ -247,8 +252,15 @@ class BlenderProcess:
         if self._process is None:
             return
         grown = resident_bytes(self._process.pid) > _RECYCLE_SHARE * self._limits.memory_bytes
-        if self._served >= _RECYCLE_AFTER or grown or self._process.poll() is not None:
+        if self._served >= _RECYCLE_AFTER or grown or self._exit_code() is not None:
             self.close()
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    """Kill a worker's whole session, unless it is reaped; its number may be another's then."""
+    if process.returncode is None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 def _made(folder: Path, name: str) -> Path:

@@ -9,6 +9,7 @@ from typing import Final
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, one_line
+from legoworld.scene.program_report import BEGUN
 from legoworld.workers.sandbox import Ending, Limit, SandboxLimits, SandboxUnavailableError
 
 #: What faulthandler prints before the stack, in a crash and at the time limit.
@@ -57,7 +58,7 @@ def over_limit(
     ending: Ending, over: Limit, at: str | None, limits: SandboxLimits, program: Path
 ) -> ProgramLimitError:
     """The error of a program that was ended for a limit. at: the last stage that was begun."""
-    if over == "time" and at is None:
+    if over == "time" and at is None and not _begun(ending):
         return ProgramTimeoutError(
             "the program did not begin",
             found=f"Blender was still starting after {limits.time_s:g} s",
@@ -103,26 +104,26 @@ def ended_early(ending: Ending, at: str | None, program: Path) -> LegoWorldError
     """The error of a process that ended without the end of its report. at: its last stage."""
     code = ending.code or 0
     how = _signal_name(-code) if code < 0 else f"exit code {code}"
-    if at is None and _last_line(ending).startswith("bwrap: "):
+    begun = at is not None or _begun(ending)
+    if not begun and _last_line(ending).startswith("bwrap: "):
         return SandboxUnavailableError(
             "bubblewrap did not start the program",
             found=_last_line(ending),
             expected="a bubblewrap that starts Python",
             next_step="--sandbox limits runs the program without bubblewrap",
         )
-    if (
-        at is None and code != 0
-    ):  # without a report and with code 0, the program took the report away
+    if not begun:
         return BlenderNotStartedError(
             "Blender did not start, and the program was not run",
             found=one_line(f"{how}; {_last_line(ending)}", 300),
             expected="a Blender that starts",
             next_step="a library Blender needs may be missing: `legoworld doctor` checks",
         )
+    gone = "" if at else ", and its report is gone"
     if code >= 0:
         return ProgramEndedError(
             "the program ended its process, so nothing could be exported",
-            found=one_line(f"{how}; its last line: {_last_line(ending)}", 300),
+            found=one_line(f"{how}{gone}; its last line: {_last_line(ending)}", 300),
             expected="a program that comes to its end, or raises",
             next_step="take out os._exit and whatever ends Blender; sys.exit is understood",
         )
@@ -133,6 +134,11 @@ def ended_early(ending: Ending, at: str | None, program: Path) -> LegoWorldError
         expected="a program that comes to its end",
         next_step="change what the program does there; run it in Blender to see it crash",
     )
+
+
+def _begun(ending: Ending) -> bool:
+    """Whether Blender came so far that the program began, whatever became of its report."""
+    return BEGUN in ending.first_output.splitlines()
 
 
 def _signal_name(number: int) -> str:
@@ -158,6 +164,7 @@ def _last_line(ending: Ending) -> str:
     lines = text[: min(ends)].splitlines() if ends else text.splitlines()
     lines = [
         x for x in lines
-        if x.startswith("bwrap: ") or (x.strip() and not x[0].isdigit() and "/" not in x)
+        if x.startswith("bwrap: ")
+        or (x.strip() and not x[0].isdigit() and "/" not in x and x != BEGUN)
     ]  # fmt: skip
     return one_line(lines[-1], 150) if lines else "no message"

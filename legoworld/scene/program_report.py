@@ -10,6 +10,9 @@ from typing import Any, Final
 from legoworld.errors import one_line
 
 REPORT: Final = "report.json"
+#: Printed on a line of its own when the program begins. A program can take its report away; what
+#: is printed stays.
+BEGUN: Final = "legoworld begins the program"
 _MOST_BYTES: Final = 1 << 20
 _MOST_WARNINGS: Final = 200
 _STAGES: Final = ("program", "export")

@@ -21,6 +21,9 @@ from legoworld.errors import one_line
 #: Where the scratch folder is seen inside; TMPDIR's default place is the scratch folder's, too.
 INSIDE: Final = Path("/sandbox")
 TEMPORARY_INSIDE: Final = Path("/tmp")
+#: Shared memory is files of the scratch folder as well: bubblewrap's own /dev/shm has no limit but
+#: half of the machine's memory.
+_SHARED_MEMORY_INSIDE: Final = Path("/dev/shm")
 
 #: The system's programs and libraries, and how they are found.
 _SYSTEM: Final = (
@@ -30,6 +33,7 @@ _SYSTEM: Final = (
 )  # fmt: skip
 _PROBE_WITHIN_S: Final = 20.0
 _PACKAGE: Final = Path(__file__).parents[1]
+_WITNESS: Final = Path(__file__).with_name("witness.py")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,18 +64,21 @@ def confined(
 ) -> list[str]:
     """The command that runs `argv` confined.
 
-    scratch: the only folder it can write to, seen as INSIDE; its `temporary` is TEMPORARY_INSIDE.
-    read_only: files and folders it can read besides Python, Blender and the system's libraries.
+    scratch: the only folder it can write to, seen as INSIDE; its `temporary` is TEMPORARY_INSIDE
+    and its `shared` /dev/shm. read_only: files and folders it can read besides Python, Blender and
+    the system's libraries. How `argv` ends is said on descriptor 3 (witness.py).
     """
     return [
         bubblewrap.program,
         *_namespaces(),
         "--bind", str(scratch), str(INSIDE),
         "--bind", str(scratch / "temporary"), str(TEMPORARY_INSIDE),
+        "--bind", str(scratch / "shared"), str(_SHARED_MEMORY_INSIDE),
         *_shown(read_only),
         "--remount-ro", "/",
+        "--remount-ro", "/dev",
         "--chdir", str(INSIDE / "empty"),
-        "--", *argv,
+        "--", sys.executable, "-I", "-S", str(_WITNESS), *argv,
     ]  # fmt: skip
 
 

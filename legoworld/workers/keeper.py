@@ -26,10 +26,15 @@ from legoworld.workers.removal import remove_folder
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _LINE: Final = 0
+_ENDING: Final = 3  # witness.py's word for it: that file is run, not imported
 
 
 def main() -> int:
-    """Run sys.argv[1], a JSON object: argv, cwd, file_bytes, output (a descriptor), scratch."""
+    """Run sys.argv[1], a JSON object: argv, cwd, file_bytes, output (a descriptor), scratch.
+
+    witnessed: whether argv is bubblewrap with a witness, which says on a pipe how its program
+    ended.
+    """
     order = json.loads(sys.argv[1])
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     waking, woken = os.pipe()
@@ -37,16 +42,18 @@ def main() -> int:
     signal.set_wakeup_fd(woken, warn_on_full_buffer=False)
     signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
     keeper = os.getpid()
+    read_ending, write_ending = os.pipe()
     child = os.fork()
     if child == 0:
-        _become(order, keeper)
+        _become(order, keeper, write_ending if order["witnessed"] else None)
     os.close(order["output"])
+    os.close(write_ending)
     code = _wait(child, waking)
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(child, signal.SIGKILL)  # all there is to end where there is no subreaper
     end_all(keeper)
     if code is not None:
-        _say({"code": code})
+        _say({"code": _witnessed(read_ending, code) if order["witnessed"] else code})
     # The folder is guarded until legoworld has taken what it needs from it.
     if os.read(_LINE, 1) != b"e":  # legoworld was killed
         remove_folder(Path(order["scratch"]))
@@ -74,8 +81,20 @@ def _ended_child() -> tuple[int, int]:
         return 0, 0
 
 
-def _become(order: dict[str, Any], keeper: int) -> None:
-    """The program: a session of its own, its limits, no descriptor but its three."""
+def _witnessed(ending: int, code: int) -> int:
+    """The witness's word; without one, bubblewrap's code: it did not start, or its witness died."""
+    os.set_blocking(ending, False)
+    with contextlib.suppress(OSError, ValueError):
+        return max(-255, min(int(os.read(ending, 16)), 255))
+    # With nothing said, 128 + n is the signal that ended the witness.
+    return 128 - code if code - 128 in signal.valid_signals() else code
+
+
+def _become(order: dict[str, Any], keeper: int, ending: int | None) -> None:
+    """The program: a session of its own, its limits, no descriptor but its three.
+
+    ending: the pipe its witness gets as well.
+    """
     try:
         os.setsid()
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -86,7 +105,10 @@ def _become(order: dict[str, Any], keeper: int) -> None:
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         os.dup2(order["output"], 1)
         os.dup2(order["output"], 2)
-        os.closerange(3, 1 << 16)
+        if ending is not None:
+            os.dup2(ending, _ENDING)
+            os.set_inheritable(_ENDING, True)  # also where it was there already
+        os.closerange(3 if ending is None else _ENDING + 1, 1 << 16)
         os.chdir(order["cwd"])
         os.execv(order["argv"][0], order["argv"])
     except (OSError, ValueError) as error:

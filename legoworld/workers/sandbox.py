@@ -36,8 +36,8 @@ Confinement = Literal["auto", "bubblewrap", "limits"]
 Limit = Literal["time", "memory", "disk", "output", "processes"]
 
 _KEEPER: Final = Path(__file__).with_name("keeper.py")
-_FOLDERS: Final = ("empty", "home", "temporary", "output")
-_TAIL_BYTES: Final = 64 << 10
+_FOLDERS: Final = ("empty", "home", "temporary", "shared", "output")
+_KEPT_BYTES: Final = 64 << 10  # of each end of what is printed
 _LOOK_EVERY_S: Final = 0.05
 _LOOK_AT_DISK_EVERY_S: Final = 0.5
 _MOST_FILES: Final = 100_000
@@ -70,11 +70,12 @@ class Ending:
     """How a program ended.
 
     code: its exit code, below 0 the signal that ended it; None when `over` names the limit it was
-    ended for. last_output: the end of what it printed.
+    ended for. first_output, last_output: the two ends of what it printed.
     """
 
     code: int | None
     over: Limit | None
+    first_output: str
     last_output: str
 
 
@@ -152,7 +153,7 @@ class Sandbox:
         self.deadline = time.monotonic() + limits.time_s
         self._keeper: subprocess.Popen[bytes] | None = None
         self._printed: IO[bytes] | None = None
-        self._tail = b""
+        self._head, self._tail = b"", b""
         self._printed_bytes = 0
         for name in _FOLDERS:
             (scratch / name).mkdir()
@@ -186,6 +187,7 @@ class Sandbox:
             "cwd": str(self.scratch / "empty"),
             "file_bytes": self._limits.disk_bytes,
             "output": write_output,
+            "witnessed": self._confined,
             "scratch": str(self._owner),
         }
         try:
@@ -261,7 +263,8 @@ class Sandbox:
         assert self._printed is not None
         data = self._printed.read(1 << 16)
         self._printed_bytes += len(data)
-        self._tail = (self._tail + data)[-_TAIL_BYTES:]
+        self._head += data[: _KEPT_BYTES - len(self._head)]
+        self._tail = (self._tail + data)[-_KEPT_BYTES:]
         return bool(data)
 
     def _over(self, keeper: int, now: float, *, disk: bool) -> Limit | None:
@@ -276,30 +279,32 @@ class Sandbox:
         return "time" if now > self.deadline else None
 
     def _end_for(self, over: Limit) -> Ending:
-        last = self._last_output()
+        self._read_what_is_left()
         self.close()
-        return Ending(code=None, over=over, last_output=last)
+        return self._ending(None, over)
 
     def _ended(self, line: bytes) -> Ending:
-        last = self._last_output()
+        self._read_what_is_left()
         if not line:  # the keeper was killed: by the program, or by the system for memory
             self.close()
-            return Ending(code=-9, over=None, last_output=last)
-        code: int = json.loads(line)["code"]
-        # How bubblewrap passes on the signal of its program; the program may also end with such a
-        # code itself.
-        if self._confined and code - 128 in signal.valid_signals():
-            code = 128 - code
-        return Ending(code=code, over=None, last_output=last)
+            return self._ending(-signal.SIGKILL, None)
+        return self._ending(json.loads(line)["code"], None)
 
-    def _last_output(self) -> str:
-        """The end of what was printed, with what is still in the pipe."""
+    def _ending(self, code: int | None, over: Limit | None) -> Ending:
+        return Ending(
+            code=code,
+            over=over,
+            first_output=self._head.decode("utf-8", "replace"),
+            last_output=self._tail.decode("utf-8", "replace"),
+        )
+
+    def _read_what_is_left(self) -> None:
+        """Take what is still in the pipe."""
         assert self._printed is not None
         os.set_blocking(self._printed.fileno(), False)
         with contextlib.suppress(BlockingIOError, TypeError):
             while self._printed_bytes <= self._limits.output_bytes and self._read_output():
                 pass
-        return self._tail.decode("utf-8", "replace")
 
 
 def workspace_bytes(folder: Path) -> int:

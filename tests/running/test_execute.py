@@ -33,6 +33,13 @@ bpy.context.scene.collection.objects.link(light)
 """
 
 
+TAKES_ITS_REPORT_AWAY = """\
+import json, os, shutil, sys
+report = json.loads(sys.orig_argv[-1])["report"]
+os.unlink(report)
+"""
+
+
 def execute(tmp_path: Path, program: str, *options: str) -> tuple[int, Path]:
     path = tmp_path / "program.py"
     path.write_text(textwrap.dedent(program))
@@ -147,13 +154,34 @@ def test_a_program_that_builds_nothing_leaves_nothing(tmp_path, program, capsys)
             ("the program ended its process", "exit code 7; its last line: enough", "os._exit"),
         ),
         (
+            "import os\nos._exit(139)\n",
+            (),
+            ("the program ended its process", "exit code 139; its last line: no message"),
+        ),
+        (
+            TAKES_ITS_REPORT_AWAY + "os._exit(3)\n",
+            (),
+            ("the program ended its process", "exit code 3, and its report is gone;"),
+        ),
+        (
+            TAKES_ITS_REPORT_AWAY + "import ctypes\nctypes.string_at(0)\n",
+            (),
+            ("the program crashed in Blender", "SIGSEGV, at line"),
+        ),
+        (
+            TAKES_ITS_REPORT_AWAY + "shutil.rmtree(os.path.dirname(report))\nwhile True: pass\n",
+            ("--time-limit", "4"),
+            ("the program did not finish", "still running after 4 s, at line 5"),
+        ),
+        (
             "import time\nheld = bytearray(b'x') * (2 << 30)\ntime.sleep(60)\n",
             ("--memory-limit", "1"),
             ("used too much memory", "more than 1 GiB", "raise --memory-limit"),
         ),
     ],
-    ids=["hangs", "crashes", "leaves", "grows"],
-)
+    ids=["hangs", "crashes", "leaves", "leaves like a crash", "takes its report and leaves",
+         "takes its report and crashes", "takes its report and hangs", "grows"],
+)  # fmt: skip
 def test_what_a_program_did_is_said_of_the_program(tmp_path, capsys, program, options, words):
     """Not of a scene: nothing was built yet that could be damaged or simplified."""
     code, output = execute(tmp_path, program, *options)
@@ -172,14 +200,14 @@ def test_the_line_that_hangs_or_crashes_is_the_programs_own():
         '  File "/p/scene.py", line 40 in <module>\n'
     )
     limits = SandboxLimits(time_s=3.0, memory_bytes=1 << 30)
-    ending = Ending(code=None, over="time", last_output="built 3\n" + stack)
+    ending = Ending(code=None, over="time", first_output="", last_output="built 3\n" + stack)
     error = over_limit(ending, "time", "program", limits, Path("/p/scene.py"))
     assert error.found == "still running after 3 s, at line 12"
     assert (error.status, error.code) == ("timeout", "program_timeout")
     error = over_limit(ending, "time", None, limits, Path("/p/scene.py"))
     assert "Blender was still starting" in error.found
     crash = "built 3\nFatal Python error: Segmentation fault\n\nCurrent t" + stack[18:]
-    ending = Ending(code=-11, over=None, last_output=crash)
+    ending = Ending(code=-11, over=None, first_output="", last_output=crash)
     error = ended_early(ending, "program", Path("/p/scene.py"))
     assert error.found == "SIGSEGV, at line 12; its last line: built 3"
     assert "while its scene was exported" in ended_early(ending, "export", Path("/p/s.py")).what

@@ -76,6 +76,24 @@ def test_a_crash_is_a_signal(run):
     assert run("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)").code == -signal.SIGSEGV
 
 
+@pytest.mark.parametrize("code", [1, 127, 128, 137, 139, 192, 255])
+def test_an_exit_code_is_no_signal(run, code):
+    """Bubblewrap says 139 of a program that crashed, and of one that ended with 139."""
+    assert run(f"import os; os._exit({code})").code == code
+
+
+@pytest.mark.parametrize("number", [signal.SIGABRT, signal.SIGKILL, signal.SIGTERM])
+def test_a_signal_is_no_exit_code(run, number):
+    assert run(f"import os; os.kill(os.getpid(), {int(number)})").code == -number
+
+
+def test_both_ends_of_the_output_are_kept(run):
+    ending = run("print('first'); print('x' * 200_000); print('last')")
+    assert ending.first_output.startswith("first\nxxx")
+    assert ending.last_output.endswith("xxx\nlast\n")
+    assert len(ending.first_output) == len(ending.last_output) == 64 << 10
+
+
 def test_a_program_sees_no_variable_that_is_not_named(run, monkeypatch):
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hidden-value")
     monkeypatch.setenv("HF_TOKEN", "hidden-value")
@@ -171,6 +189,36 @@ def test_many_files_together_cannot_be_larger_than_the_limit(run):
     assert ending.over == "disk"
 
 
+def test_shared_memory_is_counted_with_the_files(confined_run):
+    """Nothing maps it, so it is in no process's memory: bubblewrap's own /dev/shm took 12 GiB."""
+    program = """
+        import time
+        for n in range(16):
+            with open(f"/dev/shm/{n}", "wb") as stream:
+                stream.write(bytes(1 << 20))
+        time.sleep(600)
+    """
+    limits = SandboxLimits(time_s=30.0, memory_bytes=1 << 30, disk_bytes=8 << 20)
+    assert confined_run(program, limits).over == "disk"
+
+
+def test_shared_memory_serves_what_it_is_for(run):
+    program = """
+        from multiprocessing import Lock, shared_memory
+        with Lock():
+            memory = shared_memory.SharedMemory(create=True, size=1 << 20)
+        memory.buf[:4] = b"word"
+        other = shared_memory.SharedMemory(memory.name)
+        print(bytes(other.buf[:4]))
+        other.close()
+        memory.close()
+        memory.unlink()
+    """
+    ending = run(program)
+    assert ending.code == 0, ending.last_output
+    assert "b'word'" in ending.last_output
+
+
 def test_a_fork_bomb_is_ended(run, tmp_path):
     program = "import os\nwhile os.fork() >= 0: pass"
     ending = run(program, SandboxLimits(time_s=30.0, memory_bytes=4 << 30, processes=50))
@@ -178,7 +226,22 @@ def test_a_fork_bomb_is_ended(run, tmp_path):
 
 
 def test_a_program_that_kills_its_whole_group_harms_itself_only(run):
-    assert run("import os, signal; os.killpg(0, signal.SIGKILL)").code in (-9, None)
+    assert run("import os, signal; os.killpg(0, signal.SIGKILL)").code == -signal.SIGKILL
+
+
+def test_a_program_that_kills_its_witness_has_ended(confined_run):
+    program = "import os, signal, time; os.kill(os.getppid(), signal.SIGKILL); time.sleep(600)"
+    assert confined_run(program).code == -signal.SIGKILL
+
+
+@pytest.mark.parametrize(("word", "code"), [("", 139), ("x", 0), ("9" * 400, 255)])
+def test_a_program_that_speaks_for_its_witness_spoils_its_own_verdict(confined_run, word, code):
+    program = f"""
+        import os, signal
+        os.write(os.open(f"/proc/{{os.getppid()}}/fd/3", os.O_WRONLY), {word!r}.encode())
+        os._exit(139)
+    """
+    assert confined_run(program).code == code
 
 
 def test_killed_with_legoworld_nothing_is_left(confinement, tmp_path):
@@ -223,11 +286,12 @@ def test_bubblewrap_shows_nothing_of_the_callers(confined_run, tmp_path, monkeyp
         import os
         print(os.path.exists({str(private)!r}), os.path.exists({str(Path.home())!r} + "/.bashrc"))
         print(os.path.exists("/etc/passwd"), os.path.exists({str(Path(__file__))!r}))
-        print(sorted(n for n in os.listdir("/proc") if n.isdigit())[:3], os.getcwd())
+        print(sorted(n for n in os.listdir("/proc") if n.isdigit()), os.getcwd())
     """
     printed = confined_run(program).last_output.splitlines()
     assert printed[:2] == ["False False", "False False"]
-    assert printed[2] == "['1', '2'] /sandbox/empty"
+    # Bubblewrap, the witness and the program.
+    assert printed[2] == "['1', '2', '3'] /sandbox/empty"
 
 
 def test_bubblewrap_shows_inputs_read_only(confined_run, tmp_path):
@@ -237,7 +301,7 @@ def test_bubblewrap_shows_inputs_read_only(confined_run, tmp_path):
     program = f"""
         path = {str(texture)!r}
         print(open(path).read())
-        for place in (path, "/usr/here", "/here"):
+        for place in (path, "/usr/here", "/here", "/dev/here"):
             try:
                 open(place, "w")
             except OSError as error:
@@ -245,7 +309,7 @@ def test_bubblewrap_shows_inputs_read_only(confined_run, tmp_path):
         open("/tmp/here", "w").write("x")
     """
     ending = confined_run(program, inputs=(texture.parent,))
-    assert ending.last_output.splitlines() == ["grain", *["Read-only file system"] * 3]
+    assert ending.last_output.splitlines() == ["grain", *["Read-only file system"] * 4]
     assert ending.code == 0
     assert texture.read_text() == "grain"
 

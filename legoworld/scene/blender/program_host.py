@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from legoworld.errors import LegoWorldError, WorkerMemoryError
+from legoworld.scene.program_report import BEGUN
 
 #: How long before the time limit the program's line is printed.
 _SAY_BEFORE_S: Final = 0.3
@@ -44,16 +45,21 @@ def main() -> int:
             unfinished.write_text(json.dumps(answer), encoding="utf-8")
             unfinished.replace(report)  # whole, or the one before
 
-    say(_answer(Path(request["program"]), Path(request["output"]), say))
+    def begin(stage: str) -> None:
+        if stage == "program":
+            print(BEGUN, flush=True)
+        say({"at": stage})
+
+    say(_answer(Path(request["program"]), Path(request["output"]), begin))
     # Some add-ons and caches abort in Blender's own exit code; all results are written by now.
     os._exit(0)
 
 
-def _answer(program: Path, output: Path, say: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+def _answer(program: Path, output: Path, begin: Callable[[str], None]) -> dict[str, Any]:
     from legoworld.scene.blender.programs import execute_program
 
     try:
-        return {"ok": True, **execute_program(program, output, lambda at: say({"at": at}))}
+        return {"ok": True, **execute_program(program, output, begin)}
     except LegoWorldError as error:
         return {"ok": False, "reason": error.reason()}
     except MemoryError:

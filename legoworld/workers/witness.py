@@ -1,0 +1,33 @@
+"""The process between bubblewrap and its program. Run as a program; see keeper.py.
+
+Bubblewrap passes a signal on as the exit code 128 + n, which a program may end with itself. This
+parent of the program says which it was on descriptor 3, which the program does not get. A program
+may kill it or write there in its name: it then spoils the words said about its own end.
+"""
+
+import os
+import sys
+
+#: Where the keeper listens.
+ENDING = 3
+
+
+def main() -> int:
+    """Run sys.argv[1:] and say its exit code, below 0 the signal that ended it."""
+    child = os.fork()
+    if child == 0:
+        try:
+            os.setpgid(0, 0)  # a program that kills its group leaves its witness
+            os.close(ENDING)
+            os.execv(sys.argv[1], sys.argv[1:])
+        except OSError as error:
+            os.write(2, f"{sys.argv[1]}: {error}\n".encode())
+        finally:
+            os._exit(127)
+    _, status = os.waitpid(child, 0)
+    os.write(ENDING, b"%d\n" % os.waitstatus_to_exitcode(status))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
