@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, SceneChangedError
-from legoworld.files import atomic_path, readable_json, write_text
+from legoworld.files import atomic_path, write_text
 from legoworld.pictures import (
     depth_picture,
     instance_picture,
@@ -19,6 +18,8 @@ from legoworld.pictures import (
     write_png,
 )
 from legoworld.readouts.exports import bbox_xywh_px
+from legoworld.records.base import readable
+from legoworld.records.instances import InstanceRow, InstancesFile
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, SceneFolder, Source
@@ -40,7 +41,7 @@ class Inspection:
 
     scene: ReadScene
     view: View
-    entries: tuple[dict[str, Any], ...]
+    entries: tuple[InstanceRow, ...]
     warnings: tuple[str, ...]
     outside_vocabulary: dict[str, int]
     nearest: dict[str, list[str]]
@@ -114,23 +115,21 @@ def _files(folder: SceneFolder, *, allow_changed: bool) -> tuple[FrozenFiles, li
         return files, [f"{error.what}: readout refuses the scene until it is frozen again"]
 
 
-def instance_entries(
-    scene: ReadScene, grouping: Grouping, seen: View
-) -> tuple[dict[str, Any], ...]:
+def instance_entries(scene: ReadScene, grouping: Grouping, seen: View) -> tuple[InstanceRow, ...]:
     """The rows of instances.json, by id."""
     reasons = unseen_reasons(scene.snapshot, grouping, seen)
     return tuple(
-        {
-            "id": instance.id,
-            "name": instance.name,
-            "objects": list(instance.objects),
-            "category": instance.category.name if instance.category else None,
-            "labelled": instance.category is not None,
-            "area_px": int(seen.area_px[instance.id]),
-            "bbox_xywh_px": bbox_xywh_px(seen, instance.id),
-            "nested_in": grouping.nested.get(instance.id),
-            "reason": reasons.get(instance.id),
-        }
+        InstanceRow(
+            id=instance.id,
+            name=instance.name,
+            objects=instance.objects,
+            category=instance.category.name if instance.category else None,
+            labelled=instance.category is not None,
+            area_px=int(seen.area_px[instance.id]),
+            bbox_xywh_px=bbox_xywh_px(seen, instance.id),
+            nested_in=grouping.nested.get(instance.id),
+            reason=reasons.get(instance.id),
+        )
         for instance in grouping.instances
     )
 
@@ -149,7 +148,7 @@ def write_inspection(inspection: Inspection, output: Path, photo: Path | None) -
     output.mkdir(parents=True, exist_ok=True)
     with atomic_path(output / "buffers.npz") as temporary, temporary.open("wb") as stream:
         np.savez(stream, instance=buffers.instance, depth_z_m=buffers.depth_z_m)
-    document = {"schema_version": SCHEMA_VERSION, "instances": list(inspection.entries)}
-    write_text(output / "instances.json", readable_json(document))
+    document = InstancesFile(schema_version=SCHEMA_VERSION, instances=inspection.entries)
+    write_text(output / "instances.json", readable(document))
     write_png(output / "overlay.png", overlay(ground, buffers.instance, inspection.entries))
     write_png(output / "depth.png", depth_picture(buffers.depth_z_m))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import colorsys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from legoworld.conventions import NO_INSTANCE
 from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path
+from legoworld.records.instances import InstanceRow
 from legoworld.scene.artefacts import decoded_picture
 
 #: ColorBrewer's Spectral, 11 classes, near to far, as RGB.
@@ -76,20 +77,20 @@ def instance_picture(instance: NDArray[np.int32]) -> Rgb:
     return np.ascontiguousarray(colors[instance] // 2, np.uint8)
 
 
-def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[dict[str, Any]]) -> Rgb:
+def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[InstanceRow]) -> Rgb:
     """Outlines, boxes and names over a photo of the same size.
 
     entries: rows of instances.json; labelled ones get their box and name, others a thin outline.
     """
     picture = ground.copy()
-    shown = [e for e in entries if e["area_px"] > 0]
-    unlabelled = np.isin(instance, [e["id"] for e in shown if e["category"] is None])
+    shown = [e for e in entries if e.area_px > 0]
+    unlabelled = np.isin(instance, [e.id for e in shown if e.category is None])
     edges = _edges(instance)
     picture[edges & unlabelled] = (picture[edges & unlabelled] // 2) + 64
-    labelled = sorted((e for e in shown if e["category"]), key=lambda e: -e["area_px"])
+    labelled = sorted((e for e in shown if e.category), key=lambda e: -e.area_px)
     for entry in labelled:
-        mask = instance == entry["id"]
-        color = np.array(_color(entry["id"]))
+        mask = instance == entry.id
+        color = np.array(_color(entry.id))
         tinted = picture[mask] * 0.72 + color * 0.28
         picture[mask] = tinted.astype(np.uint8)
         picture[edges & mask] = color
@@ -98,11 +99,11 @@ def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[dict[str
     return picture
 
 
-def _draw_box(picture: Rgb, entry: dict[str, Any]) -> None:
-    x, y, w, h = entry["bbox_xywh_px"]
-    color = _color(entry["id"])
+def _draw_box(picture: Rgb, entry: InstanceRow) -> None:
+    x, y, w, h = entry.bbox_xywh_px
+    color = _color(entry.id)
     cv2.rectangle(picture, (x, y), (x + w - 1, y + h - 1), color, 1)
-    text = f"{entry['id']} {entry['category']}"
+    text = f"{entry.id} {entry.category}"
     (width, height), base = cv2.getTextSize(text, _FONT, 0.4, 1)
     left = min(x, max(0, picture.shape[1] - width - 2))
     top = y if y + height + base < picture.shape[0] else picture.shape[0] - height - base - 2

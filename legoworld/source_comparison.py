@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import NO_INSTANCE
 from legoworld.inspection import Inspection, inspect_scene
+from legoworld.records.instances import InstanceRow
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
@@ -48,14 +49,14 @@ class SourceComparison:
     glb: Inspection
     pairs: tuple[Pair, ...]
     unseen: int
-    lost: tuple[dict[str, Any], ...]
-    gained: tuple[dict[str, Any], ...]
+    lost: tuple[InstanceRow, ...]
+    gained: tuple[InstanceRow, ...]
     differences: tuple[str, ...]
 
     @property
     def differing_px(self) -> int:
         """Pixels that show an instance of another name, or one and nothing."""
-        names = [np.array([e["name"] for e in x.entries] + [None]) for x in (self.blend, self.glb)]
+        names = [np.array([e.name for e in x.entries] + [None]) for x in (self.blend, self.glb)]
         shown = [
             n[x.view.buffers.instance] for n, x in zip(names, (self.blend, self.glb), strict=True)
         ]
@@ -69,7 +70,7 @@ class SourceComparison:
     @property
     def faithful(self) -> bool:
         """Whether both sources show the same instances, with the same categories and masks."""
-        one_sided = any(entry["area_px"] for entry in (*self.lost, *self.gained))
+        one_sided = any(entry.area_px for entry in (*self.lost, *self.gained))
         relabelled = any(pair.blend_category != pair.glb_category for pair in self.pairs)
         return not (self.disagreeing or one_sided or relabelled)
 
@@ -104,20 +105,20 @@ def compare_sources(
         glb=glb,
         pairs=tuple(sorted(seen, key=lambda pair: (pair.iou >= SAME_IOU, pair.name))),
         unseen=len(pairs) - len(seen),
-        lost=tuple(entry for entry in blend.entries if entry["id"] not in taken[0]),
-        gained=tuple(entry for entry in glb.entries if entry["id"] not in taken[1]),
+        lost=tuple(entry for entry in blend.entries if entry.id not in taken[0]),
+        gained=tuple(entry for entry in glb.entries if entry.id not in taken[1]),
         differences=(*_snapshot_differences(blend, glb), *_view_differences(blend, glb)),
     )
 
 
-def _pair(blend: dict[str, Any], glb: dict[str, Any], overlap: int) -> Pair:
-    union = blend["area_px"] + glb["area_px"] - overlap
+def _pair(blend: InstanceRow, glb: InstanceRow, overlap: int) -> Pair:
+    union = blend.area_px + glb.area_px - overlap
     return Pair(
-        name=blend["name"],
-        blend_category=blend["category"],
-        glb_category=glb["category"],
-        blend_area_px=blend["area_px"],
-        glb_area_px=glb["area_px"],
+        name=blend.name,
+        blend_category=blend.category,
+        glb_category=glb.category,
+        blend_area_px=blend.area_px,
+        glb_area_px=glb.area_px,
         iou=overlap / union if union else 1.0,
     )
 
@@ -125,7 +126,7 @@ def _pair(blend: dict[str, Any], glb: dict[str, Any], overlap: int) -> Pair:
 def _partners(blend: Inspection, glb: Inspection) -> list[tuple[int, int, int]]:
     """(id in blend, id in glb, overlap in pixels) of instances with one name, each used once."""
     overlaps = _overlaps(blend.view.buffers.instance, glb.view.buffers.instance)
-    names = [entry["name"] for entry in blend.entries], [entry["name"] for entry in glb.entries]
+    names = [entry.name for entry in blend.entries], [entry.name for entry in glb.entries]
     ranked = sorted(((-n, i, j) for (i, j), n in overlaps.items() if names[0][i] == names[1][j]))
     partner: dict[int, tuple[int, int]] = {}
     taken: set[int] = set()

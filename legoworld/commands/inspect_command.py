@@ -153,8 +153,10 @@ def _refuse_a_folder_of_scenes(scene: Place) -> None:
 
 
 def _document(inspection: Inspection) -> dict[str, Any]:
+    from legoworld.records.base import as_json
+
     return {
-        "instances": list(inspection.entries),
+        "instances": as_json(inspection.entries),
         "size_wh": list(inspection.view.size_wh),
         "warnings": list(inspection.warnings),
         "outside_vocabulary": inspection.outside_vocabulary,
@@ -165,16 +167,16 @@ def _document(inspection: Inspection) -> dict[str, Any]:
 
 
 def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose: bool) -> None:
-    entries = sorted(inspection.entries, key=lambda e: (not e["labelled"], -e["area_px"]))
+    entries = sorted(inspection.entries, key=lambda e: (not e.labelled, -e.area_px))
     shown = entries if verbose else entries[:40]
     rows = [
         (
-            e["id"],
-            e["name"],
-            len(e["objects"]),
-            e["category"] or "-",
-            e["area_px"],
-            " ".join(map(str, e["bbox_xywh_px"])) if e["area_px"] else f"({e['reason']})",
+            e.id,
+            e.name,
+            len(e.objects),
+            e.category or "-",
+            e.area_px,
+            " ".join(map(str, e.bbox_xywh_px)) if e.area_px else f"({e.reason})",
         )
         for e in shown
     ]
@@ -183,7 +185,7 @@ def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose:
     if len(shown) < len(entries):
         click.echo(f"... and {len(entries) - len(shown)} more (-v lists them)")
     snapshot, camera = inspection.scene.snapshot, inspection.scene.snapshot.camera
-    labelled = sum(e["labelled"] for e in entries)
+    labelled = sum(e.labelled for e in entries)
     width, height = inspection.view.size_wh
     click.echo(
         f"\n{counted(len(entries), 'instance', 'instances')} ({labelled} labelled), "

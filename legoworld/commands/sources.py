@@ -10,19 +10,22 @@ import click
 from legoworld.commands import options
 
 if TYPE_CHECKING:
+    from legoworld.records.instances import InstanceRow
     from legoworld.source_comparison import Pair, SourceComparison
 
 
 def document(found: SourceComparison) -> dict[str, Any]:
     """The comparison as a JSON document."""
+    from legoworld.records.base import as_json
+
     return {
         "size_wh": list(found.blend.view.size_wh),
         "instances": [asdict(pair) for pair in found.pairs],
         "disagreeing": found.disagreeing,
         "differing_px": found.differing_px,
         "unseen": found.unseen,
-        "lost": list(found.lost),
-        "gained": list(found.gained),
+        "lost": as_json(found.lost),
+        "gained": as_json(found.gained),
         "differences": list(found.differences),
         "warnings": {
             "blend": list(found.blend.warnings),
@@ -67,11 +70,11 @@ def _category(pair: Pair) -> str:
     return blend if blend == glb else f"{blend} | {glb}"
 
 
-def _one_sided(where: str, entries: tuple[dict[str, Any], ...]) -> None:
-    visible = sorted((e for e in entries if e["area_px"]), key=lambda e: -e["area_px"])
+def _one_sided(where: str, entries: tuple[InstanceRow, ...]) -> None:
+    visible = sorted((e for e in entries if e.area_px), key=lambda e: -e.area_px)
     for entry in visible[:20]:
-        category = f", {entry['category']}" if entry["category"] else ""
-        click.echo(f"{where}: {entry['name']!r}{category}, {entry['area_px']} px")
+        category = f", {entry.category}" if entry.category else ""
+        click.echo(f"{where}: {entry.name!r}{category}, {entry.area_px} px")
     rest = len(entries) - len(visible[:20])
     if rest:
         click.echo(f"{where}: {rest} more, {len(entries) - len(visible)} of them not seen")

@@ -36,7 +36,7 @@ def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> lis
         prediction = {
             "image_id": image_id,
             "category_id": instance.category.id,
-            "bbox": bbox_xywh_px(view, instance.id),
+            "bbox": list(bbox_xywh_px(view, instance.id)),
             "score": EQUAL_CONFIDENCE,
         }
         rows.append((prediction, instance))
@@ -74,10 +74,10 @@ def _by_category_and_counts(export: Export) -> tuple[int, bytes]:
     return prediction["category_id"], prediction["segmentation"]["counts"].encode()
 
 
-def bbox_xywh_px(view: View, instance_id: int) -> list[int]:
+def bbox_xywh_px(view: View, instance_id: int) -> tuple[int, int, int, int]:
     """The extent of an instance's visible pixels: x, y, width, height in pixel edges."""
     x0, y0, x1, y1 = (int(v) for v in view.bbox_xyxy_px[instance_id])
-    return [x0, y0, x1 - x0, y1 - y0]
+    return x0, y0, x1 - x0, y1 - y0
 
 
 class ColumnRuns:

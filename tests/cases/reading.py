@@ -49,7 +49,7 @@ class Case:
 
     def named(self, name: str) -> list[dict[str, Any]]:
         """The rows of instances.json with a name."""
-        return [entry for entry in self.entries if entry["name"] == name]
+        return [entry for entry in self.entries if entry.name == name]
 
     def one(self, name: str) -> dict[str, Any]:
         """The one row with a name."""
@@ -57,16 +57,16 @@ class Case:
         return entry
 
     def area(self, name: str) -> int:
-        return int(self.one(name)["area_px"])
+        return int(self.one(name).area_px)
 
     def bbox(self, name: str) -> list[int]:
-        return list(self.one(name)["bbox_xywh_px"])
+        return list(self.one(name).bbox_xywh_px)
 
     def mask(self, name: str) -> NDArray[np.bool_]:
-        return np.asarray(self.instance == self.one(name)["id"])
+        return np.asarray(self.instance == self.one(name).id)
 
     def of_category(self, category: str) -> list[dict[str, Any]]:
-        return [entry for entry in self.entries if entry["category"] == category]
+        return [entry for entry in self.entries if entry.category == category]
 
 
 @dataclass(frozen=True, kw_only=True)

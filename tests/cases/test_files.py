@@ -40,7 +40,7 @@ def test_row_34_a_missing_texture_changes_no_geometry_and_is_on_record(cases):
 def test_row_34_a_linked_library_that_is_there_is_read_and_hashed(cases):
     case = cases.read("linked_library")
     (stool,) = case.of_category("chair")
-    assert stool["area_px"] == 100
+    assert stool.area_px == 100
     ((name, found),) = case.scene.files.dependencies.items()
     assert re.fullmatch(r"outside://[0-9a-f]{16}/stool\.blend", name)
     assert found is not None

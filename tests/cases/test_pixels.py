@@ -73,8 +73,8 @@ def test_row_07_a_rings_hole_is_not_in_its_mask(cases):
 def test_row_08_an_occluder_splits_an_object_into_one_annotation(cases):
     case = cases.read("split_by_an_occluder")
     (bar,) = case.of_category("bar")
-    assert bar["area_px"] == 500
-    assert bar["bbox_xywh_px"] == [10, 20, 60, 10]
+    assert bar.area_px == 500
+    assert bar.bbox_xywh_px == (10, 20, 60, 10)
     assert case.area("Post") == 500
 
 
@@ -87,7 +87,7 @@ def test_row_09_one_pixel_objects_and_lines_are_kept(cases):
 
 def test_row_10_what_is_not_seen_has_a_reason(cases):
     case = cases.read("unseen")
-    reasons = {entry["name"]: entry["reason"] for entry in case.entries}
+    reasons = {entry.name: entry.reason for entry in case.entries}
     assert reasons == {
         "Wall": None,
         "Hidden": "hidden",
@@ -97,7 +97,7 @@ def test_row_10_what_is_not_seen_has_a_reason(cases):
         "Sub-pixel": "sub_pixel",
         "Line": "no_area",
     }
-    assert all(entry["area_px"] == 0 for entry in case.of_category("thing"))
+    assert all(entry.area_px == 0 for entry in case.of_category("thing"))
 
 
 def test_row_11_boxes_end_at_the_border(cases):
@@ -110,8 +110,8 @@ def test_row_11_boxes_end_at_the_border(cases):
 
 def test_row_12_clip_planes_cut_and_show_what_lies_behind(cases):
     case = cases.read("clip_planes")
-    assert case.one("Before clip start")["reason"] == "behind_camera"
-    assert case.one("Past clip end")["reason"] == "beyond_clip_end"
+    assert case.one("Before clip start").reason == "behind_camera"
+    assert case.one("Past clip end").reason == "beyond_clip_end"
     assert case.area("Seen") == 60 * 40
     assert (case.depth[case.mask("Seen")] == 100.0).all()
     assert case.area("At clip start") == case.area("At clip end") == 25  # planes are inclusive
@@ -119,24 +119,24 @@ def test_row_12_clip_planes_cut_and_show_what_lies_behind(cases):
 
 def test_row_13_visible_masks_partition_what_is_hit(cases):
     case = cases.read("crowd")
-    areas = sum(entry["area_px"] for entry in case.entries)
+    areas = sum(entry.area_px for entry in case.entries)
     hit = case.instance >= 0
     assert areas == int(hit.sum())
     assert np.array_equal(np.isfinite(case.depth), hit)
     assert (case.depth[hit] > 0).all()
     for entry in case.entries:
-        mask = case.instance == entry["id"]
-        assert int(mask.sum()) == entry["area_px"]
+        mask = case.instance == entry.id
+        assert int(mask.sum()) == entry.area_px
         if mask.any():
             rows, columns = np.nonzero(mask)
-            x, y, w, h = bbox_xywh_px(case.view, entry["id"])
+            x, y, w, h = bbox_xywh_px(case.view, entry.id)
             assert (columns.min(), columns.max() + 1) == (x, x + w)
             assert (rows.min(), rows.max() + 1) == (y, y + h)
 
 
 def test_row_14_coplanar_faces_go_to_the_lower_id_for_any_number_of_threads(cases):
     case = cases.read("coplanar")
-    assert case.one("A first")["id"] < case.one("Z last")["id"]
+    assert case.one("A first").id < case.one("Z last").id
     assert case.area("A first") == 40 * 20
     assert case.area("Z last") == 40 * 40 - 30 * 20
     for threads in (1, 2, 16):

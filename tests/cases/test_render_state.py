@@ -23,7 +23,7 @@ def test_row_22_geometry_is_in_the_renders_state(cases):
 
 def test_row_23_switches_of_objects_and_collections(cases):
     case = cases.read("switches")
-    seen = {e["name"]: e["area_px"] for e in case.entries}
+    seen = {e.name: e.area_px for e in case.entries}
     assert "hide_render" not in seen
     assert seen["behind hide_render"] == 225
     assert (seen["hide_viewport"], seen["behind hide_viewport"]) == (225, 0)
@@ -42,22 +42,22 @@ def test_row_23_switches_of_objects_and_collections(cases):
 def test_row_23_a_holdout_hides_what_is_behind_it_and_is_not_seen(cases):
     case = cases.read("switches")
     for name in ("holdout", "holdout and indirect"):
-        assert case.one(name)["area_px"] == 0
-        assert case.one(name)["reason"] == "holdout"
-        assert case.one(f"behind {name}")["area_px"] == 0
+        assert case.one(name).area_px == 0
+        assert case.one(name).reason == "holdout"
+        assert case.one(f"behind {name}").area_px == 0
     assert (case.instance[20:35, 40:55] == -1).all()
     assert np.isposinf(case.depth[20:35, 40:55]).all()
 
 
 def test_row_23_children_of_hidden_objects_are_shown_and_theirs(cases):
     case = cases.read("switches")
-    assert case.one("hidden parent")["objects"] == ["child of a hidden one"]
+    assert case.one("hidden parent").objects == ("child of a hidden one",)
     assert case.area("hidden parent") == 13 * 15
 
 
 def test_row_23_switches_inside_instances_count_as_cycles_counts_them(cases):
     case = cases.read("instanced_switches")
-    seen = sorted((e["name"], e["area_px"], e["reason"]) for e in case.of_category("thing"))
+    seen = sorted((e.name, e.area_px, e.reason) for e in case.of_category("thing"))
     assert seen == [
         ("Held out inside", 64, None),
         ("Plain", 0, "holdout"),
@@ -68,7 +68,7 @@ def test_row_23_switches_inside_instances_count_as_cycles_counts_them(cases):
 def test_row_23_an_instancer_shows_itself_only_where_renders_show_it(cases):
     case = cases.read("shown_instancers")
     plates = case.of_category("plate")
-    assert [p["name"] for p in plates] == ["Plate True"]
+    assert [p.name for p in plates] == ["Plate True"]
     assert len(case.of_category("dot")) == 8
 
 
@@ -76,13 +76,13 @@ def test_row_24_an_unlabelled_wall_occludes(cases):
     case = cases.read("wall")
     assert case.area("Chair") == 20 * 40
     assert case.bbox("Chair") == [10, 10, 20, 40]
-    assert case.one("Wall")["category"] is None
+    assert case.one("Wall").category is None
     assert case.area("Wall") == 50 * 60
 
 
 def test_row_25_constant_alpha_glass_and_volumes(cases):
     case = cases.read("constant_alpha")
-    cards = {c["name"]: c["area_px"] for c in case.of_category("card")}
+    cards = {c.name: c.area_px for c in case.of_category("card")}
     assert cards == {
         "alpha 0.5": 80,
         "alpha 0.7": 80,

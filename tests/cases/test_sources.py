@@ -60,7 +60,7 @@ def test_row_32_blend_and_glb_show_the_same_masks(compared: SourceComparison):
 
 def test_row_32_what_gltf_loses_is_listed(compared: SourceComparison):
     (lost,) = compared.lost
-    assert lost["name"] == "Hair"
-    assert lost["area_px"] > 100
+    assert lost.name == "Hair"
+    assert lost.area_px > 100
     assert compared.gained == ()
     assert not compared.faithful

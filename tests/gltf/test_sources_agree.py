@@ -193,7 +193,7 @@ def test_every_shared_instance_agrees(name, size_wh, folder, blender):
     assert len(found.pairs) >= 2
     assert {pair.name: pair.iou for pair in found.pairs if pair.iou < 0.999} == {}
     assert [pair.name for pair in found.pairs if pair.blend_category != pair.glb_category] == []
-    assert [entry["name"] for entry in (*found.lost, *found.gained) if entry["area_px"]] == []
+    assert [entry.name for entry in (*found.lost, *found.gained) if entry.area_px] == []
     same_triangles = [d for d in found.differences if "triangles became" not in d]
     assert same_triangles == []
 
@@ -218,8 +218,8 @@ def test_instances_and_labels_survive(folder, blender):
 @pytest.mark.blender
 def test_what_is_lost_is_named(folder, blender, capsys):
     found = compared(folder / "lost", blender)
-    assert [entry["name"] for entry in found.lost] == ["Set"]
-    assert sorted(entry["name"] for entry in found.gained) == ["InSet0", "InSet1"]
+    assert [entry.name for entry in found.lost] == ["Set"]
+    assert sorted(entry.name for entry in found.gained) == ["InSet0", "InSet1"]
     text = "\n".join(found.differences)
     for line in (
         "lens shift 0.1, 0 is lost", "the unit scale is lost: 1 unit is 0.5 m",
