@@ -86,7 +86,7 @@ def main() -> None:
         with timed("truth read and checked"):
             truth = read_truth(path, run, protocol)
     with timed("predictions checked and ordered"):
-        predictions = check_predictions(results, run=run, truth=truth, protocol=protocol, crew=crew)
+        predictions = check_predictions(results, run=run, truth=truth, protocol=protocol)
         if options.equal:
             predictions = with_equal_confidence(predictions)
     with timed("matching, greedy and score-free"):

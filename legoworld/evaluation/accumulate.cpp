@@ -7,15 +7,10 @@
 #include <new>
 #include <vector>
 
-#if defined(_WIN32)
-#define LW_API extern "C" __declspec(dllexport)
-#else
-#define LW_API extern "C" __attribute__((visibility("default")))
-#endif
+#include "api.hpp"
 
 namespace {
 
-constexpr int kDone = 0, kNoMemory = 1, kTooMany = 2;
 constexpr int kMostThresholds = 16;
 
 // The numbers of true positives at which recall thresholds are first reached, ascending, and how

@@ -29,7 +29,8 @@ class Chunk:
     """Consecutive images of a problem.
 
     detections, truths: the problem's columns of these images, which are counted from the first;
-    `entry` and `annotation` still point into the whole run's. sizes_hw: of each image. boxes,
+    `entry` and `annotation` still point into the whole run's. first_detection, first_truth:
+    (images + 1,) where each image's begin, and their number. sizes_hw: of each image. boxes,
     true_boxes: (n, 4) x, y, w, h; empty where masks are compared. masks: compressed counts;
     true_masks: polygons or RLE as in the truth; both empty where boxes are compared.
     """
@@ -37,6 +38,8 @@ class Chunk:
     iou_type: IouType
     detections: Detections
     truths: TrueInstances
+    first_detection: Ints
+    first_truth: Ints
     sizes_hw: tuple[tuple[int, int], ...]
     boxes: Floats
     true_boxes: Floats
@@ -89,6 +92,8 @@ class Chunks(Sequence[Chunk]):
             iou_type=self._problem.protocol.iou_type,
             detections=detections,
             truths=truths,
+            first_detection=self._first_detection[first : end + 1] - mine.start,
+            first_truth=self._first_truth[first : end + 1] - true.start,
             sizes_hw=tuple((i["height"], i["width"]) for i in self._truth.images[first:end]),
             boxes=_boxes(entries if boxes else ()),
             true_boxes=_boxes(annotations if boxes else ()),

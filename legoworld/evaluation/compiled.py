@@ -1,29 +1,23 @@
-"""The compiled loops over many rankings of the same matches: accumulate.cpp behind ctypes.
-
-One library without threads of its own: calls release the GIL, and callers share out categories.
-"""
+"""The compiled loops over many rankings of the same matches: accumulate.cpp behind ctypes."""
 
 from __future__ import annotations
 
 import ctypes
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.library import check, library, pointer
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.problem import Floats, Ints
 from legoworld.evaluation.protocols import IOU_THRESHOLDS, RECALL_THRESHOLDS
-from legoworld.visibility.library import open_library
 
 Bits = NDArray[np.uint16]
 Counts = NDArray[np.int32]
 
-_NO_MEMORY: Final = 1
 _ANY_RANK: Final = int(np.iinfo(np.int32).max)
 
 
@@ -93,7 +87,7 @@ def in_lanes(counts: NDArray[np.int32]) -> NDArray[np.uint16]:
     counts: (draws, images) how often each image is in each draw, below 2**16.
     """
     draws, images = counts.shape
-    lanes = int(_library().lw_lanes())
+    lanes = int(library().lw_lanes())
     blocks = -(-draws // lanes)
     padded = np.zeros((blocks * lanes, images), np.uint16)
     padded[:draws] = counts
@@ -119,21 +113,21 @@ def resample(
     recalled = np.zeros((len(limits), *shape), np.int32)
     columns = ranking.image, ranking.block_end, ranking.is_true, ranking.is_ignored, ranking.rank
     struct = _RankingStruct(
-        *(_pointer(c) for c in columns),
+        *(pointer(c) for c in columns),
         len(ranking.image),
-        _pointer(RECALL_THRESHOLDS),
+        pointer(RECALL_THRESHOLDS),
         len(RECALL_THRESHOLDS),
         len(IOU_THRESHOLDS),
-        _pointer(limits),
+        pointer(limits),
         len(limits),
     )
     n_truths = np.ascontiguousarray(n_truths, np.int32)
-    done = _library().lw_resample(
-        ctypes.byref(struct), _pointer(laned), ctypes.c_int64(len(n_truths)),
-        ctypes.c_int64(laned.shape[1]), _pointer(n_truths), _pointer(precision),
-        _pointer(recalled),
+    done = library().lw_resample(
+        ctypes.byref(struct), pointer(laned), ctypes.c_int64(len(n_truths)),
+        ctypes.c_int64(laned.shape[1]), pointer(n_truths), pointer(precision),
+        pointer(recalled),
     )  # fmt: skip
-    _check(done)
+    check(done)
     return precision, recalled
 
 
@@ -147,29 +141,11 @@ def ordered_precision(
     """
     values = np.zeros(len(order))
     order, plain = np.ascontiguousarray(order, np.int32), np.ascontiguousarray(plain, np.int32)
-    done = _library().lw_ordered(
-        _pointer(is_true), _pointer(is_ignored), ctypes.c_int64(len(is_true)), _pointer(order),
-        _pointer(plain), ctypes.c_int64(len(order)), ctypes.c_int32(n_truths),
-        _pointer(RECALL_THRESHOLDS), ctypes.c_int32(len(RECALL_THRESHOLDS)),
-        ctypes.c_int32(len(IOU_THRESHOLDS)), _pointer(values),
+    done = library().lw_ordered(
+        pointer(is_true), pointer(is_ignored), ctypes.c_int64(len(is_true)), pointer(order),
+        pointer(plain), ctypes.c_int64(len(order)), ctypes.c_int32(n_truths),
+        pointer(RECALL_THRESHOLDS), ctypes.c_int32(len(RECALL_THRESHOLDS)),
+        ctypes.c_int32(len(IOU_THRESHOLDS)), pointer(values),
     )  # fmt: skip
-    _check(done)
+    check(done)
     return values
-
-
-@functools.cache
-def _library() -> ctypes.CDLL:
-    loaded = open_library(Path(__file__).parent, "library of evaluation")
-    for name in ("lw_lanes", "lw_resample", "lw_ordered"):
-        getattr(loaded, name).restype = ctypes.c_int32
-    return loaded
-
-
-def _pointer(array: NDArray[Any]) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
-
-
-def _check(done: int) -> None:
-    if done == _NO_MEMORY:
-        raise MemoryError("no memory for the rankings of a category")
-    assert not done, "more IoU thresholds than the library holds"

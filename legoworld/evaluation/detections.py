@@ -79,9 +79,7 @@ def evaluate_detections(
     }
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
     notice("checking the predictions")
-    predictions = check_predictions(
-        read_predictions(run), run=run, truth=truth, protocol=protocol, crew=crew
-    )
+    predictions = check_predictions(read_predictions(run), run=run, truth=truth, protocol=protocol)
     request = ScoreRequest(
         truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed, crew=crew
     )

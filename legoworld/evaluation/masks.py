@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -9,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pycocotools import mask as _mask
 
+from legoworld.evaluation.library import check, library, pointer
+
 _API: Any = _mask  # its stubs know neither lists of RLE nor text counts
 
 #: pycocotools' area() casts the number of masks to uint8, which numpy 2 refuses from 256 on.
 _MOST_AREAS: Final = 255
 
-#: The characters of compressed counts, how many texts are decoded together, and the most
-#: characters a number may have: 7 bits over what any image needs.
-_CHARACTERS: Final = bytes(range(48, 112))
-_MOST_DECODED: Final = 500
-_MOST_DIGITS: Final = 7
+#: Texts that are in memory a second time while they are measured.
+_MOST_MEASURED: Final = 8000
 
 Rle = dict[str, Any]
 #: (n, 4) boxes x, y, w, h, or n compressed masks.
@@ -62,7 +62,7 @@ def compressed(mask: Any, size_hw: tuple[int, int]) -> Rle:
 def rle_problem(mask: Any, size_wh: tuple[int, int]) -> str | None:
     """What is wrong with a results mask of an image of this size; None when nothing is.
 
-    Of compressed counts only the form is looked at: `pixels_covered` decodes them, many at once.
+    Of compressed counts only the form is looked at: `measured` decodes them, many at once.
     """
     if isinstance(mask, list):
         return "a polygon list"
@@ -86,57 +86,29 @@ def covers(pixels: int, size_wh: tuple[int, int]) -> str:
     return f"{found}, {size_wh[0] * size_wh[1]} pixels expected"
 
 
-def pixels_covered(counts: Sequence[str]) -> NDArray[np.int64]:
-    """(n,) sums of the run lengths in pycocotools' compressed counts.
+def joined_texts(texts: Sequence[bytes]) -> tuple[bytes, NDArray[np.int64]]:
+    """Texts one after the other, and where each starts: (n + 1,)."""
+    start = np.zeros(len(texts) + 1, np.int64)
+    np.cumsum([len(text) for text in texts], out=start[1:])
+    return b"".join(texts), start
 
-    -1 for a text that is cut or foreign, or that holds a negative run. Five bits a character with
-    a continuation bit, sign-extended; from the fourth number on, each is the difference to the
-    last but one (rleToString in pycocotools' maskApi.c).
+
+def measured(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(n,) sums of the run lengths in pycocotools' compressed counts, and (n,) pixels of the mask.
+
+    The sum is -1 for a text that is cut or foreign, or that holds a negative run; of such a one
+    the pixels say nothing. rleToString in pycocotools' maskApi.c is what defines the format.
     """
-    parts = [
-        _pixels_covered([c.encode("utf-8", "surrogatepass") for c in counts[i : i + _MOST_DECODED]])
-        for i in range(0, len(counts), _MOST_DECODED)
-    ]
-    return np.concatenate([*parts, np.empty(0, np.int64)])
-
-
-def _pixels_covered(texts: list[bytes]) -> NDArray[np.int64]:
-    pixels = np.full(len(texts), -1, np.int64)
-    numeric = np.array([bool(t) and not t.translate(None, _CHARACTERS) for t in texts], bool)
-    ended = np.array([bool(t) and not (t[-1] - 48) & 32 for t in texts], bool)
-    usable = np.flatnonzero(numeric & ended)
-    if not len(usable):
-        return pixels
-    codes = np.frombuffer(b"".join(texts[i] for i in usable), np.uint8).astype(np.int64) - 48
-    edges = np.cumsum([len(texts[i]) for i in usable])
-    last = np.flatnonzero((codes & 32) == 0)
-    first = np.concatenate([[0], last[:-1] + 1])
-    n_numbers = np.searchsorted(last, edges - 1) + 1  # up to each text's end
-    text_of = np.repeat(np.arange(len(usable)), np.diff(n_numbers, prepend=0))
-    place = np.arange(len(last)) - np.repeat(
-        np.concatenate([[0], n_numbers[:-1]]), np.diff(n_numbers, prepend=0)
-    )
-    n_digits = last - first + 1
-    digit = np.arange(len(codes)) - np.repeat(first, n_digits)
-    values = np.add.reduceat((codes & 31) << np.minimum(5 * digit, 50), first)
-    negative = (codes[last] & 16) != 0
-    values[negative] -= np.int64(1) << np.minimum(5 * n_digits[negative], 55)
-    # x[m] = value[m] + x[m - 2] from m = 3 on: two interleaved running sums. x[0] takes no part.
-    for chain in (place % 2 == 1, (place % 2 == 0) & (place > 0)):
-        values[chain] = _running_sums(values[chain], text_of[chain])
-    unsound = np.zeros(len(usable), bool)
-    unsound[text_of[(values < 0) | (n_digits > _MOST_DIGITS)]] = True
-    sums = np.add.reduceat(values, np.concatenate([[0], n_numbers[:-1]]))
-    pixels[usable] = np.where(unsound, -1, sums)
-    return pixels
-
-
-def _running_sums(values: NDArray[np.int64], text_of: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Cumulative sums that start anew in every text. text_of: (n,) ascending."""
-    sums = np.cumsum(values)
-    starts = np.flatnonzero(np.diff(text_of, prepend=-1))
-    before = np.concatenate([[0], sums])[starts]
-    return np.asarray(sums - np.repeat(before, np.diff(starts, append=len(values))))
+    covered, area = np.empty(len(counts), np.int64), np.empty(len(counts))
+    for first in range(0, len(counts), _MOST_MEASURED):
+        some = counts[first : first + _MOST_MEASURED]
+        text, start = joined_texts([c.encode("utf-8", "surrogatepass") for c in some])
+        done = library().lw_measure_masks(
+            ctypes.c_char_p(text), pointer(start), ctypes.c_int64(len(some)),
+            pointer(covered[first:]), pointer(area[first:]),
+        )  # fmt: skip
+        check(done)
+    return covered, area
 
 
 def bounding_box(mask: Rle) -> list[float]:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.chunks import Chunk, Chunks
-from legoworld.evaluation.matching import ignore_unmatched, match_image, unmatched
-from legoworld.evaluation.overlaps import detection_areas, image_overlaps
-from legoworld.evaluation.pairing import Pairer, Pairs
+from legoworld.evaluation.compiled_matching import pairs_of_chunk, states_of_chunk
+from legoworld.evaluation.overlaps import overlaps_of
+from legoworld.evaluation.pairing import Pairs
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.problem import Problem
 from legoworld.evaluation.truth import Truth
@@ -33,16 +32,17 @@ class Matches:
 
 def match_chunk(chunk: Chunk) -> Matches:
     """Match and pair the images of a chunk."""
-    aware, agnostic = (
-        Pairer(chunk.detections, chunk.truths, class_aware=kind) for kind in (True, False)
+    overlaps = overlaps_of(chunk)
+    return Matches(
+        state=states_of_chunk(chunk, overlaps),
+        aware=pairs_of_chunk(chunk, overlaps, class_aware=True),
+        agnostic=pairs_of_chunk(chunk, overlaps, class_aware=False),
     )
-    state = _state(chunk, (aware, agnostic))
-    return Matches(state=state, aware=aware.result(), agnostic=agnostic.result())
 
 
 def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
     """The state alone: what another ranking of the same predictions changes."""
-    return _state(chunk, ())
+    return states_of_chunk(chunk, overlaps_of(chunk))
 
 
 def matches_of(
@@ -78,14 +78,3 @@ def _joined(parts: list[Pairs], chunks: Chunks) -> Pairs:
         iou=np.concatenate([p.iou for p in parts]),
         counted=np.concatenate([p.counted for p in parts]),
     )
-
-
-def _state(chunk: Chunk, pairers: Sequence[Pairer]) -> NDArray[np.uint8]:
-    """The state of a chunk's detections; its images are shown to the pairers on the way."""
-    state = unmatched(chunk.detections)
-    for found in image_overlaps(chunk):
-        match_image(chunk.detections, chunk.truths, found, state)
-        for pairer in pairers:
-            pairer.add(found)
-    ignore_unmatched(chunk.detections, detection_areas(chunk), state)
-    return state

@@ -1,46 +1,67 @@
-"""Overlaps and areas of a chunk's shapes, by pycocotools' own functions."""
+"""Overlaps and areas of a chunk's shapes: of boxes by pycocotools' own function, of masks by ours.
+
+Of masks they are ratios of whole numbers, the same whoever counts them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import ctypes
+from dataclasses import dataclass
 
 import numpy as np
 
 from legoworld.evaluation.chunks import Chunk
-from legoworld.evaluation.masks import Rle, Shapes, areas_px, compressed, overlaps
-from legoworld.evaluation.matching import ImageOverlaps
+from legoworld.evaluation.library import check, library, pointer
+from legoworld.evaluation.masks import compressed, joined_texts, measured, overlaps
 from legoworld.evaluation.problem import Floats
 
 
-def image_overlaps(chunk: Chunk) -> Iterator[ImageOverlaps]:
-    """Images that have both detections and truths, in ascending order, one at a time."""
-    images = np.arange(len(chunk.sizes_hw) + 1)
-    first_detection = np.searchsorted(chunk.detections.image, images)
-    first_truth = np.searchsorted(chunk.truths.image, images)
-    for i, size_hw in enumerate(chunk.sizes_hw):
-        mine = slice(int(first_detection[i]), int(first_detection[i + 1]))
-        true = slice(int(first_truth[i]), int(first_truth[i + 1]))
-        if mine.start == mine.stop or true.start == true.stop:
-            continue
-        found: Shapes
-        wanted: Shapes
-        if chunk.iou_type == "bbox":
-            found, wanted = chunk.boxes[mine], chunk.true_boxes[true]
-        else:
-            found = [_mask(counts, size_hw) for counts in chunk.masks[mine]]
-            wanted = [compressed(mask, size_hw) for mask in chunk.true_masks[true]]
-        crowd = chunk.truths.crowd[true].astype(int).tolist()
-        iou = overlaps(found, wanted, crowd)
-        yield ImageOverlaps(image=i, detections=mine, truths=true, iou=iou)
+@dataclass(frozen=True, kw_only=True)
+class Overlaps:
+    """iou: (detections, truths) of every image that has both, one after the other, flat.
+
+    IoU; for a crowd truth, the share of the detection inside it. area: (D,) what the evaluators
+    take for a detection's area: of the box, or of the mask.
+    """
+
+    iou: Floats
+    area: Floats
 
 
-def detection_areas(chunk: Chunk) -> Floats:
-    """(D,) what the evaluators take for a detection's area: of the box, or of the mask."""
+def overlaps_of(chunk: Chunk) -> Overlaps:
+    """Of every image of a chunk."""
     if chunk.iou_type == "bbox":
-        return np.asarray(chunk.boxes[:, 2] * chunk.boxes[:, 3])
-    images = chunk.detections.image.tolist()
-    return areas_px([_mask(c, chunk.sizes_hw[i]) for c, i in zip(chunk.masks, images, strict=True)])
+        return Overlaps(iou=_of_boxes(chunk), area=chunk.boxes[:, 2] * chunk.boxes[:, 3])
+    _, area = measured(chunk.masks)
+    return Overlaps(iou=_of_masks(chunk), area=area)
 
 
-def _mask(counts: str, size_hw: tuple[int, int]) -> Rle:
-    return {"size": list(size_hw), "counts": counts.encode("ascii")}
+def _of_boxes(chunk: Chunk) -> Floats:
+    first_detection, first_truth = chunk.first_detection.tolist(), chunk.first_truth.tolist()
+    crowd = chunk.truths.crowd.astype(int).tolist()
+    found = []
+    for i in range(len(chunk.sizes_hw)):
+        mine = slice(first_detection[i], first_detection[i + 1])
+        true = slice(first_truth[i], first_truth[i + 1])
+        if mine.start < mine.stop and true.start < true.stop:
+            found.append(overlaps(chunk.boxes[mine], chunk.true_boxes[true], crowd[true]))
+    return np.concatenate([*(iou.ravel() for iou in found), np.empty(0)])
+
+
+def _of_masks(chunk: Chunk) -> Floats:
+    first_detection, first_truth = chunk.first_detection, chunk.first_truth
+    iou = np.empty(int((np.diff(first_detection) * np.diff(first_truth)).sum()))
+    height = np.array([h for h, _ in chunk.sizes_hw], np.int64)
+    sizes_hw = [chunk.sizes_hw[i] for i in chunk.truths.image.tolist()]
+    wanted = zip(chunk.true_masks, sizes_hw, strict=True)
+    true_texts = [compressed(mask, size_hw)["counts"] for mask, size_hw in wanted]
+    texts, start = joined_texts([text.encode("ascii") for text in chunk.masks])
+    true_text, true_start = joined_texts(true_texts)
+    crowd = np.ascontiguousarray(chunk.truths.crowd)
+    done = library().lw_overlap_masks(
+        ctypes.c_char_p(texts), pointer(start), ctypes.c_char_p(true_text), pointer(true_start),
+        pointer(first_detection), pointer(first_truth), pointer(height),
+        ctypes.c_int64(len(height)), pointer(crowd), pointer(iou),
+    )  # fmt: skip
+    check(done)
+    return iou

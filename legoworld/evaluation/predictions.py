@@ -15,14 +15,12 @@ from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import check_box_format, is_finite
 from legoworld.evaluation.caps import without_empty
-from legoworld.evaluation.mask_parts import MaskParts, decode_masks
-from legoworld.evaluation.masks import compressed, covers, rle_problem
+from legoworld.evaluation.masks import compressed, covers, measured, rle_problem
 from legoworld.evaluation.prediction_order import PredictionOrder, in_order, order_of
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.evaluation.truth import Truth
 from legoworld.files import canonical_json
-from legoworld.running.tasks import ALONE, Crew, results_of
 from legoworld.vocabulary import Vocabulary
 
 CheckBoxes = Callable[[Sequence[dict[str, Any]], Mapping[int, tuple[int, int]]], Mapping[str, int]]
@@ -83,11 +81,10 @@ def check_predictions(
     run: Run,
     truth: Truth,
     protocol: DetectionProtocol,
-    crew: Crew = ALONE,
 ) -> Predictions:
     """Check a results list against the run's images and the truth's categories.
 
-    crew: decodes masks. PredictionsInvalidError names the first offender and how many there are.
+    PredictionsInvalidError names the first offender and how many there are.
     """
     return check_results(
         entries,
@@ -96,7 +93,6 @@ def check_predictions(
         vocabulary=truth.vocabulary,
         protocol=protocol,
         order=order_of(run.configuration),
-        crew=crew,
     )
 
 
@@ -109,7 +105,6 @@ def check_results(
     protocol: DetectionProtocol,
     order: PredictionOrder = "canonical",
     check_boxes: CheckBoxes = check_box_format,
-    crew: Crew = ALONE,
 ) -> Predictions:
     """Check a results list against the images of a run and a vocabulary; needs no truth.
 
@@ -128,7 +123,7 @@ def check_results(
     else:
         kept = [_mask_entry(e, sizes_wh[e["image_id"]], warnings) for e in entries]
         kept = in_order(kept, order)
-        areas = _decoded_areas(kept, sizes_wh, crew)
+        areas = _areas(kept, sizes_wh)
         boxed = sum("bbox" in e for e in entries)
         if boxed:  # both evaluators would take the box's area for the mask's
             warnings["masks with a bbox, which was left out"] = boxed
@@ -284,25 +279,19 @@ def _mask_entry(
     }
 
 
-def _decoded_areas(
-    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]], crew: Crew
+def _areas(
+    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
 ) -> NDArray[np.float64]:
     """(n,) pixels of every mask, once its run lengths add up to its image.
 
     pycocotools never asks, and reads on behind the end of counts that do not.
     """
-    parts = MaskParts(entries)
-    crew = crew.for_work(worth_a_process=parts.many)
-    first = 0
-    areas = []
-    for covered, area in results_of(decode_masks, parts, crew):
-        some = entries[first : first + len(covered)]
-        sizes = [sizes_wh[e["image_id"]] for e in some]
-        for index in np.flatnonzero(covered != [w * h for w, h in sizes])[:1]:
-            raise _unusable_mask(some[index], covers(int(covered[index]), sizes[index]))
-        areas.append(area)
-        first += len(some)
-    return np.concatenate([*areas, np.empty(0)])
+    covered, areas = measured([e["segmentation"]["counts"] for e in entries])
+    pixels = {image_id: width * height for image_id, (width, height) in sizes_wh.items()}
+    for index in np.flatnonzero(covered != [pixels[e["image_id"]] for e in entries])[:1]:
+        entry = entries[index]
+        raise _unusable_mask(entry, covers(int(covered[index]), sizes_wh[entry["image_id"]]))
+    return areas
 
 
 def _unusable_mask(entry: dict[str, Any], problem: str) -> PredictionsInvalidError:

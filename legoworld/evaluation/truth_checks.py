@@ -15,7 +15,7 @@ import numpy as np
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import BoxFormatError, check_box_format, is_finite
-from legoworld.evaluation.masks import MOST_COORDINATE_PX, covers, pixels_covered, rle_problem
+from legoworld.evaluation.masks import MOST_COORDINATE_PX, covers, measured, rle_problem
 from legoworld.records.track import LARGEST_ID
 
 Entry = dict[str, Any]
@@ -185,7 +185,7 @@ def _check_masks(name: str, own: Sequence[Entry], images: Mapping[int, Entry]) -
             entry["segmentation"] = {**entry["segmentation"], "size": size}
     texts = [a for a in own if isinstance(a["segmentation"], dict)]
     texts = [a for a in texts if isinstance(a["segmentation"]["counts"], str)]
-    covered = pixels_covered([a["segmentation"]["counts"] for a in texts])
+    covered, _ = measured([a["segmentation"]["counts"] for a in texts])
     sizes = [(images[a["image_id"]]["width"], images[a["image_id"]]["height"]) for a in texts]
     wrong = {
         id(texts[k]): f"RLE {covers(int(covered[k]), sizes[k])}"

@@ -21,7 +21,7 @@ from legoworld.catalog import folder
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.evaluation.box_formats import check_box_format
 from legoworld.evaluation.detections import evaluate_detections
-from legoworld.evaluation.masks import pixels_covered, rle_problem
+from legoworld.evaluation.masks import measured, rle_problem
 
 
 def refused(tmp_path, task, truth, predictions, match):
@@ -164,6 +164,10 @@ def runs_of(mask):
     return np.diff(edges, prepend=0).tolist()
 
 
+def covered_by(texts):
+    return measured(texts)[0]
+
+
 def encoded(pixels):
     return coco_mask.encode(np.asfortranarray(pixels.astype(np.uint8)))["counts"].decode()
 
@@ -173,26 +177,26 @@ def test_counts_of_whole_masks_cover_their_image_and_cut_ones_do_not():
     sizes = [tuple(random.integers(1, 90, 2)) for _ in range(1500)]
     texts = [encoded(random.random(size) < random.random()) for size in sizes]
     pixels = np.array([h * w for h, w in sizes])
-    np.testing.assert_array_equal(pixels_covered(texts), pixels)
-    assert (pixels_covered([t[:-1] for t in texts]) != pixels).all()
-    assert (pixels_covered([t[:-1] + "~" for t in texts]) == -1).all()
-    assert (pixels_covered([t + "\u00e9" for t in texts]) == -1).all()
-    assert pixels_covered(["", "0", "P", "PPPPPPPPPP0"]).tolist() == [-1, 0, -1, -1]
-    assert pixels_covered([]).shape == (0,)
+    np.testing.assert_array_equal(covered_by(texts), pixels)
+    assert (covered_by([t[:-1] for t in texts]) != pixels).all()
+    assert (covered_by([t[:-1] + "~" for t in texts]) == -1).all()
+    assert (covered_by([t + "\u00e9" for t in texts]) == -1).all()
+    assert covered_by(["", "0", "P", "PPPPPPPPPP0"]).tolist() == [-1, 0, -1, -1]
+    assert covered_by([]).shape == (0,)
 
 
 def test_one_unusable_text_leaves_its_neighbours_as_they_are():
     whole = encoded(np.eye(30) > 0)
     for bad in ("", "P", "~", whole[:-1], encoded(np.eye(30) > 0)[::-1]):
-        covered = pixels_covered([whole, bad, whole, bad, bad, whole])
+        covered = covered_by([whole, bad, whole, bad, bad, whole])
         assert covered[[0, 2, 5]].tolist() == [900, 900, 900], bad
         assert (covered[[1, 3, 4]] != 900).all(), bad
 
 
 def test_negative_runs_are_no_run_lengths():
     # 5, 3, -2 as pycocotools would write them: the sixth bit of -2's only character is its sign.
-    assert pixels_covered(["53N"]).tolist() == [-1]
-    assert pixels_covered(["532"]).tolist() == [10]
+    assert covered_by(["53N"]).tolist() == [-1]
+    assert covered_by(["532"]).tolist() == [10]
 
 
 def test_a_list_of_counts_is_held_to_its_image():

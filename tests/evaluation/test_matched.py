@@ -15,12 +15,12 @@ from evaluation.detection_runs import (
     text_counts,
 )
 from evaluation.test_bootstrap import pair_metrics
+from evaluation.test_compiled_matching import best_pairs
 from pycocotools import mask as coco_mask
 
 from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.evaluators import run_evaluator
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.pairing import best_pairs
 from legoworld.evaluation.protocols import IOU_THRESHOLDS
 from legoworld.evaluation.scoring import frequencies_of
 

@@ -23,7 +23,6 @@ from evaluation.detection_runs import (
 from legoworld import cli
 
 CHUNK = "legoworld.evaluation.chunks._CHUNK_DETECTIONS"
-PART = "legoworld.evaluation.mask_parts._PART_MASKS"
 
 
 def made(folder: Path, task: str) -> tuple[Path, Path]:
@@ -51,7 +50,6 @@ def files(folder: Path) -> dict[str, bytes]:
 def small_pieces(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
     """Work for many, where there is little."""
     monkeypatch.setattr(CHUNK, size)
-    monkeypatch.setattr(PART, size)
     monkeypatch.setattr("legoworld.evaluation.depth.image_tasks._FEW_BYTES", 0)
 
 
@@ -110,7 +108,7 @@ def test_the_first_of_several_broken_depth_truths_is_named(workers, tmp_path, mo
 SLOW = """
 import sys
 from legoworld import cli
-from legoworld.evaluation import chunks, mask_parts, matches
+from legoworld.evaluation import chunks, matches
 from evaluation.test_workers import slow_chunk
 chunks._CHUNK_DETECTIONS = 5
 matches.match_chunk = slow_chunk

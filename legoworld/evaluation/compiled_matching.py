@@ -1,0 +1,107 @@
+"""Greedy matching and score-free pairing of a chunk: matching.cpp behind ctypes.
+
+`evaluate` holds the numbers that follow from these matches to the evaluator's own on every run.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.chunks import Chunk
+from legoworld.evaluation.library import check, library, pointer
+from legoworld.evaluation.overlaps import Overlaps
+from legoworld.evaluation.pairing import Pairs
+from legoworld.evaluation.protocols import AREA_RANGES, IOU_THRESHOLDS
+
+#: As both evaluators compare: no overlap of 1 is lost to rounding.
+_THRESHOLDS: Final = np.minimum(IOU_THRESHOLDS, 1 - 1e-10)
+_LOW, _HIGH = (np.array(bound) for bound in zip(*AREA_RANGES, strict=True))
+
+Arrays = list[NDArray[Any]]
+
+
+class _ChunkStruct(ctypes.Structure):
+    """LwChunk of matching.cpp."""
+
+    _fields_: ClassVar = [
+        ("first_detection", ctypes.c_void_p),
+        ("first_truth", ctypes.c_void_p),
+        ("images", ctypes.c_int64),
+        ("iou", ctypes.c_void_p),
+        ("category", ctypes.c_void_p),
+        ("area", ctypes.c_void_p),
+        ("verified", ctypes.c_void_p),
+        ("exhaustive", ctypes.c_void_p),
+        ("true_category", ctypes.c_void_p),
+        ("true_area", ctypes.c_void_p),
+        ("ignored", ctypes.c_void_p),
+        ("crowd", ctypes.c_void_p),
+    ]
+
+
+class _RulesStruct(ctypes.Structure):
+    """LwRules of matching.cpp."""
+
+    _fields_: ClassVar = [
+        ("thresholds", ctypes.c_void_p),
+        ("n_thresholds", ctypes.c_int32),
+        ("low", ctypes.c_void_p),
+        ("high", ctypes.c_void_p),
+        ("n_areas", ctypes.c_int32),
+    ]
+
+
+def states_of_chunk(chunk: Chunk, overlaps: Overlaps) -> NDArray[np.uint8]:
+    """(A, T, D) what becomes of a chunk's detections, as in MatchTable."""
+    struct, _kept = _struct(chunk, overlaps)
+    rules = _RulesStruct(
+        pointer(_THRESHOLDS), len(_THRESHOLDS), pointer(_LOW), pointer(_HIGH), len(_LOW)
+    )
+    state = np.zeros((len(_LOW), len(_THRESHOLDS), len(chunk.detections.image)), np.uint8)
+    check(library().lw_match(ctypes.byref(struct), ctypes.byref(rules), pointer(state)))
+    return state
+
+
+def pairs_of_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pairs:
+    """The one-to-one pairs of a chunk that maximise overlap; within categories, or across them.
+
+    Where totals are equal (to about nine decimals): more pairs that are hits, then more hits of
+    the right label. Without that rule the numbers would depend on the order of the ids.
+    """
+    struct, _kept = _struct(chunk, overlaps)
+    most = len(chunk.truths.image)
+    detection, truth, iou = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most)
+    counted = np.empty(len(chunk.detections.image), bool)
+    n = ctypes.c_int64()
+    done = library().lw_pair(
+        ctypes.byref(struct), ctypes.c_int32(class_aware), pointer(detection), pointer(truth),
+        pointer(iou), ctypes.byref(n), pointer(counted),
+    )  # fmt: skip
+    check(done)
+    some = slice(n.value)
+    return Pairs(detection=detection[some], truth=truth[some], iou=iou[some], counted=counted)
+
+
+def _struct(chunk: Chunk, overlaps: Overlaps) -> tuple[_ChunkStruct, Arrays]:
+    """The chunk as the library reads it, and the arrays that this points into."""
+    detections, truths = chunk.detections, chunk.truths
+    first = [chunk.first_detection, chunk.first_truth]
+    columns = [
+        overlaps.iou,
+        detections.category,
+        overlaps.area,
+        detections.verified,
+        detections.exhaustive,
+        truths.category,
+        truths.area,
+        truths.ignored,
+        truths.crowd,
+    ]
+    kept = [np.ascontiguousarray(array) for array in (*first, *columns)]
+    pointers = [pointer(array) for array in kept]
+    struct = _ChunkStruct(*pointers[:2], len(chunk.sizes_hw), *pointers[2:])
+    return struct, kept

@@ -1,0 +1,48 @@
+"""The compiled library of evaluation behind ctypes: how it is loaded, called, and what it answers.
+
+It has no threads of its own: calls release the GIL, and callers share out the work.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from pathlib import Path
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from legoworld.visibility.library import open_library
+
+_NO_MEMORY: Final = 1
+_FUNCTIONS: Final = (
+    "lw_lanes",
+    "lw_match",
+    "lw_measure_masks",
+    "lw_ordered",
+    "lw_overlap_masks",
+    "lw_pair",
+    "lw_resample",
+)
+
+
+@functools.cache
+def library() -> ctypes.CDLL:
+    """The library, loaded once per process. KernelBuildError when it is missing or stale."""
+    loaded = open_library(Path(__file__).parent, "library of evaluation")
+    for name in _FUNCTIONS:
+        getattr(loaded, name).restype = ctypes.c_int32
+    return loaded
+
+
+def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
+    """Where an array's values lie, one after the other."""
+    assert array.flags.c_contiguous
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def check(done: int) -> None:
+    """MemoryError when a call had none; its other answers are mistakes of the caller."""
+    if done == _NO_MEMORY:
+        raise MemoryError("no memory for the evaluation's compiled library")
+    assert not done, f"the evaluation's compiled library answers {done}"
