@@ -24,6 +24,7 @@ from legoworld.evaluation.evidence import (
     check_inputs,
     located,
     read_evidence,
+    until_damage,
 )
 from legoworld.evaluation.folder import EVIDENCE
 from legoworld.evaluation.scoring import AGREEMENT
@@ -43,8 +44,8 @@ def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
         return checks
     document = read_document(folder)
     again = _joined if evidence["kind"] == JOINED else _compared
-    checks += again(folder, evidence, document, root)
-    return [*checks, *_tables(folder, document)]
+    checks += until_damage(again(folder, evidence, document, root))
+    return [*checks, *until_damage(_tables(folder, document))]
 
 
 def _compared(

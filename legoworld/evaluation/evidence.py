@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from legoworld.conventions import EQUAL_CONFIDENCE
+from legoworld.errors import one_line
 from legoworld.evaluation import matches_file
 from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.folder import (
@@ -24,7 +25,7 @@ from legoworld.evaluation.folder import (
     read_rows,
     read_summary,
 )
-from legoworld.evaluation.input_hash import hash_and_size
+from legoworld.evaluation.input_hash import hash_and_size, without_of
 from legoworld.evaluation.matched_metrics import matched_document
 from legoworld.evaluation.prediction_order import in_order
 from legoworld.evaluation.predictions import sha256_of_entries
@@ -47,17 +48,32 @@ def verify(folder: Path, root: Path | None) -> list[Check]:
     checks = [*check_files(folder, evidence), *check_inputs(folder, evidence, root)]
     if any(c.status != "ok" for c in checks if c.what.startswith("file ")):
         return checks  # numbers of altered files prove nothing
+    inputs_hold = all(c.status == "ok" for c in checks if c.what.startswith("input "))
+    return [*checks, *until_damage(_made_again(folder, evidence, root, inputs_hold=inputs_hold))]
+
+
+def until_damage(checks: Iterator[Check]) -> Iterator[Check]:
+    """Checks of numbers; what is not even numbers ends them as a difference."""
+    try:
+        yield from checks
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        problem = one_line(f"{type(error).__name__}: {error}", 100)
+        yield Check("DIFFERS", EVIDENCE, f"the numbers cannot be made again: {problem}")
+
+
+def _made_again(
+    folder: Path, evidence: dict[str, Any], root: Path | None, *, inputs_hold: bool
+) -> Iterator[Check]:
     summary, rows = read_summary(folder), read_rows(folder / PER_IMAGE)
-    checks += _coverage(summary, rows)
+    yield from _coverage(summary, rows)
     if summary["task"] in PROTOCOLS:
-        checks += _numbers(folder, evidence, summary)
+        yield from _numbers(folder, evidence, summary)
     else:
         from legoworld.evaluation.depth.verification import depth_checks, depth_rows
 
-        checks += depth_checks(evidence, summary, rows)
-        if all(c.status == "ok" for c in checks if c.what.startswith("input ")):
-            checks += depth_rows(folder, evidence, summary, rows, root)
-    return checks
+        yield from depth_checks(evidence, summary, rows)
+        if inputs_hold:
+            yield from depth_rows(folder, evidence, summary, rows, root)
 
 
 def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> dict[str, Any]:
@@ -76,7 +92,29 @@ def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> dict[
             found=repr(evidence.get("kind")) if isinstance(evidence, dict) else "no object",
             expected=" or ".join(map(repr, kinds)),
         )
+    if not _is_evidence(evidence):
+        raise EvaluationFolderError(
+            f"{folder.name or folder}/{EVIDENCE} is damaged",
+            found="files or inputs that are not as they were written",
+            expected="a sha256 for each file, and a role, a path and a sha256 for each input",
+            next_step="evaluate or compare again with --overwrite",
+        )
     return evidence
+
+
+def _is_evidence(evidence: dict[str, Any]) -> bool:
+    """Whether there are files and inputs to check, whatever they say."""
+    files, inputs = evidence.get("files"), evidence.get("inputs")
+    return (
+        isinstance(files, dict)
+        and all(isinstance(sha256, str) for sha256 in files.values())
+        and isinstance(inputs, list)
+        and all(
+            isinstance(entry, dict)
+            and all(isinstance(entry.get(key), str) for key in ("role", "path", "sha256"))
+            for entry in inputs
+        )
+    )
 
 
 def check_files(folder: Path, evidence: dict[str, Any]) -> Iterator[Check]:
@@ -91,12 +129,15 @@ def check_files(folder: Path, evidence: dict[str, Any]) -> Iterator[Check]:
 def check_inputs(folder: Path, evidence: dict[str, Any], root: Path | None) -> Iterator[Check]:
     """Every input against its hash; looked for below `root` where given."""
     for entry in evidence["inputs"]:
-        yield _hashed(
-            f"input {entry['role']} {entry['path']}",
-            located(folder, entry["path"], root),
-            entry["sha256"],
-            entry.get("without", ()),
-        )
+        what, without = f"input {entry['role']} {entry['path']}", entry.get("without", [])
+        allowed = list(without_of(entry["role"]))
+        # Evidence of before the time was left out leaves nothing out.
+        if without in ([], allowed):
+            path = located(folder, entry["path"], root)
+            yield _hashed(what, path, entry["sha256"], without)
+        else:
+            may = ", ".join(allowed) or "nothing"
+            yield Check("DIFFERS", what, f"its hash leaves out {without!r:.60}; may: {may}")
 
 
 def located(folder: Path, recorded: str, root: Path | None) -> Path | None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
-from legoworld.evaluation.input_hash import TIMES, hash_and_size
+from legoworld.evaluation.input_hash import hash_and_size, without_of
 from legoworld.files import (
     TEMPORARY_SUFFIX,
     atomic_path,
@@ -87,7 +87,7 @@ class Evaluation:
 
 def input_file(role: str, path: Path) -> InputFile:
     """Hash an input file; a run's own document without its time."""
-    without = TIMES if role == "run" else ()
+    without = without_of(role)
     try:
         sha256, size = hash_and_size(path, without)
     except (ValueError, RecursionError) as error:

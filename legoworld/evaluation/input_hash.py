@@ -18,6 +18,11 @@ from legoworld.files import canonical_json, sha256_of_file
 TIMES: Final = ("finished_at",)
 
 
+def without_of(role: str) -> tuple[str, ...]:
+    """The keys that the hash of an input leaves out."""
+    return TIMES if role == "run" else ()
+
+
 def hash_and_size(path: Path, without: Sequence[str] = ()) -> tuple[str, int]:
     """sha256 and bytes of a file; of its canonical JSON without some keys where any are named.
 

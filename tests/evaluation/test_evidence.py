@@ -159,3 +159,71 @@ def test_a_folder_that_is_no_evaluation(tmp_path):
     (tmp_path / "evidence.json").write_text('{"kind": "something"}')
     with pytest.raises(LegoWorldError, match="another kind"):
         verify(tmp_path, None)
+
+
+def altered(folder, alter):
+    path = folder / "evidence.json"
+    evidence = json.loads(path.read_text())
+    alter(evidence)
+    path.write_text(json.dumps(evidence))
+
+
+@pytest.mark.parametrize(
+    ("role", "without"),
+    [
+        ("run", ["configuration"]),
+        ("run", ["finished_at", "configuration"]),
+        ("run", "finished_at"),
+        ("run", 3),
+        ("truth", ["annotations"]),
+        ("truth", ["finished_at"]),
+        ("predictions", [None]),
+    ],
+)
+def test_evidence_that_leaves_out_more_than_the_time_proves_nothing(evaluated, role, without):
+    """A forger who may choose what the hash leaves out changes the rest and hashes again."""
+
+    def alter(evidence):
+        for entry in evidence["inputs"]:
+            if entry["role"] == role:
+                entry["without"] = without
+
+    altered(evaluated / "eval", alter)
+    [wrong] = bad(verify(evaluated / "eval", None))
+    assert wrong.status == "DIFFERS"
+    assert wrong.what.startswith(f"input {role} ")
+    assert wrong.found.endswith("may: finished_at" if role == "run" else "may: nothing")
+
+
+def test_evidence_of_before_the_time_was_left_out_holds(evaluated):
+    def alter(evidence):
+        [entry] = [e for e in evidence["inputs"] if e["role"] == "run"]
+        entry["sha256"] = sha256_of_file(evaluated / "run" / "run.json")
+        del entry["without"]
+
+    altered(evaluated / "eval", alter)
+    assert not bad(verify(evaluated / "eval", None))
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"files": None},
+        {"files": {"summary.json": 3}},
+        {"inputs": {}},
+        {"inputs": [[]]},
+        {"inputs": [{"role": "run", "path": 1, "sha256": "0"}]},
+    ],
+)
+def test_damaged_evidence_is_one_line(evaluated, capsys, damage):
+    altered(evaluated / "eval", lambda evidence: evidence.update(damage))
+    assert cli.run(["evidence", "verify", str(evaluated / "eval")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "eval/evidence.json is damaged" in said
+
+
+@pytest.mark.parametrize("key", ["raw", "equal_confidence"])
+def test_evidence_without_its_numbers_differs(evaluated, key):
+    altered(evaluated / "eval", lambda evidence: evidence.update({key: [1]}))
+    assert [c.status for c in bad(verify(evaluated / "eval", None))] == ["DIFFERS"]
