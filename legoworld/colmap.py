@@ -158,11 +158,7 @@ def _lines(path: Path) -> Iterator[str]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(
-            f"{path.name} cannot be read",
-            found=getattr(error, "strerror", None) or str(error),
-            expected="a UTF-8 text file",
-        ) from error
+        raise _unreadable_file(path, error, "a UTF-8 text file") from error
     # Python has turned \r\n into \n; splitlines would also cut names at rarer separators.
     stripped = (line.strip() for line in text.split("\n"))
     return (line for line in stripped if line and not line.startswith("#"))
@@ -204,7 +200,10 @@ def _binary_images(path: Path) -> Iterator[tuple[str, int]]:
 
 def _reader(path: Path) -> Callable[[str], tuple[Any, ...]]:
     """A function that takes the next values off a binary file, by struct's format."""
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise _unreadable_file(path, error, "COLMAP's binary file") from error
     place = 0
 
     def take(layout: str) -> tuple[Any, ...]:
@@ -231,6 +230,16 @@ def _checked(camera: Camera, path: Path) -> Camera:
             expected="a size of at least 1x1 and finite parameters",
         )
     return camera
+
+
+def _unreadable_file(
+    path: Path, error: OSError | UnicodeDecodeError, expected: str
+) -> CalibrationError:
+    return CalibrationError(
+        f"{path.parent.name}/{path.name} cannot be read",
+        found=getattr(error, "strerror", None) or str(error),
+        expected=expected,
+    )
 
 
 def _unreadable(path: Path, line: str, expected: str) -> CalibrationError:

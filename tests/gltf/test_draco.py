@@ -59,6 +59,10 @@ def scenes(build_scenes, tmp_path_factory):
 @pytest.mark.blender
 @needs_decoder
 def test_blenders_draco_files_show_what_its_plain_files_show(scenes):
+    if sys.version_info >= (3, 13) and b"draco" not in (
+        (scenes / "packed" / "scene.glb").read_bytes()
+    ):
+        pytest.skip("bpy 5.2's wheel lacks the exporter's Draco library and writes plain files")
     found = {}
     for name in ("plain", "packed"):
         path = scenes / name / "scene.glb"

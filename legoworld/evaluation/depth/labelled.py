@@ -129,6 +129,8 @@ def _array(
 ) -> DepthArray:
     stored = Stored(array=name, dtype=str(values.dtype), shape=values.shape)
     values = values.reshape(picture_shape(values.shape))
+    if not values.dtype.isnative:  # numpy keeps the byte order of the machine that wrote the file
+        values = values.astype(values.dtype.newbyteorder("="))
     unit = labels.unit
     if values.dtype.kind in "iu":
         values = metres(values, unit, invalid_value=declared.invalid_value, source=path.name)

@@ -203,3 +203,16 @@ def test_binary_files_that_are_cut_or_lie(pycolmap: Any, tmp_path: Path) -> None
         (tmp_path / name).write_bytes(whole)
     (tmp_path / "images.bin").unlink()
     assert calibration_files(tmp_path) == ()
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "cameras.txt", "images.txt"])
+def test_a_file_that_the_system_refuses_is_named(tmp_path: Path, name: str) -> None:
+    folder = calibration(tmp_path / "dslr_calibration", f"1 {POSE} 0 a\n")
+    if name.endswith(".bin"):
+        (folder / "cameras.bin").write_bytes(struct.pack("<Q", 0))
+        (folder / "images.bin").write_bytes(struct.pack("<Q", 0))
+    (folder / name).unlink()
+    (folder / name).symlink_to("/proc/self/mem")  # reading its beginning is an I/O error
+    with pytest.raises(CalibrationError) as caught:
+        read_calibration(folder)
+    assert f"dslr_calibration/{name} cannot be read; found: Input/output error" in str(caught.value)

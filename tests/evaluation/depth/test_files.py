@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import struct
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -55,6 +57,59 @@ def test_npy_and_raw(tmp_path: Path) -> None:
     assert np.array_equal(read_labelled(tmp_path / "a.npy", IN_METRES).values, DEPTH)
     DEPTH.astype("<f4").tofile(tmp_path / "a.JPG")
     assert np.array_equal(read_raw_float32(tmp_path / "a.JPG", (7, 5)), DEPTH)
+
+
+def big_endian_tiff(path: Path, values: Any) -> None:
+    """A one-strip TIFF as its standard has it, in the byte order that is not this machine's."""
+    height, width = values.shape
+    entries = [
+        (256, 3, width),
+        (257, 3, height),
+        (258, 3, 16),
+        (259, 3, 1),
+        (262, 3, 1),
+        (273, 4, 8),
+        (277, 3, 1),
+        (278, 3, height),
+        (279, 4, 2 * width * height),
+    ]
+    pixels = values.astype(">u2").tobytes()
+    directory = struct.pack(">H", len(entries)) + b"".join(
+        struct.pack(">HHIHH", tag, kind, 1, value, 0)
+        if kind == 3
+        else struct.pack(">HHII", tag, kind, 1, value)
+        for tag, kind, value in entries
+    )
+    head = struct.pack(">2sHI", b"MM", 42, 8 + len(pixels))
+    path.write_bytes(head + pixels + directory + struct.pack(">I", 0))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".png", ".tiff"])
+def test_integers_of_both_byte_orders(tmp_path: Path, suffix: str, order: str) -> None:
+    stored = np.array([[0, 1, 255], [256, 1000, 65534]], np.uint16)
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".npy":
+        np.save(path, stored.astype(f"{order}u2"))
+    elif suffix == ".npz":
+        np.savez(path, values=stored.astype(f"{order}u2"))
+    elif suffix == ".tiff" and order == ">":
+        big_endian_tiff(path, stored)
+    else:
+        cv2.imwrite(str(path), stored)
+    found = read_labelled(path, Declaration(space="depth", unit="mm")).values
+    assert np.array_equal(found, stored / 1000.0)
+    assert found.dtype.isnative
+
+
+@pytest.mark.parametrize("kind", [">f2", ">f4", ">f8", "<f2", "<f8"])
+def test_floats_of_both_byte_orders(tmp_path: Path, kind: str) -> None:
+    np.save(tmp_path / "a.npy", DEPTH.astype(kind))
+    array = read_labelled(tmp_path / "a.npy", IN_METRES, accept_float16=True)
+    assert np.array_equal(array.values, DEPTH.astype(kind).astype(np.float64))
+    assert array.values.dtype.isnative
+    assert array.stored is not None
+    assert array.stored.dtype == str(np.dtype(kind))  # as the file has it
 
 
 def test_raw_of_another_size_names_both_numbers(tmp_path: Path) -> None:
@@ -236,9 +291,9 @@ def test_truth_of_every_space_becomes_planar_metres(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "declared", [{"space": "depth"}, {"space": "depth", "unit": "px"},
-                 {"space": "disparity", "unit": "px"}]
-)  # fmt: skip
+    "declared",
+    [{"space": "depth"}, {"space": "depth", "unit": "px"}, {"space": "disparity", "unit": "px"}],
+)
 def test_a_truth_without_a_unit_is_refused(tmp_path: Path, declared: dict[str, str]) -> None:
     np.save(tmp_path / "a.npy", DEPTH)
     declaration = Declaration(**declared)  # type: ignore[arg-type]
@@ -258,9 +313,16 @@ def test_depth_toml(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ['space = "z"', 'units = "mm"', "unit = 3", "intrinsics_px = [1, 2, 3]", "space = ",
-     "invalid_value = 1.5", "focal_px = true"],
-)  # fmt: skip
+    [
+        'space = "z"',
+        'units = "mm"',
+        "unit = 3",
+        "intrinsics_px = [1, 2, 3]",
+        "space = ",
+        "invalid_value = 1.5",
+        "focal_px = true",
+    ],
+)
 def test_depth_toml_with_a_mistake(tmp_path: Path, text: str) -> None:
     (tmp_path / "depth.toml").write_text(text)
     with pytest.raises(DepthTruthError, match=r"depth\.toml"):
