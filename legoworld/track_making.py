@@ -27,6 +27,7 @@ from legoworld.files import atomic_path, canonical_json, readable_json, sha256_o
 from legoworld.track import TrackImage, load_track
 from legoworld.track_source import Source
 from legoworld.vocabulary import from_json
+from legoworld.wording import in_another_folder
 
 #: Everything a track may say about an image or a category. LVIS's lists of verified categories,
 #: and its counts of annotated images and instances, are annotations.
@@ -108,11 +109,16 @@ def _chosen(images: list[dict[str, Any]], chosen: Sequence[str], name: str) -> l
     by_name = {key: image for image in images for key in _names_of(image)}
     unknown = [text for text in chosen if text not in by_name]
     if unknown or not chosen:
+        meant = in_another_folder(unknown[0], by_name) if unknown else None
         raise UsageError(
             "the truth has no such image",
             found=", ".join(map(repr, unknown[:5])) or "an empty list",
-            expected=f"ids or file names of the {len(images)} images that {name} lists",
-            next_step="correct the list: one id or file name a line",
+            expected=f"{meant!r}, as {name} has it in another folder"
+            if meant
+            else f"ids or file names of the {len(images)} images that {name} lists",
+            next_step=f"if it is that photo, list that name or {by_name[meant]['id']}, its id"
+            if meant
+            else "correct the list: one id or file name a line",
         )
     ids = {by_name[text]["id"] for text in chosen}
     return [image for image in images if image["id"] in ids]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import PurePosixPath
 
 
 def counted(count: int, one: str, many: str) -> str:
@@ -16,3 +17,10 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
 
     near = difflib.get_close_matches(word.casefold(), known, n=1, cutoff=0.6)
     return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def in_another_folder(name: str, known: Iterable[str]) -> str | None:
+    """The first of the known file names that is this one in another folder; None without one."""
+    base = PurePosixPath(name.replace("\\", "/")).name
+    others = (other for other in known if other != name)
+    return next((other for other in others if PurePosixPath(other).name == base), None)

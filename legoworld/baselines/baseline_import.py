@@ -11,10 +11,11 @@ from typing import Any
 from legoworld.baselines.baseline_run import BaselineResult, write_run
 from legoworld.baselines.records import Record, ResultMissingError, failed_record
 from legoworld.baselines.request import common_configuration
-from legoworld.errors import UsageError
+from legoworld.errors import UsageError, one_line
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.tasks import Protocol
 from legoworld.track import Track, TrackImage
+from legoworld.wording import in_another_folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +58,16 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
     entries = listed if isinstance(listed, list) else [listed]
     unknown = [entry for entry in entries if str(entry) not in names]
     if unknown or not entries:
+        meant = in_another_folder(str(unknown[0]), names) if unknown else None
         raise UsageError(
             f"{path.name} does not list images of the track",
-            found=repr(unknown[0]) if unknown else "nothing",
-            expected=f"ids or file names, such as {images[0].id} or {images[0].file_name}",
+            found=one_line(repr(unknown[0]), 100) if unknown else "nothing",
+            expected=f"{meant!r}, as the track has it in another folder"
+            if meant
+            else f"ids or file names, such as {images[0].id} or {images[0].file_name}",
+            next_step=f"if it is that photo, list the track's name or {names[meant]}, its id"
+            if meant
+            else "",
         )
     return frozenset(names[str(entry)] for entry in entries)
 

@@ -13,6 +13,7 @@ from typing import Any, Final, Literal
 
 from legoworld.errors import LegoWorldError
 from legoworld.track import TrackImage
+from legoworld.wording import in_another_folder
 
 #: As many image ids without a gap are positions in a list, where the track's are others.
 _FEWEST_POSITIONS: Final = 10
@@ -214,8 +215,19 @@ def _strangers(
 ) -> PhotosUnmatchedError:
     first = strangers[0]
     name, image_id = _name(first, infos), first.get("image_id")
-    shown = f"image {image_id!r}" if name in (None, image_id) else f"image {image_id!r}, {name!r}"
+    parts = [f"image {image_id!r}"] if image_id is not None else []
+    parts += [repr(name)] if name not in (None, image_id) else []
+    shown = ", ".join(parts)
     what = f"{len(strangers)} of {of} predictions are of images outside the track"
+    meant = in_another_folder(name, (i.file_name for i in images)) if name is not None else None
+    if meant is not None:
+        return PhotosUnmatchedError(
+            what,
+            found=shown,
+            expected=f"{meant!r}, as the track has it in another folder",
+            next_step="if it is that photo, write the track's folder or none into the results"
+            + ("; if not, pass --subset to leave it out" if some else ""),
+        )
     if some:
         next_step = "pass --subset to leave them out"
     elif name is not None:

@@ -22,6 +22,8 @@ from legoworld.evaluation.masks import MOST_COORDINATE_PX, compressed
 from legoworld.evaluation.predictions import PredictionsInvalidError
 
 _LISTS: Final = ("annotations", "predictions", "results")
+#: Only a result, or an image's results, has one of these beside what names them.
+_OF_ONE: Final = ("bbox", "boxes", "segmentation")
 _NAME_KEYS: Final = ("category_name", "category", "label")
 
 Entry = dict[str, Any]
@@ -60,7 +62,7 @@ def read_results(path: Path) -> ResultsFile:
     "categories" (a whole COCO JSON); one such object a line; or torchvision's outputs, one
     {"boxes", "labels", "scores"} an image. PredictionsInvalidError when the file is none.
     """
-    document = _read(path)
+    document = _listed(_read(path))
     refuse_other_documents(document, path)
     outputs = per_image_outputs(document)
     if outputs is not None:
@@ -101,6 +103,13 @@ def _read(path: Path) -> Any:
             expected="results as JSON",
             next_step=next_step_for(path),
         ) from error
+
+
+def _listed(document: Any) -> Any:
+    """A file of one line is JSON as well as JSON lines: a result by itself is a list of one."""
+    if not isinstance(document, dict) or any(isinstance(document.get(k), list) for k in _LISTS):
+        return document
+    return [document] if any(key in document for key in _OF_ONE) else document
 
 
 def with_our_categories(

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import EQUAL_CONFIDENCE
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.box_formats import check_box_format, is_finite
 from legoworld.evaluation.caps import without_empty
 from legoworld.evaluation.masks import compressed, covers, measured, rle_problem
@@ -24,6 +25,12 @@ from legoworld.files import canonical_json
 from legoworld.vocabulary import Vocabulary
 
 CheckBoxes = Callable[[Sequence[dict[str, Any]], Mapping[int, tuple[int, int]]], Mapping[str, int]]
+
+
+#: What to do where a key is missing that a results list must have and ground truth has not.
+_ADD: Final = {
+    "score": "add each detection's confidence; ground truth has none and is not imported",
+}
 
 
 class PredictionsInvalidError(LegoWorldError):
@@ -177,12 +184,21 @@ def _refuse(
 def _check_keys(entries: Sequence[Any], payload: str) -> None:
     strangers = [e for e in entries if not isinstance(e, dict)]
     _refuse(
-        strangers, len(entries), "are no objects", repr(strangers[:1])[:80], '{"image_id", ...}'
+        strangers,
+        len(entries),
+        "are not JSON objects",
+        f"{one_line(json.dumps(strangers[0]), 60)}" if strangers else "",
+        '{"image_id", ...}',
     )
     for key in ("image_id", "category_id", "score", payload):
         bad = [e for e in entries if key not in e]
         _refuse(
-            bad, len(entries), f"have no {key}", repr(bad[:1])[:120], f"{key} in every prediction"
+            bad,
+            len(entries),
+            f"have no {key}",
+            f"the first of them has {_keys(bad[0])}" if bad else "",
+            f"{key} in every prediction",
+            _ADD.get(key, ""),
         )
     for key in ("image_id", "category_id"):
         bad = [e for e in entries if type(e[key]) is not int]
@@ -201,6 +217,12 @@ def _check_keys(entries: Sequence[Any], payload: str) -> None:
         repr(bad[0]["score"]) if bad else "",
         "a finite number",
     )
+
+
+def _keys(entry: dict[str, Any]) -> str:
+    """The keys of an entry in words."""
+    *others, last = map(str, entry) if entry else ("no keys",)
+    return one_line(f"{', '.join(others)} and {last}" if others else last, 120)
 
 
 def _check_ids(

@@ -220,6 +220,23 @@ def test_an_image_the_truth_has_not_is_refused(chosen, tmp_path):
     assert not (tmp_path / "t.json").exists()
 
 
+def test_a_chosen_image_of_another_folder_is_named_with_the_remedy(tmp_path):
+    document = random_truth("coco", seed=1)
+    image = document["images"][3]
+    image["file_name"] = "val2017/x.jpg"
+    path = write_truth(tmp_path / "truth.json", document)
+    with pytest.raises(UsageError) as caught:
+        make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=["images/x.jpg"])
+    assert str(caught.value) == (
+        "the truth has no such image; found: 'images/x.jpg'; expected: 'val2017/x.jpg', as "
+        "truth.json has it in another folder; next: if it is that photo, list that name or "
+        f"{image['id']}, its id"
+    )
+    for remedy in ("val2017/x.jpg", str(image["id"])):
+        made = make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=[remedy])
+        assert [i["id"] for i in made["images"]] == [image["id"]]
+
+
 def test_a_truth_that_makes_no_track_leaves_the_earlier_one(tmp_path):
     truth, output = tmp_path / "truth.json", tmp_path / "track.json"
     output.write_text("an earlier track")

@@ -38,11 +38,12 @@ def bring(tmp_path, capfd):
         arguments = ["baseline", "import", source, "--task", task, "--track", track]
         code = call([*arguments, "-o", tmp_path / "run", "--overwrite", *options])
         said = capfd.readouterr().err
-        if code != 0:
+        if code > 1:
             return code, None, said
         run: Path = tmp_path / "run"
         return code, json.loads((run / "predictions.json").read_text()), said
 
+    go.folder = tmp_path
     return go
 
 
@@ -321,6 +322,72 @@ def test_json_lines(bring):
     assert code == 0
     assert ids(found) == list(IDS)
     assert bring(lines + "{", suffix=".jsonl")[0] == 2
+
+
+@pytest.mark.parametrize("suffix", [".json", ".jsonl"])
+@pytest.mark.parametrize("end", ["", "\n", "\n\n"])
+def test_json_lines_of_one_line(bring, suffix, end):
+    """One line of JSON lines is a JSON object, which is no list."""
+    code, found, _ = bring(json.dumps(box(285)) + end, suffix=suffix)
+    assert code == 0
+    assert ids(found) == [285]
+
+
+def test_outputs_of_one_image_on_one_line(bring):
+    code, found, _ = bring(json.dumps({"image_id": 139, **OUTPUT}), suffix=".jsonl")
+    assert code == 0
+    assert {*ids(found)} == {139}
+
+
+def test_one_line_that_is_no_result_is_refused(bring):
+    line = box(285)
+    del line["bbox"]
+    code, _, said = bring(json.dumps(line), suffix=".jsonl")
+    assert code == 2
+    assert "results.jsonl holds no results" in said
+    masks = {"segmentation": {"size": [1, 1], "counts": "1"}, "predicted_iou": 0.5}
+    code, _, said = bring(json.dumps(masks), suffix=".jsonl", task="lvis")
+    assert "holds SAM's automatic masks" in said
+
+
+def test_results_without_scores_are_said_in_a_sentence(bring):
+    """Ground truth given for results, or an exporter that drops the confidences."""
+    lines = [{k: v for k, v in box(i, area=600.0).items() if k != "score"} for i in IDS]
+    code, _, said = bring(lines)
+    assert code == 2
+    assert (
+        "5 of 5 predictions have no score; found: the first of them has image_id, category_id, "
+        "bbox and area; expected: score in every prediction; next: add each detection's confidence"
+    ) in said
+    code, _, said = bring([box(139), {}])
+    assert "1 of 2 predictions have no image_id; found: the first of them has no keys;" in said
+    code, _, said = bring([box(139), [1, 2]])
+    assert "1 of 2 predictions are not JSON objects; found: [1, 2];" in said
+
+
+def test_a_photo_in_another_folder_is_named_with_the_remedy(bring):
+    names = [f"val2017/{i}.jpg" for i in range(5)]
+    other = [{"file_name": "images/2.jpg", "category_id": 1, "bbox": BOX, "score": 0.5}]
+    code, _, said = bring(other, names=names)
+    assert code == 2
+    assert "image None" not in said
+    assert "found: 'images/2.jpg'; expected: 'val2017/2.jpg', as the track has it" in said
+    assert "write the track's folder or none into the results\n" in said
+    for remedy in ("val2017/2.jpg", "2.jpg"):
+        assert bring([{**other[0], "file_name": remedy}], names=names)[0] == 0
+    mine = {**other[0], "file_name": "val2017/1.jpg"}
+    code, _, said = bring([mine, *other], names=names)
+    assert code == 2
+    assert said.rstrip().endswith("; if not, pass --subset to leave it out")
+    listed = bring.folder / "ran_on.txt"
+    listed.write_text("images/2.jpg\n")
+    code, _, said = bring([mine], "--images-run", listed, names=names)
+    assert code == 2
+    assert "found: 'images/2.jpg'; expected: 'val2017/2.jpg', as the track has it" in said
+    assert f"list the track's name or {IDS[2]}, its id" in said
+    for remedy in ("val2017/1.jpg", str(IDS[1])):
+        listed.write_text(remedy)
+        assert bring([mine], "--images-run", listed, names=names)[0] == 1  # the others: missing
 
 
 def test_polygons_are_filled_as_pycocotools_fills_them(bring):
