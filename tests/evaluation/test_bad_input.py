@@ -279,7 +279,10 @@ def test_lvis_versions_do_not_mix(real_data, tmp_path, capsys):
         (lambda run: (run / "run.json").unlink(), "run.json cannot be read"),
         (lambda run: (run / "per_image.jsonl").write_text(""), "does not cover"),
         (lambda run: (run / "predictions.json").write_text("{}"), "not a list"),
-        (lambda run: (run / "predictions.json").write_text("[1]"), "are not JSON objects; found: 1;"),
+        (
+            lambda run: (run / "predictions.json").write_text("[1]"),
+            "are not JSON objects; found: 1;",
+        ),
         (lambda run: (run / "predictions.json").write_text("["), "predictions.json cannot"),
     ],
 )
