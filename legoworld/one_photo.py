@@ -13,6 +13,7 @@ from legoworld.evaluation.detections import evaluate_detections
 from legoworld.inspection import inspect_scene, write_inspection
 from legoworld.pictures import read_photo
 from legoworld.readouts.tasks import Protocol, protocol
+from legoworld.records.execution import ExecutionFile
 from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
@@ -20,7 +21,7 @@ from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.execution import Execution, execute
+from legoworld.scene.execution import execute
 from legoworld.scene.folder import BLEND, Source, find_scene
 from legoworld.track import Track, load_track
 from legoworld.track_making import DepthChoice, annotation_source, depth_source, make_track
@@ -57,7 +58,7 @@ class PhotoScore:
     row: dict[str, Any]
     summary: dict[str, Any] | None
     advice: tuple[dict[str, str], ...]
-    execution: Execution | None
+    execution: ExecutionFile | None
     overlay: Path | None
 
 

@@ -85,17 +85,17 @@ def command(
                 "files": list(result.files),
                 "warnings": list(result.warnings),
                 "check": result.check,
-                "sandbox": held.document(),
+                "sandbox": result.sandbox,
             }
         )
     else:
         for warning in result.warnings:
             notice(f"warning: {warning}")
         if result.error:
-            where = f"line {result.error['line']}" if result.error["line"] else "no line of its own"
+            where = f"line {result.error.line}" if result.error.line else "no line of its own"
             click.echo(
-                f"stopped: {program.name}, {where}: {result.error['type']}: "
-                f"{result.error['message']}; what it had built was exported"
+                f"stopped: {program.name}, {where}: {result.error.type}: "
+                f"{result.error.message}; what it had built was exported"
             )
         click.echo(f"{', '.join(result.files)} -> {output}")
     return 1 if result.error else 0

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.records.frozen import FrozenRow
 
 
 @click.command("freeze", context_settings={"help_option_names": ["-h", "--help"]})
@@ -50,7 +53,7 @@ def command(
         cache=options.chosen_cache(cache, no_cache),
         limits=options.chosen_limits(time_limit, memory_limit),
     )
-    bad = [row for row in rows if row["status"] != "ok"]
+    bad = [row for row in rows if row.status != "ok"]
     if as_json:
         options.print_json({"scenes": rows})
     else:
@@ -58,18 +61,16 @@ def command(
     return 1 if bad else 0
 
 
-def _print(
-    rows: list[dict[str, Any]], bad: list[dict[str, Any]], *, quiet: bool, verbose: bool
-) -> None:
+def _print(rows: list[FrozenRow], bad: list[FrozenRow], *, quiet: bool, verbose: bool) -> None:
     for row in () if quiet else rows:
-        for warning in row["warnings"]:
-            click.echo(f"warning: {row['scene']}: {warning}")
+        for warning in row.warnings:
+            click.echo(f"warning: {row.scene}: {warning}")
     for row in rows:
-        if row["status"] == "ok" and (not verbose or quiet):
+        if row.status == "ok" and (not verbose or quiet):
             continue
-        if row["status"] == "ok":
-            click.echo(f"ok: {row['scene']}")
-        for name, check in row["checks"].items():
-            if check["status"] != "ok":
-                click.echo(f"{check['status']}: {row['scene']}/{name}: {check['reason']}")
+        if row.status == "ok":
+            click.echo(f"ok: {row.scene}")
+        for name, check in row.checks.items():
+            if check.status != "ok":
+                click.echo(f"{check.status}: {row.scene}/{name}: {check.reason}")
     click.echo(f"{len(rows) - len(bad)} of {len(rows)} scenes frozen without complaint")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -172,11 +172,12 @@ def refuse_given(names: Sequence[str], why: str) -> None:
             raise click.UsageError(f"{parameter.opts[0]} {why}")
 
 
-def print_json(document: dict[str, Any]) -> None:
-    """One JSON document with schema_version on standard output."""
-    text = json.dumps(
-        {"schema_version": SCHEMA_VERSION, **document}, sort_keys=True, ensure_ascii=False
-    )
+def print_json(document: Mapping[str, object]) -> None:
+    """One JSON document with schema_version on standard output; records are part of it."""
+    from legoworld.records.base import as_json
+
+    whole = {"schema_version": SCHEMA_VERSION, **document}
+    text = json.dumps(whole, sort_keys=True, ensure_ascii=False, default=as_json)
     click.echo(escaped(text))
 
 

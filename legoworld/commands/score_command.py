@@ -144,7 +144,7 @@ def _print(
     if found.execution is not None and found.execution.error is not None:
         error = found.execution.error
         click.echo(
-            f"the program stopped at line {error['line']}: {error['type']}: {error['message']}; "
+            f"the program stopped at line {error.line}: {error.type}: {error.message}; "
             "scored is what it had built"
         )
     if found.summary is None:

@@ -20,6 +20,7 @@ __all__ = [
     "canonical",
     "decode",
     "decode_lines",
+    "nested_beyond",
     "readable",
     "to_record",
 ]
@@ -56,7 +57,7 @@ def decode(kind: type[_T], data: bytes | str) -> _T:
         return _decoder(kind).decode(data)
     except msgspec.ValidationError as error:
         raise RecordError(_sentence(str(error))) from error
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise RecordError(_malformed(data)) from error
     except RecursionError as error:
         raise RecordError("lists or objects are nested too deeply") from error
@@ -75,6 +76,18 @@ def decode_lines(kind: type[_T], data: bytes) -> list[_T]:
                 except RecordError as error:
                     raise RecordError(f"line {number}: {error}") from error
         raise
+
+
+def nested_beyond(levels: int, value: object) -> bool:
+    """Whether lists and objects of a JSON value are nested more than `levels` deep."""
+    level: list[Any] = [value]
+    for _ in range(levels + 1):
+        level = [found for found in level if isinstance(found, dict | list)]
+        if not level:
+            return False
+        inside = (found.values() if isinstance(found, dict) else found for found in level)
+        level = [found for values in inside for found in values]
+    return True
 
 
 def to_record(kind: type[_T], value: Any) -> _T:

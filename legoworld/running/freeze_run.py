@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path, PurePath
-from typing import Any, Final
+from typing import Final
 
 from legoworld.errors import (
     LegoWorldError,
@@ -16,6 +16,9 @@ from legoworld.errors import (
     WorkerTimeoutError,
 )
 from legoworld.files import TEMPORARY_SUFFIX
+from legoworld.records.frozen import FrozenRow
+from legoworld.records.provenance import ProvenanceFile
+from legoworld.records.verdict import OK, Verdict
 from legoworld.running.engines import ENGINES, EngineName, Job, machine_lost
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
@@ -35,10 +38,9 @@ from legoworld.scene.freeze import FileHash, FrozenFiles, Hashes, hash_files, wr
 from legoworld.scene.labels import read_labels_file
 from legoworld.scene.outside import leaves_scenes
 from legoworld.scene.reading import read_scene
-from legoworld.scene.side_files import provenance_in, read_side_file
+from legoworld.scene.side_files import read_side_file
 from legoworld.track import track_of_folder
 
-_OK: Final = {"status": "ok", "code": "ok", "reason": None}
 #: A limit that was reached says nothing lasting about a scene: no record is made of it.
 _NOT_THE_SCENES_FAULT: Final = (
     WorkerCrashedError.code,
@@ -54,12 +56,12 @@ def freeze_scenes(
     workers: int,
     cache: SnapshotCache | None,
     limits: Limits,
-) -> list[dict[str, Any]]:
+) -> list[FrozenRow]:
     """Freeze every scene folder below SCENES; one row each, sorted by name."""
     folders = [find_scene(scenes, image.scene) for image in track_of_folder(scenes).images]
     job = Job(make=partial(_Freezer, cache, limits), lost=_lost)
     with closing(ENGINES[engine](job, folders, workers)) as rows:
-        return sorted(rows, key=lambda row: str(row["scene"]))
+        return sorted(rows, key=lambda row: row.scene)
 
 
 class _Freezer:
@@ -69,7 +71,7 @@ class _Freezer:
         self._cache = cache
         self._blender = BlenderProcess(limits)
 
-    def do(self, folder: SceneFolder) -> dict[str, Any]:
+    def do(self, folder: SceneFolder) -> FrozenRow:
         return freeze_scene(folder, blender=self._blender, cache=self._cache)
 
     def abort(self) -> None:
@@ -79,18 +81,14 @@ class _Freezer:
         self._blender.close()
 
 
-def _lost(folder: SceneFolder, what: str) -> dict[str, Any]:
-    return {
-        "scene": folder.name,
-        "status": "failed",
-        "checks": {BLEND: _complaint(machine_lost(what))},
-        "warnings": [],
-    }
+def _lost(folder: SceneFolder, what: str) -> FrozenRow:
+    checks = {BLEND: _complaint(machine_lost(what))}
+    return FrozenRow(scene=folder.name, status="failed", checks=checks, warnings=[])
 
 
 def freeze_scene(
     folder: SceneFolder, *, blender: BlenderProcess, cache: SnapshotCache | None
-) -> dict[str, Any]:
+) -> FrozenRow:
     """Check one scene's artefacts and write its frozen.json; returns the row of the table."""
     for leftover in folder.path.glob(f".{FROZEN}.*{TEMPORARY_SUFFIX}"):  # of a killed freeze
         leftover.unlink(missing_ok=True)
@@ -106,15 +104,15 @@ def freeze_scene(
         checks[LABELS] = _check(lambda: _read_labels(folder))
     if PROVENANCE in artefacts:
         checks[PROVENANCE] = _check(lambda: _read_provenance(folder))
-    if checks[BLEND]["code"] not in _NOT_THE_SCENES_FAULT:
+    if checks[BLEND].code not in _NOT_THE_SCENES_FAULT:
         write_frozen(folder, artefacts, dependencies, checks, bpy=bpy_version())
-    good = all(check["status"] == "ok" for check in checks.values())
-    return {
-        "scene": folder.name,
-        "status": "ok" if good else "invalid",
-        "checks": checks,
-        "warnings": [*_stopped(folder, artefacts), *_not_portable(folder, dependencies)],
-    }
+    good = all(check.status == "ok" for check in checks.values())
+    return FrozenRow(
+        scene=folder.name,
+        status="ok" if good else "invalid",
+        checks=checks,
+        warnings=[*_stopped(folder, artefacts), *_not_portable(folder, dependencies)],
+    )
 
 
 def _stopped(folder: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
@@ -132,7 +130,7 @@ def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:
     ]
 
 
-def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, dict[str, Any]]]:
+def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, Verdict]]:
     """The artefacts' hashes, and a complaint for each that cannot be read."""
     hashes: dict[str, FileHash | None] = {}
     complaints = {}
@@ -146,13 +144,13 @@ def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, 
 
 def _check_blend(
     folder: SceneFolder, files: FrozenFiles, blender: BlenderProcess, cache: SnapshotCache | None
-) -> tuple[dict[str, dict[str, Any]], Hashes]:
+) -> tuple[dict[str, Verdict], Hashes]:
     """The verdict of scene.blend, and what it reads besides itself."""
     try:
         read = read_scene(folder, source="blend", blender=blender, cache=cache, files=files)
     except LegoWorldError as error:
         return {BLEND: _complaint(error)}, {}
-    return {BLEND: _OK}, read.files.dependencies
+    return {BLEND: OK}, read.files.dependencies
 
 
 def _read_labels(folder: SceneFolder) -> None:
@@ -160,10 +158,10 @@ def _read_labels(folder: SceneFolder) -> None:
 
 
 def _read_provenance(folder: SceneFolder) -> None:
-    provenance_in(read_side_file(folder.path, PROVENANCE))
+    read_side_file(folder.path, PROVENANCE, ProvenanceFile)
 
 
-def _check(check: Callable[[], None]) -> dict[str, Any]:
+def _check(check: Callable[[], None]) -> Verdict:
     try:
         check()
     except LegoWorldError as error:
@@ -174,8 +172,8 @@ def _check(check: Callable[[], None]) -> dict[str, Any]:
                 "the file cannot be read", found=str(error.strerror), expected="a readable file"
             )
         )
-    return _OK
+    return OK
 
 
-def _complaint(error: LegoWorldError) -> dict[str, Any]:
-    return {"status": error.status, "code": error.code, "reason": str(error)}
+def _complaint(error: LegoWorldError) -> Verdict:
+    return Verdict(status=error.status, code=error.code, reason=str(error))

@@ -11,6 +11,7 @@ from typing import Any
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import sha256_of_file
 from legoworld.places import PlaceError, child, fetch_folder
+from legoworld.records.provenance import ProvenanceFile
 from legoworld.running.engines import machine_lost
 from legoworld.running.image_record import (
     ImageOptions,
@@ -36,7 +37,6 @@ from legoworld.scene.freeze import (
 from legoworld.scene.outside import leaves_scenes
 from legoworld.scene.reading import read_hashed_side_file, read_scene
 from legoworld.scene.scratch import scratch_folder
-from legoworld.scene.side_files import provenance_in
 from legoworld.track import TrackImage
 
 
@@ -82,7 +82,8 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
             folder, source=options.source, blender=blender, cache=options.cache, files=files
         )
         labels = labels_of(folder, scene, options.protocol)
-        provenance = provenance_in(read_hashed_side_file(folder, PROVENANCE, scene.files))
+        found = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
+        provenance = found.value if found else None
         return record_of(row, image, folder, scene, labels, provenance, options)
     except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
         written = [options.run, *([options.cache.folder] if options.cache else [])]

@@ -13,6 +13,8 @@ from legoworld.files import as_unicode, canonical_json, sha256_of_file, sha256_o
 from legoworld.places import Place
 from legoworld.readouts.depth import depth_file, resampled_size, write_depth
 from legoworld.readouts.tasks import Protocol
+from legoworld.records.labels import LabelsFile
+from legoworld.records.provenance import ProvenanceFile
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, SceneFolder, Source
 from legoworld.scene.freeze import Hashes
@@ -77,10 +79,10 @@ def labels_of(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labe
     """The labels of a scene under a protocol. Raises LabelsInvalidError."""
     if protocol.vocabulary is None:
         return Labels(objects={}, collections={}, warnings=())
-    document = read_hashed_side_file(folder, LABELS, scene.files)
+    found = read_hashed_side_file(folder, LABELS, LabelsFile, scene.files)
     return resolve_labels(
         scene.snapshot,
-        labels_in(document.value) if document else (),
+        labels_in(found),
         protocol.vocabulary,
         protocol.override_property,
     )
@@ -92,7 +94,7 @@ def record_of(
     folder: SceneFolder,
     scene: ReadScene,
     labels: Labels,
-    provenance: Any,
+    provenance: ProvenanceFile | None,
     options: ImageOptions,
 ) -> Record:
     """The record of a scene that was read, into `row`; a depth file is written on the way."""
@@ -232,7 +234,7 @@ def _matched_names(labelled: list[Instance]) -> dict[str, str]:
 
 
 def _scene_entry(
-    folder: SceneFolder, scene: ReadScene, seen: View, provenance: Any
+    folder: SceneFolder, scene: ReadScene, seen: View, provenance: ProvenanceFile | None
 ) -> dict[str, Any]:
     """What run.json records of a scene."""
     snapshot = scene.snapshot
@@ -245,7 +247,7 @@ def _scene_entry(
         "camera": dict(vars(snapshot.camera)),
         "projection": dict(vars(seen.projection)),
         "render": dict(vars(snapshot.render)),
-        "provenance": provenance,
+        "provenance": "not recorded" if provenance is None else provenance,
     }
 
 

@@ -6,9 +6,10 @@ import hashlib
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
+
+from msgspec.structs import replace
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
@@ -19,7 +20,10 @@ from legoworld.errors import (
     WorkerMemoryError,
     from_reason,
 )
-from legoworld.files import atomic_path, readable_json, sha256_of_file, write_text
+from legoworld.files import atomic_path, sha256_of_file, write_text
+from legoworld.records.base import as_json, readable
+from legoworld.records.execution import ExecutionFile, ProgramReport
+from legoworld.records.verdict import OK, Verdict
 from legoworld.scene.artefacts import check_glb, check_picture, without_metadata
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
@@ -30,7 +34,7 @@ from legoworld.scene.execution_verdicts import (
     over_limit,
 )
 from legoworld.scene.folder import BLEND, EXECUTION, FROZEN, GLB, PICTURE, PROGRAM
-from legoworld.scene.program_report import REPORT, ProgramReport, read_report
+from legoworld.scene.program_report import REPORT, read_report
 from legoworld.scene.scratch import scratch_folder
 from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import (
@@ -41,25 +45,8 @@ from legoworld.workers.sandbox import (
     protections,
 )
 
-_OK: Final = {"status": "ok", "code": "ok", "reason": None}
 _NOT_SHOWN: Final = "the sandbox shows the program no file but its own"
 _SHOW: Final = "name what it reads with --input"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Execution:
-    """How a program ended and what it left.
-
-    error: {"type", "message", "line"} or None; check: how scene.blend opened in another process;
-    sandbox: what the program was kept from.
-    """
-
-    status: str  # complete | stopped
-    error: dict[str, Any] | None
-    files: tuple[str, ...]
-    warnings: tuple[str, ...]
-    check: dict[str, Any]
-    sandbox: Protections
 
 
 def execute(
@@ -70,8 +57,8 @@ def execute(
     picture: bool,
     sandbox: Confinement = "auto",
     inputs: Sequence[Path] = (),
-) -> Execution:
-    """Run a program in a sandbox and an empty folder, and export into `output`.
+) -> ExecutionFile:
+    """Run a program in a sandbox and an empty folder, and export into `output`; its execution.json.
 
     inputs: files and folders that the program may read. Its process exports the scene; another one,
     which it never touched, opens the scene and renders the picture. Raises the program's verdict
@@ -90,10 +77,10 @@ def execute(
         warnings = list(report.warnings)
         if "render" in report.skipped:
             warnings.append(f"the program's own render calls were skipped; see {PICTURE}")
-        if held.bubblewrap and report.error and _looked_for(report.error["type"]):
+        if held.bubblewrap and report.error and _looked_for(report.error.type):
             warnings.append(f"{_NOT_SHOWN}: {_SHOW}")
         check = _check(reader, made, warnings)
-        if picture and check["code"] != "no_camera":
+        if picture and check.code != "no_camera":
             warnings += _picture(reader, made)
         return _deliver(source, made, output, report, warnings, check, held)
 
@@ -133,7 +120,7 @@ def _run(
             report = read_report(None)
         if ending.over is not None:
             raise over_limit(ending, ending.over, report.at, allowed, program)
-        if not report.done:
+        if report.ok is None:
             raise ended_early(ending, report.at, program)
         _refuse_failure(report, allowed, confined=held.bubblewrap is not None)
         if _taken(workspace, BLEND, made) is None:
@@ -164,30 +151,30 @@ def _refuse_failure(report: ProgramReport, allowed: SandboxLimits, *, confined: 
     reason = report.reason
     if reason is None:
         return
-    if reason["code"] == WorkerMemoryError.code:
+    if reason.code == WorkerMemoryError.code:
         raise ProgramLimitError(
             "the program's scene did not fit into memory while it was exported",
             found="MemoryError",
             expected="a scene that Blender can export",
             next_step="build less geometry (subdivision, arrays, particles)",
         )
-    if reason["code"] == "full":
+    if reason.code == "full":
         raise ProgramLimitError(
             "the program's scene could not be written",
-            found=reason["found"],
+            found=reason.found,
             expected=f"files of at most {allowed.disk_bytes / 2**30:g} GiB and room on the disk",
             next_step="build less geometry, or make room on the disk",
         )
-    if reason["code"] == "export":
+    if reason.code == "export":
         raise ProgramOutputError(
             "the program's scene could not be exported",
-            found=reason["found"],
+            found=reason.found,
             expected="a scene that Blender can save",
             next_step="the program may have replaced what Blender needs: run it in Blender",
         )
-    if reason["code"] == "built_nothing" and confined and _looked_for(reason["found"]):
-        reason = {**reason, "next": f"correct the program; {_NOT_SHOWN}: {_SHOW}"}
-    raise from_reason(reason)
+    if reason.code == "built_nothing" and confined and _looked_for(reason.found):
+        reason = replace(reason, next=f"correct the program; {_NOT_SHOWN}: {_SHOW}")
+    raise from_reason(as_json(reason))
 
 
 def _looked_for(error: str) -> bool:
@@ -195,7 +182,7 @@ def _looked_for(error: str) -> bool:
     return any(kind in error for kind in ("FileNotFoundError", "ModuleNotFoundError"))
 
 
-def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> dict[str, Any]:
+def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> Verdict:
     """Open what the program left, in a process it never touched; the verdict on scene.blend.
 
     Raises ProgramOutputError for what is no .blend. A scene.glb that is none is not delivered.
@@ -213,8 +200,8 @@ def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> dict[str,
         raise _no_scene(f"{error.what}: {error.found}") from error
     except LegoWorldError as error:
         warnings.append(f"{BLEND} cannot be read as it is: {error}")
-        return {"status": error.status, "code": error.code, "reason": str(error)}
-    return dict(_OK)
+        return Verdict(status=error.status, code=error.code, reason=str(error))
+    return OK
 
 
 def _picture(blender: BlenderProcess, made: Path) -> list[str]:
@@ -238,9 +225,9 @@ def _deliver(
     output: Path,
     report: ProgramReport,
     warnings: list[str],
-    check: dict[str, Any],
+    check: Verdict,
     held: Protections,
-) -> Execution:
+) -> ExecutionFile:
     files = tuple(name for name in (BLEND, GLB, PICTURE) if (made / name).is_file())
     for name in (BLEND, GLB, PICTURE):
         if name in files:
@@ -250,27 +237,19 @@ def _deliver(
     _write_program(source, output / PROGRAM)
     if (output / FROZEN).is_file():
         warnings.append(f"{FROZEN} is of the earlier scene: freeze again")
-    execution = Execution(
+    execution = ExecutionFile(
+        schema_version=SCHEMA_VERSION,
+        legoworld=__version__,
+        bpy=bpy_version(),
+        program_sha256=hashlib.sha256(source).hexdigest(),
         status="stopped" if report.error else "complete",
         error=report.error,
-        files=files,
+        files={name: sha256_of_file(output / name) for name in files},
         warnings=tuple(warnings),
         check=check,
-        sandbox=held,
+        sandbox=held.record(),
     )
-    document = {
-        "schema_version": SCHEMA_VERSION,
-        "legoworld": __version__,
-        "bpy": bpy_version(),
-        "program_sha256": hashlib.sha256(source).hexdigest(),
-        "status": execution.status,
-        "error": report.error,
-        "files": {name: sha256_of_file(output / name) for name in files},
-        "warnings": warnings,
-        "check": check,
-        "sandbox": held.document(),
-    }
-    write_text(output / EXECUTION, readable_json(document))
+    write_text(output / EXECUTION, readable(execution))
     return execution
 
 

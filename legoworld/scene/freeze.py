@@ -8,20 +8,21 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
 from legoworld.files import (
     NotRegularError,
-    canonical_json,
     open_regular,
-    readable_json,
     refused_by_machine,
     sha256_of_text,
     write_text,
 )
+from legoworld.records.base import canonical, readable
+from legoworld.records.frozen import FrozenFile, HashedFile
+from legoworld.records.verdict import Verdict
 from legoworld.scene.execution_record import execution_warnings
 from legoworld.scene.folder import (
     ARTEFACTS,
@@ -34,7 +35,7 @@ from legoworld.scene.folder import (
     SceneFolder,
 )
 from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
-from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, invalid, read_side_file
+from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, read_side_file
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.
 Hashes = Mapping[str, "FileHash | None"]
@@ -76,7 +77,7 @@ class FrozenFiles:
     @property
     def sha256(self) -> str:
         """One hash over the content of all files."""
-        return sha256_of_text(canonical_json([_plain(self.artefacts), _plain(self.dependencies)]))
+        return sha256_of_text(canonical([_plain(self.artefacts), _plain(self.dependencies)]))
 
 
 def hash_files(folder: Path, names: Iterable[str]) -> dict[str, FileHash | None]:
@@ -152,7 +153,7 @@ def write_frozen(
     scene: SceneFolder,
     artefacts: Hashes,
     dependencies: Hashes,
-    checks: Mapping[str, dict[str, Any]],
+    checks: Mapping[str, Verdict],
     *,
     bpy: str | None = None,
 ) -> None:
@@ -160,46 +161,18 @@ def write_frozen(
 
     bpy: the version that opened scene.blend. It stands for all that ships with Blender.
     """
-    good = all(check["status"] == "ok" for check in checks.values())
-    document = {
-        "schema_version": SCHEMA_VERSION,
-        "legoworld": __version__,
-        "bpy": bpy,
-        "status": "ok" if good else "invalid",
-        "checks": dict(checks),
-        "covers": list(ARTEFACTS),
-        "files": _plain(artefacts),
-        "dependencies": _plain(dependencies),
-    }
-    write_text(scene.file(FROZEN), readable_json(document))
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrozenRecord:
-    """What a frozen.json says. covers: the artefacts it was made with, there or not."""
-
-    artefacts: Hashes
-    dependencies: Hashes
-    status: str
-    covers: tuple[str, ...]
-
-
-def read_frozen(scene: SceneFolder) -> FrozenRecord | None:
-    """The record of a frozen scene; None without a frozen.json. Raises SideFileInvalidError."""
-    found = read_side_file(scene.path, FROZEN)
-    if found is None:
-        return None
-    document = found.value
-    try:
-        return FrozenRecord(
-            artefacts=_typed(document["files"]),
-            dependencies=_typed(document["dependencies"]),
-            status=_text(document["status"]),
-            # A record that does not say was made when provenance.json was not part of it.
-            covers=(*_COVERED_AT_FIRST, *map(_text, document.get("covers", ()))),
-        )
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise invalid(FROZEN, f"{type(error).__name__}: {error}") from error
+    good = all(check.status == "ok" for check in checks.values())
+    record = FrozenFile(
+        schema_version=SCHEMA_VERSION,
+        legoworld=__version__,
+        bpy=bpy,
+        status="ok" if good else "invalid",
+        checks=dict(checks),
+        covers=ARTEFACTS,
+        files=_plain(artefacts),
+        dependencies=_plain(dependencies),
+    )
+    write_text(scene.file(FROZEN), readable(record))
 
 
 def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFiles:
@@ -208,9 +181,9 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
     Raises SceneChangedError when a file differs, appeared or went, NotFrozenError when a record
     is required and missing. Without a record the dependencies are not known yet: empty.
     """
-    record = read_frozen(scene)
+    found = read_side_file(scene.path, FROZEN, FrozenFile)
     now = hash_files(scene.path, scene.artefacts())
-    if record is None:
+    if found is None:
         if require_frozen:
             raise NotFrozenError(
                 "the scene is not frozen",
@@ -221,6 +194,7 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
         return FrozenFiles(
             artefacts=now, dependencies={}, frozen="at_readout", warnings=_execution(scene, now)
         )
+    record = found.value
     if require_frozen and record.status != "ok":
         raise NotFrozenError(
             "the scene was frozen with a complaint",
@@ -228,14 +202,16 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
             expected="a scene whose artefacts all passed their check",
             next_step="see its checks, correct the scene and freeze it again",
         )
-    covered = {n: now.get(n) for n in {*now, *record.artefacts} if n in record.covers}
-    _refuse_changes(record.artefacts, covered)
+    files, dependencies = _hashes(record.files), _hashes(record.dependencies)
+    # A record that does not say was made when provenance.json was not part of it.
+    covers = {*_COVERED_AT_FIRST, *record.covers}
+    _refuse_changes(files, {n: now.get(n) for n in {*now, *files} if n in covers})
     # What lies elsewhere is compared when the scene file was read and has said where it lies.
-    near = {n: h for n, h in record.dependencies.items() if not leaves_scenes(n, scene)}
+    near = {n: h for n, h in dependencies.items() if not leaves_scenes(n, scene)}
     _refuse_changes(near, hash_files(scene.path, near))
     return FrozenFiles(
         artefacts=now,
-        dependencies=record.dependencies,
+        dependencies=dependencies,
         frozen="frozen.json",
         warnings=_execution(scene, now),
     )
@@ -308,21 +284,15 @@ def _refuse_changes(recorded: Hashes, now: Hashes) -> None:
             )
 
 
-def _plain(hashes: Hashes) -> dict[str, dict[str, str | int] | None]:
+def _plain(hashes: Hashes) -> dict[str, HashedFile | None]:
     return {
-        name: {"sha256": h.sha256, "bytes": h.bytes} if h else None
-        for name, h in sorted(hashes.items())
+        name: HashedFile(sha256=found.sha256, bytes=found.bytes) if found else None
+        for name, found in hashes.items()
     }
 
 
-def _typed(hashes: dict[str, Any]) -> dict[str, FileHash | None]:
+def _hashes(recorded: Mapping[str, HashedFile | None]) -> dict[str, FileHash | None]:
     return {
-        name: FileHash(sha256=_text(h["sha256"]), bytes=int(h["bytes"])) if h else None
-        for name, h in hashes.items()
+        name: FileHash(sha256=found.sha256, bytes=found.bytes) if found else None
+        for name, found in recorded.items()
     }
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{type(value).__name__} instead of a text")
-    return value

@@ -13,8 +13,9 @@ from typing import Any, Literal
 
 from legoworld.conventions import CATEGORY_KEY
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError, one_line
+from legoworld.records.labels import LabelsFile
 from legoworld.scene.folder import LABELS
-from legoworld.scene.side_files import invalid, read_side_file
+from legoworld.scene.side_files import SideFile, invalid, read_side_file
 from legoworld.scene.snapshot import Snapshot
 from legoworld.vocabulary import Category, Vocabulary
 
@@ -49,20 +50,12 @@ class Labels:
 
 def read_labels_file(path: Path) -> tuple[OutsideLabel, ...]:
     """The entries of a labels.json; none when there is no such file. Raises LabelsInvalidError."""
-    found = read_side_file(path.parent, path.name)
-    return () if found is None else labels_in(found.value)
+    return labels_in(read_side_file(path.parent, path.name, LabelsFile))
 
 
-def labels_in(document: Any) -> tuple[OutsideLabel, ...]:
-    """The entries of a labels.json's value. Raises LabelsInvalidError."""
-    if not isinstance(document, dict):
-        raise _invalid(f"it holds a {type(document).__name__}")
-    version = document.get("version")
-    if type(version) is not int or version != 1:
-        raise _invalid(f'"version" is {version!r}')
-    entries = document.get("labels")
-    if not isinstance(entries, list):
-        raise _invalid(f'"labels" is {type(entries).__name__}')
+def labels_in(found: SideFile[LabelsFile] | None) -> tuple[OutsideLabel, ...]:
+    """The entries of a labels.json; none when there is no such file. Raises LabelsInvalidError."""
+    entries = found.value.labels if found else ()
     labels = tuple(_outside_label(entry, place) for place, entry in enumerate(entries))
     _refuse_contradictions(labels)
     return labels
@@ -148,8 +141,8 @@ def _matched(
     return found
 
 
-def _outside_label(entry: Any, place: int) -> OutsideLabel:
-    if not isinstance(entry, dict) or ("object" in entry) == ("collection" in entry):
+def _outside_label(entry: Mapping[str, Any], place: int) -> OutsideLabel:
+    if ("object" in entry) == ("collection" in entry):
         raise _invalid(f"entry {place} is {one_line(json.dumps(entry), 80)}")
     kind: Kind = "object" if "object" in entry else "collection"
     categories = {

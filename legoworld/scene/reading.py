@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender_process import BlenderProcess
@@ -21,6 +22,8 @@ from legoworld.scene.freeze import (
 from legoworld.scene.scratch import scratch_folder
 from legoworld.scene.side_files import SideFile, read_side_file
 from legoworld.scene.snapshot import Snapshot, load, save
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,12 +154,14 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
 
 
-def read_hashed_side_file(scene: SceneFolder, name: str, files: FrozenFiles) -> SideFile | None:
+def read_hashed_side_file(
+    scene: SceneFolder, name: str, kind: type[T], files: FrozenFiles
+) -> SideFile[T] | None:
     """A side file that is among the hashed artefacts; None where there is none.
 
     Raises as `read_side_file` does, and SceneInvalidError when it is no longer what was hashed.
     """
-    found, hashed = read_side_file(scene.path, name), files.artefacts.get(name)
+    found, hashed = read_side_file(scene.path, name, kind), files.artefacts.get(name)
     if (found and found.sha256) != (hashed and hashed.sha256):
         raise _changed(scene, name)
     return found

@@ -8,18 +8,17 @@ must end: no FIFO, no device, no endless file, no nesting that exhausts the stac
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path, PurePosixPath
-from typing import Any, Final, NoReturn
+from typing import Any, Final, Generic, TypeVar
 
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError
-from legoworld.files import is_unicode, kind_of_file, refused_by_machine
+from legoworld.files import kind_of_file, refused_by_machine
+from legoworld.records.base import RecordError, decode, nested_beyond, to_record
 from legoworld.scene.folder import EXECUTION, FROZEN, LABELS, PROVENANCE
 
 #: The side files, and how many bytes each may have.
@@ -31,38 +30,39 @@ SIZE_LIMITS: Final = {
 }
 #: How deep lists and objects of a side file may be nested.
 NESTING_LIMIT: Final = 64
-_TOO_DEEP: Final = f"lists or objects are nested beyond {NESTING_LIMIT} levels"
 _NO_LINK: Final = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SideFile:
-    """A side file's JSON value, and what identifies the bytes it was read from."""
+class SideFile(Generic[T]):
+    """What a side file says, and what identifies the bytes it was read from."""
 
-    value: Any
+    value: T
     sha256: str
     bytes: int
 
 
-def read_side_file(folder: Path, name: str) -> SideFile | None:
-    """One of `SIZE_LIMITS` of a scene folder as JSON; None when there is no such file.
+def read_side_file(folder: Path, name: str, kind: type[T]) -> SideFile[T] | None:
+    """One of `SIZE_LIMITS` of a scene folder as a value of its type; None when there is none.
 
     Raises LabelsInvalidError (labels.json) or SideFileInvalidError for a link that leaves the
     folder, anything but a regular file, a file over its limit, text that is not UTF-8 or holds
-    half a surrogate pair, and what is not JSON: NaN, infinity, nesting beyond `NESTING_LIMIT`.
+    half a surrogate pair, what is not JSON (NaN, infinity, nesting beyond `NESTING_LIMIT`), and
+    what is not of the type.
     """
     data = _bytes_of(folder, name)
     if data is None:
         return None
     try:
-        value = json.loads(data.decode("utf-8"), parse_constant=_refuse_constant)
-    except RecursionError as error:
-        raise invalid(name, _TOO_DEEP) from error
-    except ValueError as error:
-        raise invalid(name, f"it is not JSON: {error}") from error
-    complaint = _complaint(value)
-    if complaint is not None:
-        raise invalid(name, complaint)
+        # Whole at first: what a type ignores is checked, too.
+        document: object = decode(Any, data)
+        if nested_beyond(NESTING_LIMIT, document):
+            raise RecordError(f"lists or objects are nested beyond {NESTING_LIMIT} levels")
+        value = to_record(kind, document)
+    except RecordError as error:
+        raise invalid(name, str(error)) from error
     return SideFile(value=value, sha256=hashlib.sha256(data).hexdigest(), bytes=len(data))
 
 
@@ -74,18 +74,6 @@ def hash_side_file(folder: Path, name: str) -> tuple[str, int] | None:
     """
     data = _bytes_of(folder, name)
     return None if data is None else (hashlib.sha256(data).hexdigest(), len(data))
-
-
-def provenance_in(found: SideFile | None) -> dict[str, Any] | str:
-    """What run.json says of how a scene was made, from its provenance.json.
-
-    Raises SideFileInvalidError for what is no JSON object.
-    """
-    if found is None:
-        return "not recorded"
-    if not isinstance(found.value, dict):
-        raise invalid(PROVENANCE, f"it holds a {type(found.value).__name__}, not an object")
-    return found.value
 
 
 def invalid(name: str, found: str) -> SideFileInvalidError | LabelsInvalidError:
@@ -167,27 +155,3 @@ def _descend(top: int, parts: tuple[str, ...]) -> int:
             os.close(at)
         at = below
     return at
-
-
-def _refuse_constant(text: str) -> NoReturn:
-    raise ValueError(f"{text} is not a JSON number")
-
-
-def _complaint(value: Any) -> str | None:
-    """What Python's reader lets through and results cannot hold; None for a good value."""
-    level, depth = [value], 0
-    while level:
-        below: list[Any] = []
-        for item in level:
-            if isinstance(item, dict | list) and depth == NESTING_LIMIT:
-                return _TOO_DEEP
-            if isinstance(item, dict):
-                below += [*item.keys(), *item.values()]
-            elif isinstance(item, list):
-                below += item
-            elif isinstance(item, str) and not is_unicode(item):
-                return f"{item!a} holds half of a surrogate pair"
-            elif isinstance(item, float) and not isfinite(item):
-                return "a number is beyond what a double can hold"
-        level, depth = below, depth + 1
-    return None

@@ -18,10 +18,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Final, Literal, Self
+from typing import IO, Final, Literal, Self
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
+from legoworld.records.execution import Protected
 from legoworld.workers.bubblewrap import (
     INSIDE,
     TEMPORARY_INSIDE,
@@ -102,14 +103,14 @@ class Protections:
         held = self.holds
         return [p for p in (*_WITH_BUBBLEWRAP, *_EVERYWHERE, *_ON_LINUX) if p not in held]
 
-    def document(self) -> dict[str, Any]:
+    def record(self) -> Protected:
         """As execution.json has it."""
-        return {
-            "bubblewrap": self.bubblewrap,
-            "why_not": self.why_not,
-            "holds": self.holds,
-            "does_not_hold": self.does_not_hold,
-        }
+        return Protected(
+            bubblewrap=self.bubblewrap,
+            why_not=self.why_not,
+            holds=self.holds,
+            does_not_hold=self.does_not_hold,
+        )
 
 
 _WITH_BUBBLEWRAP: Final = ("network", "files", "other processes")

@@ -14,6 +14,7 @@ from legoworld.records.base import (
     canonical,
     decode,
     decode_lines,
+    nested_beyond,
     to_record,
 )
 
@@ -65,6 +66,7 @@ def test_lines_are_read_as_they_are_written(whole):
         ('{"parts": [{"id": 1, "score": 1e999}]}', "number out of range at $.parts[0].score"),
         ('{"other": ' + "[" * 100_000 + "]" * 100_000 + "}", "nested too deeply"),
         (b"\xff", "not JSON: 'utf-8' codec"),
+        (b'{"parts": [{"id": 1, "name": "\xff"}]}', "not JSON: 'utf-8' codec"),
         ("", "not JSON"),
     ],
 )
@@ -94,3 +96,13 @@ def test_keys_a_type_does_not_name_are_ignored_and_fields_left_out_stay_out():
 def test_records_do_not_change():
     with pytest.raises(AttributeError):
         Part(id=1).id = 2
+
+
+@given(st.integers(1, 80), st.integers(1, 80))
+def test_nesting_is_counted_in_lists_and_objects(levels, limit):
+    value = 1
+    for level in range(levels):
+        value = [0, value] if level % 2 else {"a": value, "b": []}
+    # An empty list beside the innermost value is as deep as a list around it.
+    deepest = levels + 1
+    assert nested_beyond(limit, value) == (deepest > limit)

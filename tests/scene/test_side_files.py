@@ -7,6 +7,7 @@ import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from gltf.documents import Document
@@ -20,7 +21,7 @@ from legoworld.running.image_record import ImageOptions, Record
 from legoworld.scene import side_files
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts, hash_files, read_frozen, write_frozen
+from legoworld.scene.freeze import checked_artefacts, hash_files, write_frozen
 from legoworld.scene.side_files import NESTING_LIMIT, SIZE_LIMITS, read_side_file
 from legoworld.track import TrackImage
 
@@ -112,7 +113,7 @@ HOSTILE: dict[str, Callable[[Path], None]] = {
 def test_what_is_no_json_file_of_the_folder_has_its_verdict(name, make, folder):
     make(folder / name)
     with pytest.raises(SceneInvalidError) as caught:
-        read_side_file(folder, name)
+        read_side_file(folder, name, Any)
     assert isinstance(caught.value, LabelsInvalidError if name == "labels.json" else
                       SideFileInvalidError)  # fmt: skip
     assert name in caught.value.what
@@ -141,10 +142,10 @@ def test_depth_reads_no_labels_and_still_tells_no_hash_of_another_file(make, fol
 @pytest.mark.parametrize("name", SIZE_LIMITS)
 def test_a_size_limit_ends_the_reading(name, folder, monkeypatch):
     (folder / name).write_text("[" + " " * 998 + "]")
-    assert read_side_file(folder, name).value == []
+    assert read_side_file(folder, name, Any).value == []
     monkeypatch.setitem(side_files.SIZE_LIMITS, name, 999)
     with pytest.raises(SceneInvalidError, match="more than 999 bytes"):
-        read_side_file(folder, name)
+        read_side_file(folder, name, Any)
 
 
 def test_a_link_to_a_file_of_the_folder_is_that_file(folder):
@@ -156,8 +157,8 @@ def test_a_link_to_a_file_of_the_folder_is_that_file(folder):
 
 def test_nesting_up_to_the_limit_is_read(folder):
     (folder / "provenance.json").write_text("[" * NESTING_LIMIT + "]" * NESTING_LIMIT)
-    assert read_side_file(folder, "provenance.json") is not None
-    assert read_side_file(folder, "labels.json") is None
+    assert read_side_file(folder, "provenance.json", Any) is not None
+    assert read_side_file(folder, "labels.json", Any) is None
 
 
 @pytest.mark.parametrize("value", ["[]", "3", '"agent"', "null"])
@@ -203,12 +204,27 @@ def test_a_record_from_before_provenance_was_hashed_stays_good(folder):
     assert readout(folder)["row"]["status"] == "changed"
 
 
+@pytest.mark.parametrize(
+    ("files", "found"),
+    [
+        ([], "expected object, got array at $.files"),
+        ({"scene.glb": {"sha256": 5, "bytes": 1}}, "expected str, got int at $.files[...].sha256"),
+        ({"scene.glb": {"sha256": "0"}}, "missing required field bytes at $.files[...]"),
+    ],
+)
+def test_a_record_that_is_none_has_its_verdict(files, found, folder):
+    document = {"status": "ok", "files": files, "dependencies": {}}
+    (folder / "frozen.json").write_text(json.dumps(document))
+    row = readout(folder)["row"]
+    assert row["code"] == "invalid_side_file"
+    assert found in row["reason"]
+
+
 def test_a_record_cannot_leave_out_what_it_has_to_cover(folder):
     scene = SceneFolder(path=folder, name="scene")
     write_frozen(scene, {}, {}, {})
     document = {**json.loads((folder / "frozen.json").read_text()), "covers": []}
     (folder / "frozen.json").write_text(json.dumps(document))
-    assert read_frozen(scene).artefacts == {}
     assert readout(folder)["row"]["status"] == "changed"
 
 

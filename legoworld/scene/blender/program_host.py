@@ -17,14 +17,15 @@ import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from legoworld.errors import LegoWorldError, WorkerMemoryError
+from legoworld.errors import LegoWorldError, WorkerMemoryError, printable
+from legoworld.records.base import canonical, to_record
+from legoworld.records.execution import ProgramReport, Reason, Stage
 from legoworld.scene.program_report import BEGUN
 
 #: How long before the time limit the program's line is printed.
 _SAY_BEFORE_S: Final = 0.3
-_MOST_WARNINGS: Final = 200  # as many as are read
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -37,38 +38,36 @@ def main() -> int:
     faulthandler.dump_traceback_later(max(left_s, 0.01))
     report = Path(request["report"])
 
-    def say(answer: dict[str, Any]) -> None:
-        if "warnings" in answer:
-            answer["warnings"] = answer["warnings"][:_MOST_WARNINGS]
+    def say(answer: ProgramReport) -> None:
         unfinished = report.with_name(f".{report.name}")
         with contextlib.suppress(OSError):  # a report that is not there is a verdict, too
-            unfinished.write_text(json.dumps(answer), encoding="utf-8")
+            unfinished.write_text(printable(canonical(answer)), encoding="utf-8")
             unfinished.replace(report)  # whole, or the one before
 
-    def begin(stage: str) -> None:
+    def begin(stage: Stage) -> None:
         if stage == "program":
             print(BEGUN, flush=True)
-        say({"at": stage})
+        say(ProgramReport(at=stage))
 
     say(_answer(Path(request["program"]), Path(request["output"]), begin))
     # Some add-ons and caches abort in Blender's own exit code; all results are written by now.
     os._exit(0)
 
 
-def _answer(program: Path, output: Path, begin: Callable[[str], None]) -> dict[str, Any]:
+def _answer(program: Path, output: Path, begin: Callable[[Stage], None]) -> ProgramReport:
     from legoworld.scene.blender.programs import execute_program
 
     try:
-        return {"ok": True, **execute_program(program, output, begin)}
+        return execute_program(program, output, begin)
     except LegoWorldError as error:
-        return {"ok": False, "reason": error.reason()}
+        return ProgramReport(ok=False, reason=to_record(Reason, error.reason()))
     except MemoryError:
-        return {"ok": False, "reason": {"code": WorkerMemoryError.code}}
+        return ProgramReport(ok=False, reason=Reason(code=WorkerMemoryError.code))
     except Exception as error:  # noqa: BLE001  reported; the program may have broken anything
         traceback.print_exception(error)
         full = isinstance(error, OSError) and error.errno in _FULL
         text = f"{type(error).__name__}: {error}"
-        return {"ok": False, "reason": {"code": "full" if full else "export", "found": text}}
+        return ProgramReport(ok=False, reason=Reason(code="full" if full else "export", found=text))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,9 @@ from typing import Any, Final
 import bpy
 
 from legoworld.errors import LegoWorldError, one_line
+from legoworld.records.execution import ProgramError, ProgramReport, Stage
 from legoworld.scene.folder import BLEND, GLB, PICTURE
+from legoworld.scene.program_report import MOST_WARNINGS
 
 #: Object types that can render as something; a program must add or change one of them.
 _SHOWS: Final = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME",
@@ -46,7 +48,7 @@ class _Replaced:
         return getattr(self._operators, name)
 
 
-def execute_program(program: Path, output: Path, begin: Callable[[str], None]) -> dict[str, Any]:
+def execute_program(program: Path, output: Path, begin: Callable[[Stage], None]) -> ProgramReport:
     """Run a program in the current folder and export scene.blend and scene.glb into `output`.
 
     A program that raises is exported with what it had built, and its error is part of the answer.
@@ -69,7 +71,12 @@ def execute_program(program: Path, output: Path, begin: Callable[[str], None]) -
         )
     begin("export")
     warnings = [*_pack(), *_export(output)]
-    return {"error": error, "skipped": sorted(set(skipped)), "warnings": warnings}
+    return ProgramReport(
+        ok=True,
+        error=error,
+        skipped=tuple(sorted(set(skipped))),
+        warnings=tuple(warnings[:MOST_WARNINGS]),
+    )
 
 
 def render_picture(output: Path) -> dict[str, Any]:
@@ -101,7 +108,7 @@ def render_picture(output: Path) -> dict[str, Any]:
     return {}
 
 
-def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
+def _run(program: Path, skipped: list[str]) -> ProgramError | None:
     """Run the program's text; the error that stopped it, None when it came to its end."""
 
     def no_render(*_args: Any, **_kwargs: Any) -> set[str]:
@@ -138,7 +145,7 @@ def _run(program: Path, skipped: list[str]) -> dict[str, Any] | None:
     return None
 
 
-def _error(error: BaseException, program: Path) -> dict[str, Any]:
+def _error(error: BaseException, program: Path) -> ProgramError:
     """What stopped a program, and the line of the program it was at."""
     line = None
     if isinstance(error, SyntaxError) and error.filename == str(program):
@@ -151,7 +158,7 @@ def _error(error: BaseException, program: Path) -> dict[str, Any]:
         kind = one_line(f"{kind} {error.code}", 100)
         message = f"the program ended itself with {_exit_code(error)}"
     message = message.replace(str(program), program.name).removeprefix("Error: ")
-    return {"type": kind, "message": one_line(message, 300), "line": line}
+    return ProgramError(type=kind, message=one_line(message, 300), line=line or None)
 
 
 def _message(error: BaseException) -> str:
@@ -168,9 +175,9 @@ def _exit_code(error: SystemExit) -> str:
     )
 
 
-def _describe(error: dict[str, Any]) -> str:
-    where = f"line {error['line']}: " if error["line"] else ""
-    return f"{where}{error['type']}: {error['message']}"
+def _describe(error: ProgramError) -> str:
+    where = f"line {error.line}: " if error.line else ""
+    return f"{where}{error.type}: {error.message}"
 
 
 def _export(output: Path) -> list[str]:
