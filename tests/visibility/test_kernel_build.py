@@ -96,3 +96,53 @@ def test_a_failed_compilation_leaves_no_library_and_shows_why(monkeypatch, tmp_p
     with pytest.raises(compilation.CompilationError, match=r"(?s)could not be compiled.*error"):
         compilation.compile_kernel(tmp_path, tmp_path / "out" / "library.so")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_names_and_contents_are_hashed_apart(tmp_path):
+    def hashed(**files):
+        folder = tmp_path / "-".join(map("".join, files.items()))
+        folder.mkdir()
+        for name, content in files.items():
+            (folder / f"{name}.cpp").write_text(content)
+        return compilation.source_hash(folder)
+
+    hashes = {hashed(a="12", b="3"), hashed(a="1", b="23"), hashed(a="12", c="3")}
+    assert len(hashes) == 3
+    assert all(len(value) == 64 and int(value, 16) >= 0 for value in hashes)
+
+
+def test_a_folder_is_compiled_by_the_first_compiler_there_is(monkeypatch, tmp_path):
+    monkeypatch.delenv("CXX", raising=False)
+    there = {"g++": "/there/g++", "clang++": "/there/clang++"}
+    monkeypatch.setattr(compilation.shutil, "which", there.get)
+    assert compilation.compiler() == ["/there/g++"]
+    del there["g++"]
+    assert compilation.compiler() == ["/there/clang++"]
+    there["c++"] = "/there/c++"
+    assert compilation.compiler() == ["/there/c++"]
+
+
+def test_a_compiled_folder_knows_its_sources(monkeypatch, tmp_path):
+    try:
+        compilation.compiler()
+    except compilation.CompilationError:
+        pytest.skip("no compiler here")
+    (tmp_path / "kernel.cpp").write_text(
+        '#include "more.hpp"\n'
+        'extern "C" __attribute__((visibility("default"))) const char* lw_source_hash() '
+        "{ return LEGOWORLD_SOURCE_HASH; }\n"
+    )
+    (tmp_path / "more.hpp").write_text("#include <thread>\n")
+    output = tmp_path / "not" / "there" / compilation.LIBRARY_NAME
+    command = compilation.compile_kernel(tmp_path, output)
+    assert str(tmp_path / "kernel.cpp") in command
+    assert str(tmp_path / "more.hpp") not in command
+    assert set(compilation.FLAGS) <= set(command)
+    assert [path.name for path in output.parent.iterdir()] == [output.name]
+    output.rename(tmp_path / output.name)
+    loaded = library.open_library(tmp_path, "test's library")
+    assert loaded.lw_source_hash().decode() == compilation.source_hash(tmp_path)
+    (tmp_path / "more.hpp").write_text("// other\n")
+    with pytest.raises(KernelBuildError, match="the test's library is older") as caught:
+        library.open_library(tmp_path, "test's library")
+    assert compilation.source_hash(tmp_path)[:12] in str(caught.value)

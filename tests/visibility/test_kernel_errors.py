@@ -52,7 +52,7 @@ def with_index(value):
 )
 @pytest.mark.parametrize("call", [render, coverage])
 def test_bad_surfaces(call, changes, message):
-    with pytest.raises(ShapeError, match=message) as caught:
+    with pytest.raises(ShapeError, match=rf"\b{message}") as caught:
         call(dataclasses.replace(GOOD, **changes), CAMERA, SIZE)
     assert "\n" not in str(caught.value)
 
@@ -87,6 +87,72 @@ def test_bad_sizes(size_wh):
 def test_bad_projections(changes):
     with pytest.raises(ShapeError, match="projection"):
         render(GOOD, pixel_camera(SIZE, **changes), SIZE)
+
+
+LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        ({"fx": 1e-9}, {"fx": 0.9e-9}),
+        ({"fx": 1e12}, {"fx": 1.1e12}),
+        ({"fy": 1e-9}, {"fy": 0.9e-9}),
+        ({"fy": 1e12}, {"fy": 1.1e12}),
+        ({"cx": 1e9}, {"cx": 1.1e9}),
+        ({"cx": -1e9}, {"cx": -1.1e9}),
+        ({"cy": 1e9}, {"cy": 1.1e9}),
+        ({"cy": -1e9}, {"cy": -1.1e9}),
+        ({"z_near": 1e-9}, {"z_near": -1e-9}),
+        ({"z_near": 9.9, "z_far": 10.0}, {"z_near": 10.0, "z_far": 10.0}),
+        ({"z_near": -1.0, "orthographic": True}, {"z_near": -1.0, "orthographic": False}),
+        ({"z_near": 0.0, "orthographic": True}, {"z_near": 0.0, "orthographic": False}),
+        ({"z_far": LARGEST_FLOAT32}, {"z_far": LARGEST_FLOAT32 * 1.0001}),
+        (
+            {"z_near": -LARGEST_FLOAT32, "orthographic": True},
+            {"z_near": -LARGEST_FLOAT32 * 1.0001, "orthographic": True},
+        ),
+    ],
+)
+@pytest.mark.parametrize("call", [render, coverage])
+def test_the_last_projection_that_is_taken_and_the_first_that_is_not(call, good, bad):
+    call(GOOD, pixel_camera(SIZE, **good), SIZE)
+    with pytest.raises(ShapeError, match="projection"):
+        call(GOOD, pixel_camera(SIZE, **bad), SIZE)
+
+
+def test_the_largest_depth_is_measured_after_scaling():
+    far = pixel_camera(SIZE, z_far=1e30)
+    render(GOOD, far, SIZE, depth_scale=1e8)
+    with pytest.raises(ShapeError, match="projection"):
+        render(GOOD, far, SIZE, depth_scale=1e9)
+
+
+@pytest.mark.parametrize("size_wh", [(8192, 1), (1, 8192), (1, 1)])
+def test_the_largest_and_the_smallest_picture_are_drawn(size_wh):
+    assert render(GOOD, pixel_camera(size_wh), size_wh).instance.shape == size_wh[::-1]
+
+
+def test_the_largest_matrix_entry_is_taken():
+    matrices = GOOD.cam_from_mesh.copy()
+    matrices[0, 0, 3] = 1e30
+    render(dataclasses.replace(GOOD, cam_from_mesh=matrices), CAMERA, SIZE)
+    matrices[0, 0, 3] = -1.1e30
+    with pytest.raises(ShapeError, match="cam_from_mesh holds a number"):
+        render(dataclasses.replace(GOOD, cam_from_mesh=matrices), CAMERA, SIZE)
+
+
+def test_what_was_found_and_expected_is_said():
+    with pytest.raises(ShapeError) as caught:
+        render(dataclasses.replace(GOOD, triangles=GOOD.triangles[:, :2]), CAMERA, SIZE)
+    assert "int32 of shape (4, 2)" in str(caught.value)
+    assert "int32 of shape (any, 3)" in str(caught.value)
+    with pytest.raises(ShapeError) as caught:
+        render(dataclasses.replace(GOOD, placement_mesh=np.array([0, 2], np.int32)), CAMERA, SIZE)
+    assert "0 .. 2" in str(caught.value)
+    assert "0 .. 1" in str(caught.value)
+    with pytest.raises(ShapeError, match=r"found: -1; expected: .* -2 for a holdout"):
+        render(dataclasses.replace(GOOD, placement_id=np.array([0, -1], np.int32)), CAMERA, SIZE)
 
 
 @pytest.mark.parametrize("depth_scale", [0.0, -1.0, np.nan, 1e37])
@@ -129,10 +195,17 @@ GOOD_CUTOUTS = Cutouts(
         ({"wrap": ("tile",)}, "wrap is unknown"),
         ({"interpolation": ("cubic",)}, "interpolation is unknown"),
         ({"wrap": ()}, "wrap has one entry per alpha"),
+        ({"interpolation": ()}, "interpolation has one entry per alpha"),
+        ({"sides": ()}, "sides has one entry per alpha"),
+        ({"sides": ("left",)}, "sides is unknown"),
+        ({"triangle_cutout": np.full(4, -2, np.int32)}, "triangle_cutout is out of range"),
+        ({"corner_alpha": np.zeros((3, 3), np.float32)}, "corner_alpha has the wrong"),
+        ({"corner_alpha": np.full((4, 3), np.inf, np.float32)}, "corner_alpha holds a NaN"),
+        ({"alphas": (np.zeros((2, 0), np.uint8),)}, r"alphas\[0\] is empty"),
         ({"threshold": np.nan}, "threshold"),
     ],
 )
 def test_bad_cutouts(changes, message):
     cutouts = dataclasses.replace(GOOD_CUTOUTS, **changes)
-    with pytest.raises(ShapeError, match=message):
+    with pytest.raises(ShapeError, match=rf"\b{message}"):
         render(dataclasses.replace(GOOD, cutouts=cutouts), CAMERA, SIZE)
