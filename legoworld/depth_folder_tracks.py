@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from legoworld.errors import CatalogError, UsageError
 from legoworld.evaluation.depth.declaration import (
@@ -19,8 +19,9 @@ from legoworld.evaluation.depth.declaration import (
 from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
 from legoworld.evaluation.depth.pictures import files_named
 from legoworld.evaluation.depth.truth import planar_metres
-from legoworld.files import canonical_json
 from legoworld.pictures import read_photo
+from legoworld.records.base import canonical
+from legoworld.records.track import ImageInfo, Part
 from legoworld.track import scene_name
 from legoworld.track_source import Source
 from legoworld.wording import counted
@@ -57,7 +58,7 @@ def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> S
     of the others the header alone.
     """
     declared = read_declaration(folder)
-    images: list[dict[str, Any]] = []
+    images: list[ImageInfo] = []
     without: list[str] = []
     read: set[str] = set()
     for name in _photos_below(photos):
@@ -75,27 +76,26 @@ def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> S
             found[0], photos / name, declared, whole=found[0].suffix not in read
         )
         read.add(found[0].suffix)
-        images.append({"file_name": name, "width": width, "height": height})
+        number = len(images) + 1
+        images.append(ImageInfo(id=number, file_name=name, width=width, height=height))
     if not images:
         raise CatalogError(
             f"no photo below {photos.name} has a depth below {folder.name}",
             found=f"nothing for {without[0]}" if without else "no photo",
             expected="<photo without extension>.npy, .npz, .pfm, .exr, .png, .pgm or .tiff",
         )
-    numbered = [{"id": number, **image} for number, image in enumerate(images, start=1)]
     left_out = counted(len(without), "photo has", "photos have")
     notice = f"{left_out} no depth file and {'is' if len(without) == 1 else 'are'} left out"
     return Source(
         name=folder.resolve().name,
         version="custom",
-        sha256=hashlib.sha256(canonical_json(numbered).encode()).hexdigest(),
-        images=numbered,
-        categories=[],
-        about={
-            "dataset": dataset or folder.resolve().name,
-            "dataset_images": len(numbered),
-            "photos_left_out": without,
-        },
+        sha256=hashlib.sha256(canonical(images).encode()).hexdigest(),
+        images=tuple(images),
+        part=Part(
+            dataset=dataset or folder.resolve().name,
+            dataset_images=len(images),
+            photos_left_out=tuple(without),
+        ),
         notices=(f"{notice}, such as {without[0]}",) if without else (),
     )
 

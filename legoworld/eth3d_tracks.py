@@ -6,7 +6,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 from legoworld.colmap import Calibration, CalibrationError, read_calibration
 from legoworld.errors import CatalogError, UsageError
@@ -20,6 +20,7 @@ from legoworld.evaluation.depth.eth3d import (
     training_images,
 )
 from legoworld.files import canonical_json, sha256_of_file
+from legoworld.records.track import ImageInfo, Part
 from legoworld.track_source import Source
 from legoworld.wording import counted
 
@@ -52,7 +53,7 @@ def eth3d_source(
             found=", ".join(there[:20]),
             expected="scenes with <scene>/dslr_calibration_jpg/{cameras,images}.txt",
         )
-    known = {scene_of(entry["file_name"]) for entry in training_images()}
+    known = {scene_of(entry.file_name) for entry in training_images()}
     if dataset is None and any(scene in known for scene in scenes or there):
         return _eth3d(folder, there, scenes)
     return _own(folder, there, scenes, dataset or folder.resolve().name)
@@ -61,7 +62,7 @@ def eth3d_source(
 def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> Source:
     """ETH3D's scenes that are there; what is left out is on record in the track."""
     shipped = training_images()
-    per_scene = Counter(str(scene_of(entry["file_name"])) for entry in shipped)
+    per_scene = Counter(str(scene_of(entry.file_name)) for entry in shipped)
     strangers = [scene for scene in scenes or there if scene not in per_scene]
     if scenes is not None and strangers:
         raise UsageError(
@@ -72,18 +73,20 @@ def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> 
         )
     taken = sorted(scene for scene in scenes or there if scene in per_scene)
     calibrations = {scene: _calibration(folder, scene) for scene in taken}
-    images, unlisted = [], []
+    images: list[ImageInfo] = []
+    unlisted: list[str] = []
+    covered: Counter[str] = Counter()
     for entry in shipped:
-        calibration = calibrations.get(str(scene_of(entry["file_name"])))
+        calibration = calibrations.get(str(scene_of(entry.file_name)))
         if calibration is None:
             continue
-        name = PurePosixPath(entry["file_name"]).name
+        name = PurePosixPath(entry.file_name).name
         if not _lists(calibration, name):
-            unlisted.append(entry["file_name"])
+            unlisted.append(entry.file_name)
             continue
-        width, height = photo_camera(calibration, name).size_wh
-        images.append({**entry, "width": width, "height": height})
-    covered = Counter(str(scene_of(image["file_name"])) for image in images)
+        size_wh = photo_camera(calibration, name).size_wh
+        images.append(_image(entry.id, entry.file_name, size_wh))
+        covered[str(scene_of(entry.file_name))] += 1
     empty = [scene for scene in taken if not covered[scene]]
     if empty:
         raise CatalogError(
@@ -93,30 +96,33 @@ def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> 
             next_step="if this is a dataset of your own, name it with --dataset",
         )
     left_out = sorted(set(per_scene) - set(taken))
-    about = {
-        "dataset": ETH3D,
-        "dataset_images": len(shipped),
-        "scenes": {scene: covered[scene] for scene in taken},
-        "scenes_left_out": {scene: per_scene[scene] for scene in left_out},
-        "photos_left_out": unlisted,
-    }
     return Source(
         name=folder.resolve().name,
         version=_VERSION,
         sha256=_hash(calibrations),
-        images=images,
-        categories=[],
-        about=about,
-        notices=tuple(_coverage(about, strangers)),
+        images=tuple(images),
+        part=Part(
+            dataset=ETH3D,
+            dataset_images=len(shipped),
+            scenes={scene: covered[scene] for scene in taken},
+            scenes_left_out={scene: per_scene[scene] for scene in left_out},
+            photos_left_out=tuple(unlisted),
+        ),
+        notices=tuple(_coverage(taken, left_out, unlisted, strangers)),
     )
 
 
-def _coverage(about: Mapping[str, Any], strangers: Sequence[str]) -> Iterable[str]:
+def _image(number: int, file_name: str, size_wh: tuple[int, int]) -> ImageInfo:
+    return ImageInfo(id=number, file_name=file_name, width=size_wh[0], height=size_wh[1])
+
+
+def _coverage(
+    taken: Sequence[str], left_out: Sequence[str], unlisted: Sequence[str], strangers: Sequence[str]
+) -> Iterable[str]:
     """What of ETH3D is not in the track."""
-    left_out, unlisted = about["scenes_left_out"], about["photos_left_out"]
     if left_out:
-        of = len(about["scenes"]) + len(left_out)
-        yield f"{len(about['scenes'])} of ETH3D's {of} scenes; not covered: {', '.join(left_out)}"
+        of = len(taken) + len(left_out)
+        yield f"{len(taken)} of ETH3D's {of} scenes; not covered: {', '.join(left_out)}"
     if unlisted:
         photos = counted(len(unlisted), "photo is", "photos are")
         yield f"{photos} in no images.txt and left out, such as {unlisted[0]}"
@@ -128,7 +134,7 @@ def _coverage(about: Mapping[str, Any], strangers: Sequence[str]) -> Iterable[st
 def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, dataset: str) -> Source:
     """A dataset of the user's own: every photo that has a camera and a measured depth."""
     calibrations = {scene: _calibration(folder, scene) for scene in there}
-    images: list[dict[str, Any]] = []
+    sizes_wh: dict[str, tuple[int, int]] = {}
     without_depth: list[str] = []
     elsewhere: list[str] = []
     for scene, calibration in calibrations.items():
@@ -140,19 +146,20 @@ def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, datas
             elif find_files(folder, file_name) is None:
                 without_depth.append(file_name)
             else:
-                width, height = photo_camera(calibration, name).size_wh
-                images.append({"file_name": file_name, "width": width, "height": height})
-    images.sort(key=lambda image: str(image["file_name"]))
-    numbered = [{"id": number, **image} for number, image in enumerate(images, start=1)]
+                sizes_wh[file_name] = photo_camera(calibration, name).size_wh
+    per_scene = Counter(str(scene_of(name)) for name in sizes_wh)
     taken = sorted(set(scenes or there))
-    chosen = [image for image in numbered if scene_of(str(image["file_name"])) in taken]
+    chosen = tuple(
+        _image(number, name, size_wh)
+        for number, (name, size_wh) in enumerate(sorted(sizes_wh.items()), start=1)
+        if scene_of(name) in taken
+    )
     if not chosen:
         raise CatalogError(
             f"{folder.name} has no photo with a measured depth",
             found=f"nothing for {without_depth[0]}" if without_depth else "no photo in images.txt",
             expected=f"<scene>/ground_truth_depth/{PHOTOS}/<photo>, raw float32",
         )
-    covered = Counter(str(scene_of(str(image["file_name"]))) for image in chosen)
     notices = [
         f"{counted(len(names), 'photo', 'photos')} {why}, such as {names[0]}"
         for names, why in (
@@ -166,18 +173,13 @@ def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, datas
         version="custom",
         sha256=_hash(calibrations),
         images=chosen,
-        categories=[],
-        about={
-            "dataset": dataset,
-            "dataset_images": len(numbered),
-            "scenes": {scene: covered[scene] for scene in taken},
-            "scenes_left_out": {
-                scene: sum(scene_of(str(image["file_name"])) == scene for image in numbered)
-                for scene in there
-                if scene not in taken
-            },
-            "photos_left_out": [*without_depth, *elsewhere],
-        },
+        part=Part(
+            dataset=dataset,
+            dataset_images=len(sizes_wh),
+            scenes={scene: per_scene[scene] for scene in taken},
+            scenes_left_out={s: per_scene[s] for s in there if s not in taken},
+            photos_left_out=(*without_depth, *elsewhere),
+        ),
         notices=tuple(notices),
     )
 

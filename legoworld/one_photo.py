@@ -23,7 +23,7 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.execution import execute
 from legoworld.scene.folder import BLEND, Source, find_scene
-from legoworld.track import Track, load_track
+from legoworld.track import Track, load_track, photo_names
 from legoworld.track_making import DepthChoice, annotation_source, depth_source, make_track
 
 Say = Callable[[str], None]
@@ -124,8 +124,7 @@ def _image_name(request: PhotoRequest) -> str:
         images = annotation_source(request.task, request.truth).images
     parts = request.photo.resolve().parts
     tails = ["/".join(parts[-n:]) for n in range(len(parts), 0, -1)]
-    names = {str(i["file_name"]) for i in images if i.get("file_name")}
-    names |= {str(i["coco_url"]).rpartition("/")[2] for i in images if i.get("coco_url")}
+    names = {name for image in images for name in photo_names(image)}
     found = next((tail for tail in tails if tail in names), None)
     if found is None:
         raise UsageError(

@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from legoworld.dataset_versions import dataset_of
 from legoworld.errors import CatalogError
@@ -32,12 +31,15 @@ class TrackImage:
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """Images in ascending id, and the vocabulary the track carries (None when it has none)."""
+    """Images in ascending id, and the vocabulary the track carries (None when it has none).
+
+    made_for: the task that it says it was made for, None where it does not say.
+    """
 
     images: tuple[TrackImage, ...]
     vocabulary: Vocabulary | None
     sha256: str | None
-    info: dict[str, Any]
+    made_for: str | None
 
 
 def load_track(path: Path, called: str | None = None) -> Track:
@@ -59,18 +61,18 @@ def load_track(path: Path, called: str | None = None) -> Track:
     _refuse_annotations(file, source)
     images = sorted((_image(info, source) for info in file.images), key=lambda i: i.id)
     _refuse_duplicates(images, source)
+    made_for = (file.info or {}).get("task")
     return Track(
         images=tuple(images),
         vocabulary=vocabulary_of(file.categories, source) if file.categories else None,
         sha256=sha256_of_file(path),
-        info=file.info or {},
+        made_for=None if made_for is None else str(made_for),
     )
 
 
 def serves(track: Track, task: str) -> bool:
     """Whether a track is of a task's dataset; COCO's boxes and masks share theirs."""
-    made_for = track.info.get("task")
-    return made_for is None or dataset_of(str(made_for)) == dataset_of(task)
+    return track.made_for is None or dataset_of(track.made_for) == dataset_of(task)
 
 
 def track_of_folder(scenes: Place) -> Track:
@@ -96,7 +98,7 @@ def track_of_folder(scenes: Place) -> Track:
         TrackImage(id=i, file_name=top if name == "." else name, size_wh=None, scene=name)
         for i, name in enumerate(found, start=1)
     )
-    return Track(images=images, vocabulary=None, sha256=None, info={})
+    return Track(images=images, vocabulary=None, sha256=None, made_for=None)
 
 
 def _visible_folders(top: Path) -> Iterator[tuple[str, list[str]]]:
@@ -134,11 +136,17 @@ def _image(info: ImageInfo, source: str) -> TrackImage:
 
 def _file_name(info: ImageInfo) -> str:
     """The photo's file name. LVIS names photos by their coco_url (v0.5's file_name is another)."""
-    name = info.file_name or ""
-    if not info.coco_url:
-        return name
-    by_url = PurePosixPath(info.coco_url).name
-    return name if PurePosixPath(name).name == by_url else by_url
+    name, by_url = info.file_name or "", _name_by_url(info)
+    return name if by_url in ("", PurePosixPath(name).name) else by_url
+
+
+def photo_names(info: ImageInfo) -> list[str]:
+    """What an image's photo is called: its file name, and the last part of its URL."""
+    return [name for name in (info.file_name, _name_by_url(info)) if name]
+
+
+def _name_by_url(info: ImageInfo) -> str:
+    return PurePosixPath(info.coco_url or "").name
 
 
 def _refuse_annotations(file: TrackFile, source: str) -> None:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from msgspec.structs import asdict
 
 from legoworld.dataset_versions import dataset_of, dataset_version
 from legoworld.depth_folder_tracks import depth_folder_source
@@ -23,17 +24,16 @@ from legoworld.evaluation.truth_checks import (
     check_image_values,
     check_images,
 )
-from legoworld.files import atomic_path, canonical_json, readable_json, sha256_of_file
-from legoworld.track import TrackImage, load_track
+from legoworld.files import atomic_path, sha256_of_file
+from legoworld.records.base import RecordError, canonical, readable, to_record
+from legoworld.records.track import PRIVATE_KEYS, ImageInfo, MadeTrack, TrackInfo
+from legoworld.track import TrackImage, load_track, photo_names
 from legoworld.track_source import Source
-from legoworld.vocabulary import from_json
+from legoworld.vocabulary import categories_in, vocabulary_of
 from legoworld.wording import in_another_folder
 
-#: Everything a track may say about an image or a category. LVIS's lists of verified categories,
-#: and its counts of annotated images and instances, are annotations.
-PUBLIC_IMAGE_KEYS: Final = ("id", "file_name", "coco_url", "width", "height")
-PUBLIC_CATEGORY_KEYS: Final = ("id", "name", "supercategory", "synset", "synonyms", "frequency")
-
+#: Everything a track may say about an image. LVIS's lists of verified categories are annotations.
+_PUBLIC_KEYS: Final = tuple(key for key in ImageInfo.__struct_fields__ if key not in PRIVATE_KEYS)
 _PHOTO_FOLDERS: Final = ("", "train2017", "val2017")
 
 
@@ -56,7 +56,7 @@ def make_track(
     chosen: Sequence[str] | None = None,
     depth: DepthChoice | None = None,
     notice: Callable[[str], None] = lambda _text: None,
-) -> dict[str, Any]:
+) -> MadeTrack:
     """Write a track of all, of `sample` seeded, or of the `chosen` images of a truth.
 
     truth: COCO or LVIS JSON, or a folder of measured depth. Images are drawn from all that the
@@ -68,7 +68,7 @@ def make_track(
         source = depth_source(truth, depth or DepthChoice())
     else:
         source = annotation_source(task, truth)
-    images = sorted(source.images, key=lambda i: int(i["id"]))
+    images = sorted(source.images, key=lambda image: image.id)
     if sample is not None:
         if sample > len(images):
             raise UsageError(
@@ -80,22 +80,19 @@ def make_track(
         images = [images[i] for i in sorted(drawn.tolist())]
     if chosen is not None:
         images = _chosen(images, chosen, source.name)
-    document: dict[str, Any] = {
-        "info": {
-            "description": f"legoworld track: public half of {source.name}",
-            "task": dataset_of(task),  # a track of coco serves coco-masks
-            "dataset_version": source.version,
-            "source": source.name,
-            "source_sha256": source.sha256,
-            "source_images": len(source.images),
-            "sample": sample,
-            "seed": None if sample is None else seed,
-            "chosen": chosen is not None,
-            **source.about,
-        },
-        "images": images,
-        "categories": source.categories,
-    }
+    info = TrackInfo(
+        description=f"legoworld track: public half of {source.name}",
+        task=dataset_of(task),  # a track of coco serves coco-masks
+        dataset_version=source.version,
+        source=source.name,
+        source_sha256=source.sha256,
+        source_images=len(source.images),
+        sample=sample,
+        seed=None if sample is None else seed,
+        chosen=chosen is not None,
+        **asdict(source.part),
+    )
+    document = MadeTrack(info=info, images=tuple(images), categories=source.categories)
     with atomic_path(output) as unfinished:
         unfinished.write_text(_readable(document), encoding="utf-8")
         load_track(unfinished, called=f"of {source.name}")  # what every other step will accept
@@ -104,7 +101,7 @@ def make_track(
     return document
 
 
-def _chosen(images: list[dict[str, Any]], chosen: Sequence[str], name: str) -> list[dict[str, Any]]:
+def _chosen(images: Sequence[ImageInfo], chosen: Sequence[str], name: str) -> list[ImageInfo]:
     """The images of these ids or file names, in the truth's order."""
     by_name = {key: image for image in images for key in _names_of(image)}
     unknown = [text for text in chosen if text not in by_name]
@@ -116,18 +113,17 @@ def _chosen(images: list[dict[str, Any]], chosen: Sequence[str], name: str) -> l
             expected=f"{meant!r}, as {name} has it in another folder"
             if meant
             else f"ids or file names of the {len(images)} images that {name} lists",
-            next_step=f"if it is that photo, list that name or {by_name[meant]['id']}, its id"
+            next_step=f"if it is that photo, list that name or {by_name[meant].id}, its id"
             if meant
             else "correct the list: one id or file name a line",
         )
-    ids = {by_name[text]["id"] for text in chosen}
-    return [image for image in images if image["id"] in ids]
+    ids = {by_name[text].id for text in chosen}
+    return [image for image in images if image.id in ids]
 
 
-def _names_of(image: dict[str, Any]) -> list[str]:
-    """What a list may call an image; LVIS v1 names photos by their URL alone."""
-    url = [PurePosixPath(image["coco_url"]).name] if image.get("coco_url") else []
-    return [str(image["id"]), *([image["file_name"]] if "file_name" in image else []), *url]
+def _names_of(image: ImageInfo) -> list[str]:
+    """What a list may call an image: its id and its file names."""
+    return [str(image.id), *photo_names(image)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,14 +167,15 @@ def annotation_source(task: str, path: Path) -> Source:
         )
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        entries, categories = document["images"], document["categories"]
+        entries, _ = document["images"], document["categories"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise CatalogError(
             f"{path.name} cannot be read",
             found=f"{type(error).__name__}: {error}",
             expected="COCO or LVIS JSON with images and categories",
         ) from error
-    vocabulary = from_json(categories, path.name)
+    categories = categories_in(document["categories"], path.name)
+    vocabulary = vocabulary_of(categories, path.name)
     if not isinstance(entries, list):
         raise CatalogError(
             f"{path.name} lists no images", found=type(entries).__name__, expected="a list"
@@ -193,16 +190,25 @@ def annotation_source(task: str, path: Path) -> Source:
             annotations,
             images=images,
             wanted=images,
-            category_ids=(c.id for c in vocabulary.categories),
+            category_ids=(c.id for c in categories),
             masks=task != "coco",  # boxes are scored without
             repairs=Counter(),
         )
+    public = [{key: e[key] for key in _PUBLIC_KEYS if key in e} for e in images.values()]
+    try:
+        infos = to_record(tuple[ImageInfo, ...], public)
+    except RecordError as error:
+        raise CatalogError(
+            f"{path.name} has images that cannot be used",
+            found=str(error),
+            expected='"images": [{"id", "file_name" or "coco_url", "width", "height"}]',
+        ) from error
     return Source(
         name=path.name,
         version=dataset_version(vocabulary, task),
         sha256=sha256_of_file(path),
-        images=[_public(e, PUBLIC_IMAGE_KEYS) for e in images.values()],
-        categories=[_public(c, PUBLIC_CATEGORY_KEYS) for c in categories],
+        images=infos,
+        categories=categories,
     )
 
 
@@ -241,7 +247,7 @@ def find_photo(photos: Path, image: TrackImage) -> Path | None:
     return None
 
 
-def _check_dataset(task: str, path: Path, entries: list[dict[str, Any]]) -> None:
+def _check_dataset(task: str, path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
     """LVIS lists verified categories on every image, COCO on none."""
     federated = [e for e in entries if "neg_category_ids" in e]
     if len(federated) != (len(entries) if task == "lvis" else 0):
@@ -253,15 +259,11 @@ def _check_dataset(task: str, path: Path, entries: list[dict[str, Any]]) -> None
         )
 
 
-def _public(entry: dict[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    return {key: entry[key] for key in keys if key in entry}
-
-
-def _readable(document: dict[str, Any]) -> str:
+def _readable(document: MadeTrack) -> str:
     """JSON with one image or category a line."""
-    info = readable_json(document["info"]).rstrip().replace("\n", "\n ")
+    info = readable(document.info).rstrip().replace("\n", "\n ")
     lists = [
-        f'"{key}": [\n' + ",\n".join(canonical_json(e) for e in document[key]) + "\n]"
-        for key in ("images", "categories")
+        f'"{key}": [\n' + ",\n".join(map(canonical, entries)) + "\n]"
+        for key, entries in (("images", document.images), ("categories", document.categories))
     ]
     return "{\n" + ",\n".join([f'"info": {info}', *lists]) + "\n}\n"

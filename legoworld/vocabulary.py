@@ -150,15 +150,19 @@ def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
 
 def from_json(entries: object, source: str) -> Vocabulary:
     """A vocabulary of COCO-style category entries. CatalogError says what cannot be used."""
+    return vocabulary_of(categories_in(entries, source), source)
+
+
+def categories_in(entries: object, source: str) -> tuple[CategoryInfo, ...]:
+    """COCO-style category entries. CatalogError says what cannot be used."""
     try:
-        categories = to_record(tuple[CategoryInfo, ...], entries)
+        return to_record(tuple[CategoryInfo, ...], entries)
     except RecordError as error:
         raise CatalogError(
             f"{source} has categories that cannot be used",
             found=str(error),
             expected='a list of {"id": 0 to 2**53, "name": text}',
         ) from error
-    return vocabulary_of(categories, source)
 
 
 def load(path: Path) -> Vocabulary:

@@ -25,7 +25,7 @@ def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
     images = load_track(track)
     if not serves(images, task):
         raise click.UsageError(
-            f"the track is made for {images.info['task']}, not for {task}: make one with "
+            f"the track is made for {images.made_for}, not for {task}: make one with "
             f"`legoworld track make --task {task}`"
         )
     return images, protocol(task, images.vocabulary)

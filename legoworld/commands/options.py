@@ -155,11 +155,11 @@ def protocol_of(task: str | None, track: Path | None, *, default: str | None) ->
         chosen = task or default
         return protocol(chosen, None) if chosen else None
     images = load_track(track)
-    chosen = task or images.info.get("task")
+    chosen = task or images.made_for
     if chosen is None:
         raise click.UsageError(f"--track {track.name} does not say its task: pass --task")
     if not serves(images, chosen):
-        raise click.UsageError(f"the track is made for {images.info['task']}, not for {chosen}")
+        raise click.UsageError(f"the track is made for {images.made_for}, not for {chosen}")
     return protocol(str(chosen), images.vocabulary)
 
 

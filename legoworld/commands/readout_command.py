@@ -118,7 +118,7 @@ def command(
     images = load_track(track) if track else track_of_folder(scenes)
     if not serves(images, task):
         raise click.UsageError(
-            f"the track is made for {images.info['task']}, not for {task}: make one with "
+            f"the track is made for {images.made_for}, not for {task}: make one with "
             f"`legoworld track make --task {task}`"
         )
     _refuse_output_in_a_scene(output, scenes)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import options
 
 if TYPE_CHECKING:
+    from legoworld.records.track import MadeTrack
     from legoworld.track_making import DepthChoice
 
 
@@ -160,7 +161,7 @@ def _make(
     *,
     overwrite: bool,
     notice: Callable[[str], None],
-) -> dict[str, Any]:
+) -> MadeTrack:
     from legoworld.errors import UsageError
     from legoworld.track_making import make_track
 
@@ -175,17 +176,17 @@ def _make(
     )
 
 
-def _show(document: dict[str, Any], output: Path, seed: int, *, as_json: bool) -> int:
-    info = document["info"]
+def _show(made: MadeTrack, output: Path, seed: int, *, as_json: bool) -> int:
+    info = made.info
     if as_json:
         options.print_json({"track": str(output), "info": info})
         return 0
-    drawn = f", drawn with seed {seed}" if info["sample"] else ""
-    of = info.get("dataset_images", info["source_images"])
-    source = f" of {info['dataset']}" if "dataset" in info else ""
+    drawn = f", drawn with seed {seed}" if info.sample else ""
+    of = info.dataset_images or info.source_images
+    source = f" of {info.dataset}" if info.dataset else ""
     click.echo(
-        f"{len(document['images'])} of {of} images{source}{drawn}, "
-        f"{len(document['categories'])} categories -> {output}"
+        f"{len(made.images)} of {of} images{source}{drawn}, "
+        f"{len(made.categories)} categories -> {output}"
     )
     return 0
 

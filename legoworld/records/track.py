@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Final
 
-from msgspec import Meta, field
+from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
 
@@ -34,20 +34,62 @@ class ImageInfo(Private, frozen=True, kw_only=True):
     width: Pixels
     height: Pixels
     file_name: str | UnsetType = UNSET
-    coco_url: str | None = None
+    coco_url: str | UnsetType | None = UNSET
 
 
 class CategoryInfo(Record, frozen=True, kw_only=True):
-    """One category; an LVIS one has synonyms and a frequency."""
+    """One category, without an LVIS one's counts of annotated images and instances."""
 
     id: Id
     name: str
-    synonyms: tuple[str, ...] | None = None
+    supercategory: str | UnsetType | None = UNSET
+    synset: str | UnsetType | None = UNSET
+    synonyms: tuple[str, ...] | UnsetType | None = UNSET
+    frequency: str | UnsetType | None = UNSET
 
 
 class TrackFile(Private, frozen=True, kw_only=True):
-    """TRACK.json. info: what `legoworld track make` says of its source, or anything."""
+    """TRACK.json, whoever made it. info: anything."""
 
     images: Annotated[tuple[ImageInfo, ...], Meta(min_length=1)]
     categories: tuple[CategoryInfo, ...] | None = None
-    info: dict[str, Any] | None = field(default_factory=dict)
+    info: dict[str, Any] | None = None
+
+
+class Part(Record, frozen=True, kw_only=True):
+    """What part of a dataset of depth is there. scenes: how many of its images each has."""
+
+    dataset: str | UnsetType = UNSET
+    dataset_images: int | UnsetType = UNSET
+    scenes: dict[str, int] | UnsetType = UNSET
+    scenes_left_out: dict[str, int] | UnsetType = UNSET
+    photos_left_out: tuple[str, ...] | UnsetType = UNSET
+
+
+class TrackInfo(Part, frozen=True, kw_only=True):
+    """The info of a track that `legoworld track make` made. sample: null for all or the chosen."""
+
+    description: str
+    task: str
+    dataset_version: str
+    source: str
+    source_sha256: str
+    source_images: int
+    sample: int | None
+    seed: int | None
+    chosen: bool
+
+
+class MadeTrack(Record, frozen=True, kw_only=True):
+    """TRACK.json as `legoworld track make` makes it."""
+
+    info: TrackInfo
+    images: tuple[ImageInfo, ...]
+    categories: tuple[CategoryInfo, ...]
+
+
+class ListedImage(Record, frozen=True, kw_only=True):
+    """One image of datasets/eth3d/images.json."""
+
+    id: Id
+    file_name: str

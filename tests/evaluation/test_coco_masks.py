@@ -173,7 +173,7 @@ def test_a_track_of_coco_serves_both(problem, tmp_path):
         for task in ("coco", "coco-masks")
     ]
     assert made[0] == made[1]
-    assert made[0]["info"]["task"] == "coco"
+    assert made[0].info.task == "coco"
     track = load_track(tmp_path / "coco.json")
     assert [serves(track, t) for t in ("coco", "coco-masks", "lvis", "eth3d")] == [
         True, True, False, False,

@@ -85,12 +85,12 @@ def test_a_sample_is_seeded_and_says_where_it_is_from(tmp_path):
         for n, seed in enumerate((0, 0, 1))
     ]
     assert (tmp_path / "0.json").read_bytes() == (tmp_path / "1.json").read_bytes()
-    ids = [[i["id"] for i in m["images"]] for m in made]
+    ids = [[i.id for i in m.images] for m in made]
     assert ids[0] == sorted(ids[0]) != ids[2]
     assert len(set(ids[0])) == 10
-    info = made[0]["info"]
-    assert info["source_sha256"] == sha256_of_file(path)
-    assert (info["sample"], info["seed"], info["source_images"]) == (10, 0, 40)
+    info = made[0].info
+    assert info.source_sha256 == sha256_of_file(path)
+    assert (info.sample, info.seed, info.source_images) == (10, 0, 40)
     assert len(load_track(tmp_path / "0.json").images) == 10
 
 
@@ -103,15 +103,15 @@ def test_a_sample_does_not_depend_on_annotations_or_on_the_order_of_the_file(tmp
     second = make_track(
         "coco", write_truth(tmp_path / "b.json", bare), tmp_path / "2.json", sample=9, seed=4
     )
-    assert first["images"] == second["images"]
+    assert first.images == second.images
 
 
 def test_every_image_is_drawn_equally_often(tmp_path):
     path = write_truth(tmp_path / "truth.json", random_truth("coco", seed=3, images=10))
     counts = dict.fromkeys(range(10), 0)
     for seed in range(300):
-        for i in make_track("coco", path, tmp_path / "t.json", sample=3, seed=seed)["images"]:
-            counts[(i["id"] - 10) // 3] += 1
+        for i in make_track("coco", path, tmp_path / "t.json", sample=3, seed=seed).images:
+            counts[(i.id - 10) // 3] += 1
     assert min(counts.values()) > 50
     assert max(counts.values()) < 130
 
@@ -122,20 +122,20 @@ def test_a_track_carries_its_truths_own_version(tmp_path):
         made = make_track(
             task, shipped / f"truth_{task}.json", tmp_path / "t.json", sample=None, seed=0
         )
-        assert made["info"]["dataset_version"] == version
+        assert made.info.dataset_version == version
         again = load_track(tmp_path / "t.json").vocabulary
         assert again.sha256 == load_track(shipped / f"track_{task}.json").vocabulary.sha256
     custom = write_truth(tmp_path / "c.json", random_truth("coco", seed=1))
     made = make_track("coco", custom, tmp_path / "t.json", sample=None, seed=0)
-    assert made["info"]["dataset_version"] == "custom"
+    assert made.info.dataset_version == "custom"
 
 
 @pytest.mark.real_data
 def test_lvis_v05_stays_v05(real_data, tmp_path):
     path = real_data / "lvis" / "lvis_val_100.json"
     made = make_track("lvis", path, tmp_path / "t.json", sample=None, seed=0)
-    assert made["info"]["dataset_version"] == "0.5"
-    assert len(made["categories"]) == 1230
+    assert made.info.dataset_version == "0.5"
+    assert len(made.categories) == 1230
     track = load_track(tmp_path / "t.json")
     assert all(len(i.scene) == 12 for i in track.images), "named by coco_url, not COCO_val2014_..."
 
@@ -196,9 +196,9 @@ def test_images_are_chosen_by_id_or_name(tmp_path):
     first, last = document["images"][0], document["images"][-1]
     for chosen in ([str(first["id"]), last["file_name"]], [last["file_name"], str(first["id"])]):
         made = make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=chosen)
-        assert {i["id"] for i in made["images"]} == {first["id"], last["id"]}
-        assert made["info"]["chosen"]
-        assert made["info"]["seed"] is None
+        assert {i.id for i in made.images} == {first["id"], last["id"]}
+        assert made.info.chosen
+        assert made.info.seed is None
 
 
 def test_lvis_images_are_chosen_by_the_name_in_their_url(tmp_path):
@@ -209,7 +209,7 @@ def test_lvis_images_are_chosen_by_the_name_in_their_url(tmp_path):
     path = write_truth(tmp_path / "truth.json", document)
     name = f"{document['images'][2]['id']:012d}.jpg"
     made = make_track("lvis", path, tmp_path / "t.json", sample=None, seed=0, chosen=[name])
-    assert [i["id"] for i in made["images"]] == [document["images"][2]["id"]]
+    assert [i.id for i in made.images] == [document["images"][2]["id"]]
 
 
 @pytest.mark.parametrize("chosen", [[], ["nothing.jpg"]])
@@ -234,7 +234,7 @@ def test_a_chosen_image_of_another_folder_is_named_with_the_remedy(tmp_path):
     )
     for remedy in ("val2017/x.jpg", str(image["id"])):
         made = make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=[remedy])
-        assert [i["id"] for i in made["images"]] == [image["id"]]
+        assert [i.id for i in made.images] == [image["id"]]
 
 
 def test_a_truth_that_makes_no_track_leaves_the_earlier_one(tmp_path):

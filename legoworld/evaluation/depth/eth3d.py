@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from legoworld import catalog
 from legoworld.colmap import Calibration, Camera, calibration_files
 from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.records.base import decode
+from legoworld.records.track import ListedImage
 
 #: The folder of a scene's photos, below images/ and in images.txt.
 PHOTOS: Final = "dslr_images"
@@ -45,10 +46,10 @@ def scene_of(file_name: str) -> str | None:
 
 
 @cache
-def training_images() -> tuple[dict[str, Any], ...]:
+def training_images() -> tuple[ListedImage, ...]:
     """ETH3D's 454 training images: id and file name, as the shipped list has them."""
     path = catalog.folder("datasets") / "eth3d" / "images.json"
-    return tuple(json.loads(path.read_text(encoding="utf-8")))
+    return decode(tuple[ListedImage, ...], path.read_bytes())
 
 
 def find_files(truth: Path, file_name: str) -> Eth3dFiles | None:

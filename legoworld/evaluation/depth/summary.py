@@ -87,7 +87,7 @@ def metric_policies() -> list[tuple[str, HolePolicy]]:
 def _part_of_eth3d(rows: Sequence[Row]) -> dict[str, Any]:
     """How much of ETH3D's training set the images are; nothing where one is of another dataset."""
     names = {row["file_name"] for row in rows}
-    whole = {image["file_name"] for image in training_images()}
+    whole = {image.file_name for image in training_images()}
     if not names or not names <= whole:
         return {}
     scenes, of = ({scene_of(name) for name in some} for some in (names, whole))

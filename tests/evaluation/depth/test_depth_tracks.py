@@ -16,6 +16,7 @@ from evaluation.depth.folders import plane, rows_of, write_eth3d
 from legoworld import catalog, cli
 from legoworld.errors import CatalogError, UsageError
 from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.records.base import canonical
 from legoworld.track import load_track
 from legoworld.track_making import DepthChoice, make_track
 
@@ -55,8 +56,8 @@ def make(tmp_path: Path) -> Make:
             depth=DepthChoice(**choice),
             notice=said.append,
         )
-        assert len(load_track(tmp_path / "track.json").images) == len(made["images"])
-        return {**made, "said": said}
+        assert len(load_track(tmp_path / "track.json").images) == len(made.images)
+        return {**json.loads(canonical(made)), "said": said}
 
     return go
 

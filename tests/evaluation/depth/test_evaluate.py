@@ -342,7 +342,7 @@ def test_a_small_picture_is_shown_whole(tmp_path: Path) -> None:
 def test_coverage_says_how_much_of_eth3d_was_attempted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    names = [image["file_name"] for image in training_images()[36:40]]
+    names = [image.file_name for image in training_images()[36:40]]
     assert len({scene_of(name) for name in names}) == 2
     z = plane(SIZE)
     run = write_run(tmp_path / "run", dict.fromkeys(names, z), size_wh=SIZE)
