@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -81,3 +82,18 @@ def test_the_blender_corner_is_only_named_across_the_process_border(path):
     if "blender" in path.relative_to(PACKAGE).parts:
         return
     assert not any(name.startswith("legoworld.scene.blender.") for name in imported(path))
+
+
+#: Also in the programs that tests hold as text.
+IMPORT_OF_TESTS = re.compile(r"^\s*(?:from (?:\w+\.)*test_\w+ import|import .*\btest_\w+)", re.M)
+
+
+def test_tests_import_helpers_and_no_other_test_module():
+    """What two test files need has a file of its own, so that either may move or go."""
+    folder = Path(__file__).parent
+    found = {
+        str(path.relative_to(folder)): line.strip()
+        for path in folder.rglob("*.py")
+        for line in IMPORT_OF_TESTS.findall(path.read_text(encoding="utf-8"))
+    }
+    assert found == {}

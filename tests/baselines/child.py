@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
@@ -38,6 +39,23 @@ def program(name: str) -> ModuleType:
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
+
+
+def drawn_photo(path: Path, size_wh: tuple[int, int]) -> Path:
+    """A photo of ramps and stripes: no two regions are alike."""
+    rows, columns = np.mgrid[: size_wh[1], : size_wh[0]]
+    red = columns * 255 // size_wh[0]
+    rgb = np.stack((red, rows * 3 % 256, (rows ^ columns) % 256), -1)
+    Image.fromarray(rgb.astype(np.uint8)).save(path)
+    return path
+
+
+def spread(network: Any, factor: float) -> Any:
+    """The network with wider weights: drawn as usual (0.02), all its outputs are alike."""
+    for parameter in network.parameters():
+        if parameter.ndim > 1:
+            parameter.data.mul_(factor)
+    return network
 
 
 def some_photo() -> Path:
@@ -71,8 +89,8 @@ class Said:
         return {line["image_id"]: line for line in self.lines if "image_id" in line}
 
 
-def ask(name: str, request: dict[str, Any]) -> Said:
-    """Run baselines/<name>/run.py on a request until it ends."""
+def ask(name: str | Path, request: dict[str, Any]) -> Said:
+    """Run baselines/<name>/run.py, or <name>/run.py at a full path, on a request until it ends."""
     environment = {**os.environ, "PYTHONPATH": str(BASELINES / "shared"), "HF_HUB_OFFLINE": "1"}
     with tempfile.TemporaryFile("w+") as log:
         process = subprocess.Popen(

@@ -19,11 +19,11 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from baselines.child import importable
 
 torch = pytest.importorskip("torch")
 
-BASELINES = Path(__file__).parents[2] / "baselines"
-sys.path[:0] = [str(BASELINES / "shared"), str(BASELINES / "dino")]
+importable("dino")
 
 from dino_checkpoint import build, read_checkpoint  # noqa: E402
 from dino_network import Dino  # noqa: E402

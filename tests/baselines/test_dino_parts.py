@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from baselines.child import importable
 
 torch = pytest.importorskip("torch")
 transformers = pytest.importorskip("transformers")
 signal = pytest.importorskip("scipy.signal")
 
-BASELINES = Path(__file__).parents[2] / "baselines"
-sys.path[:0] = [str(BASELINES / "shared"), str(BASELINES / "dino")]
+importable("dino")
 
 import dino_attention  # noqa: E402
 from dino_backbone import Bottleneck, ResNetBody  # noqa: E402

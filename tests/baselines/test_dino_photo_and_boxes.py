@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from baselines.child import ROOT, importable
 
 torch = pytest.importorskip("torch")
 image_module = pytest.importorskip("PIL.Image")
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT / "baselines" / "shared"), str(ROOT / "baselines" / "dino")]
+importable("dino")
 
 from coco_categories import NAME_OF_ID  # noqa: E402
 from dino_boxes import coco_results  # noqa: E402

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from baselines.child import ROOT, drawn_photo, importable
+
+from baselines import child
 
 torch = pytest.importorskip("torch")
 image_module = pytest.importorskip("PIL.Image")
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT / "baselines" / "shared"), str(ROOT / "baselines" / "dino")]
+importable("dino")
 
 from dino_network import Dino  # noqa: E402
 from dino_transformer import DinoSize  # noqa: E402
@@ -45,70 +42,27 @@ def weights(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def photo(tmp_path_factory):
-    rows, columns = np.mgrid[: STRIP_WH[1], : STRIP_WH[0]]
-    rgb = np.stack((columns * 255 // STRIP_WH[0], rows * 3 % 256, (rows ^ columns) % 256), -1)
-    path = tmp_path_factory.mktemp("photos") / "strip.png"
-    image_module.fromarray(rgb.astype(np.uint8)).save(path)
-    return path
+    return drawn_photo(tmp_path_factory.mktemp("photos") / "strip.png", STRIP_WH)
 
 
 def request(weights, photo):
     categories = json.loads((ROOT / "datasets" / "coco" / "categories.json").read_text("utf-8"))
-    size = {"width": STRIP_WH[0], "height": STRIP_WH[1]}
-    image = {"file_name": photo.name, "path": str(photo), "batch": 0, **size}
-    return {
-        "schema_version": 1,
-        "task": "coco",
-        "images": [{"image_id": 7, **image}],
-        "categories": [{"id": c["id"], "name": c["name"], "synonyms": []} for c in categories],
-        "label_map": {},
-        "weights": str(weights),
-        "device": "cpu",
-        "dtype": "float32",
-        "batch_size": 1,
-        "offline": True,
-        "options": {},
-        "prompts": None,
-        "output": str(photo.parent),
-    }
-
-
-def ran(asked):
-    """(exit code, the JSON lines). Standard input stays open until the process ends."""
-    with subprocess.Popen(
-        [sys.executable, str(ROOT / "baselines" / "dino" / "run.py")],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT / "baselines" / "shared")},
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(json.dumps(asked) + "\n")
-        process.stdin.flush()
-        lines = [json.loads(line) for line in process.stdout if line.strip()]
-    return process.returncode, lines
+    named = [{"id": c["id"], "name": c["name"], "synonyms": []} for c in categories]
+    return child.request("coco", weights, photo.parent, [photo], categories=named, label_map={})
 
 
 @pytest.fixture(scope="module")
 def program():
     """run.py as a module, for what does not need a process of its own."""
-    path = ROOT / "baselines" / "dino" / "run.py"
-    spec = importlib.util.spec_from_file_location("dino_run", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
+    return child.program("dino")
 
 
 def test_a_photo_goes_in_and_results_come_out_the_same_twice(weights, photo, program):
     asked = request(weights, photo)
-    wrong = dict(asked["images"][0], image_id=8, height=99)
+    wrong = dict(asked["images"][0], image_id=2, height=99)
     asked["images"] = [wrong, asked["images"][0]]
-    code, lines = ran(asked)
-    assert code == 0
+    said = child.ask("dino", asked)
+    lines = said.lines
     provenance = lines[0]["provenance"]
     assert provenance["weight_files"] == [
         {
@@ -119,23 +73,22 @@ def test_a_photo_goes_in_and_results_come_out_the_same_twice(weights, photo, pro
     ]
     assert provenance["checkpoint"]["epochs"] == 24
     assert str(weights.parent) not in json.dumps(lines)
-    answers = {line["image_id"]: line for line in lines if "image_id" in line}
-    assert "1333x64, the track says 1333x99" in answers[8]["failed"]
-    predictions, counts = answers[7]["predictions"], answers[7]["counts"]
+    answers = said.results
+    assert "1333x64, the track says 1333x99" in answers[2]["failed"]
+    predictions, counts = answers[1]["predictions"], answers[1]["counts"]
     assert len(predictions) == counts["predictions"] > 20
     assert counts["predictions"] + counts["without_category"] == 300
     ids = {category["id"] for category in asked["categories"]}
     for entry in predictions:
-        assert entry["image_id"] == 7
+        assert entry["image_id"] == 1
         assert entry["category_id"] in ids
         assert 0 < entry["score"] < 1
         assert np.isfinite(entry["bbox"]).all()
         assert min(entry["bbox"][2:]) > 0
-    assert lines[-1] == {"done": True}
     loaded, again = program.load(asked)
     assert json.loads(json.dumps(again)) == provenance
     result = program.predict(loaded, asked["images"][1])
-    assert json.dumps({"image_id": 7} | result) == json.dumps(answers[7])
+    assert json.dumps({"image_id": 1} | result) == json.dumps(answers[1])
 
 
 @pytest.mark.parametrize(
@@ -159,7 +112,6 @@ def test_names_in_another_order_of_ids_are_refused_by_the_process(weights, photo
     asked = request(weights, photo)
     for place, category in enumerate(asked["categories"], start=1):
         category["id"] = place
-    code, lines = ran(asked)
-    assert code == 2
-    assert [list(line) for line in lines] == [["refused"]]
-    assert "they differ in" in lines[0]["refused"]["found"]
+    said = child.ask("dino", asked)
+    assert [list(line) for line in said.lines] == [["refused"]]
+    assert "they differ in" in said.refused["found"]

@@ -7,16 +7,14 @@ no torch. Both read the same state dict.
 from __future__ import annotations
 
 import copy
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from baselines.child import importable
 
 torch = pytest.importorskip("torch")
 
-BASELINES = Path(__file__).parents[2] / "baselines"
-sys.path[:0] = [str(BASELINES / "shared"), str(BASELINES / "dino")]
+importable("dino")
 
 from dino_network import Dino  # noqa: E402
 from dino_transformer import DinoSize  # noqa: E402

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
-import subprocess
-import sys
 import textwrap
 
 import pytest
-from baselines.child import ROOT, some_photo
+from baselines.child import ROOT, ask, some_photo
 from PIL import Image
 
 torch = pytest.importorskip("torch")
-
-SHARED = ROOT / "baselines" / "shared"
 
 
 class TwoBoxes(torch.nn.Module):
@@ -60,19 +54,9 @@ def test_it_runs_as_printed(tmp_path):
         "batch_size": 1,
         "options": {"threshold": 0.05},
     }
-    with subprocess.Popen(
-        [sys.executable, mine / "run.py"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(SHARED)},
-        text=True,
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(json.dumps(request) + "\n")
-        process.stdin.flush()
-        lines = [json.loads(line) for line in process.stdout if line.strip()]
-    assert process.returncode == 0
+    said = ask(mine, request)
+    lines = said.lines
+    assert said.exit_code == 0, said.log[-2000:]
     assert lines[0]["provenance"]["weights"][0]["name"] == "net.pt"
     box = {"image_id": 7, "category_id": 1, "bbox": [0.0, 0.0, width / 2, height], "score": 0.5}
     assert lines[2] == {"image_id": 7, "predictions": [box]}

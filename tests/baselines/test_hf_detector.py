@@ -7,24 +7,21 @@ preprocessing, its labels and its post-processing are used as transformers itsel
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import json
-import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
+from baselines.child import drawn_photo, importable
+
+from baselines import child
 
 torch = pytest.importorskip("torch")
 transformers = pytest.importorskip("transformers")
 image_module = pytest.importorskip("PIL.Image")
 
-ROOT = Path(__file__).parents[2]
-HERE = ROOT / "baselines" / "hf-detector"
-sys.path[:0] = [str(ROOT / "baselines" / "shared"), str(HERE)]
+importable("hf-detector")
 
 from baselines.tiny_detectors import (  # noqa: E402
     CATEGORIES,
@@ -65,58 +62,25 @@ def model(folder_of, tmp_path):
 
 @pytest.fixture(scope="module")
 def photo(tmp_path_factory):
-    rows, columns = np.mgrid[: SIZE_WH[1], : SIZE_WH[0]]
-    rgb = np.stack((columns * 2 % 256, rows * 3 % 256, (rows ^ columns) % 256), -1)
-    path = tmp_path_factory.mktemp("photos") / "photo.png"
-    image_module.fromarray(rgb.astype(np.uint8)).save(path)
-    return path
+    return drawn_photo(tmp_path_factory.mktemp("photos") / "photo.png", SIZE_WH)
 
 
 def request(weights, photo):
-    image = {"image_id": 7, "file_name": photo.name, "path": str(photo), "batch": 0}
-    return {
-        "schema_version": 1,
-        "task": "coco",
-        "images": [image | {"width": SIZE_WH[0], "height": SIZE_WH[1]}],
-        "categories": [{"id": c["id"], "name": c["name"], "synonyms": []} for c in CATEGORIES],
-        "label_map": {old: name for name, old in OLD_OF.items()},
-        "weights": str(weights),
-        "device": "cpu",
-        "dtype": "float32",
-        "batch_size": 1,
-        "offline": True,
-        "options": {"every_category": True, "top_k": None, "backend": "pil"},
-        "prompts": None,
-        "output": str(photo.parent),
-    }
-
-
-def ran(asked):
-    """(exit code, the JSON lines). Standard input stays open until the process ends."""
-    with subprocess.Popen(
-        [sys.executable, str(HERE / "run.py")],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT / "baselines" / "shared")},
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(json.dumps(asked) + "\n")
-        process.stdin.flush()
-        lines = [json.loads(line) for line in process.stdout if line.strip()]
-    return process.returncode, lines
+    return child.request(
+        "coco",
+        weights,
+        photo.parent,
+        [photo],
+        categories=[{"id": c["id"], "name": c["name"], "synonyms": []} for c in CATEGORIES],
+        label_map={old: name for name, old in OLD_OF.items()},
+        options={"every_category": True, "top_k": None, "backend": "pil"},
+    )
 
 
 @pytest.fixture(scope="module")
 def program():
     """run.py as a module, for what does not need a process of its own."""
-    spec = importlib.util.spec_from_file_location("hf_detector_run", HERE / "run.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return child.program("hf-detector")
 
 
 @pytest.fixture
@@ -150,8 +114,9 @@ def lines_of(folder_of, photo):
 
     def lines(kind):
         if kind not in made:
-            code, made[kind] = ran(request(folder_of(kind), photo))
-            assert code == 0
+            said = child.ask("hf-detector", request(folder_of(kind), photo))
+            assert said.exit_code == 0, said.log[-2000:]
+            made[kind] = said.lines
         return made[kind]
 
     return lines
@@ -198,7 +163,7 @@ def check_against_transformers(answer, folder, photo):
     }
     assert len(kept) > 10
     for entry, (name, score, x0, y0, x1, y1) in zip(answer["predictions"], kept, strict=True):
-        assert entry["image_id"] == 7
+        assert entry["image_id"] == 1
         assert entry["category_id"] == id_of[name]
         assert entry["score"] == pytest.approx(score, rel=1e-6)
         assert entry["bbox"] == pytest.approx([x0, y0, x1 - x0, y1 - y0], abs=1e-4)
@@ -235,7 +200,7 @@ def test_the_provenance_names_files_and_settings_and_no_path(folder_of, lines_of
 def test_another_process_gives_the_same_answer(folder_of, lines_of, photo, answered, kind):
     (answer,) = [line for line in lines_of(kind) if "image_id" in line]
     provenance, again = answered(request(folder_of(kind), photo))
-    assert json.dumps({"image_id": 7} | again) == json.dumps(answer)
+    assert json.dumps({"image_id": 1} | again) == json.dumps(answer)
     assert json.loads(json.dumps(provenance)) == lines_of(kind)[0]["provenance"]
 
 
@@ -402,9 +367,9 @@ def test_what_cannot_be_done_is_refused(folder_of, photo, change, said, hub_cach
 
 
 def test_a_refusal_is_the_processs_only_line(folder_of, photo):
-    code, lines = ran(request(folder_of("rt-detr"), photo) | {"batch_size": 2})
-    assert code == 2
-    assert [list(line) for line in lines] == [["refused"]]
+    said = child.ask("hf-detector", request(folder_of("rt-detr"), photo) | {"batch_size": 2})
+    assert said.exit_code == 2, said.log[-2000:]
+    assert [list(line) for line in said.lines] == [["refused"]]
 
 
 @pytest.fixture

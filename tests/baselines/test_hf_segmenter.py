@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from baselines.child import ask, defaults, importable, program, request, some_photo
+from baselines.child import ask, defaults, importable, program, request, some_photo, spread
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -25,12 +25,6 @@ LABELS = {0: "sofa", 1: "sky-other-merged", 2: "Cat"}
 CATEGORIES = [{"id": 17, "name": "cat"}, {"id": 63, "name": "couch"}]
 LABEL_MAP = {"sofa": "couch"}
 QUERIES = 6
-
-
-@pytest.fixture(autouse=True)
-def _quiet():
-    transformers.logging.disable_progress_bar()
-    transformers.logging.set_verbosity_error()
 
 
 def swin():
@@ -84,12 +78,7 @@ def maskformer():
 
 def save_tiny(build, processor, folder, **settings):
     torch.manual_seed(1)
-    network = build().eval()
-    with torch.no_grad():  # the usual 0.02 gives every query the same mask
-        for parameter in network.parameters():
-            if parameter.ndim > 1:
-                parameter.mul_(3)
-    network.save_pretrained(folder)
+    spread(build().eval(), 3).save_pretrained(folder)
     size = {"shortest_edge": 64, "longest_edge": 128}
     processor(size=size, **settings).save_pretrained(folder)
     return folder

@@ -23,12 +23,6 @@ CATEGORIES = [{"id": 10 * n, "name": name} for n, name in enumerate(NAMES, start
 SIZE_WH = (53, 40)
 
 
-@pytest.fixture(autouse=True)
-def _quiet():
-    transformers.logging.disable_progress_bar()
-    transformers.logging.set_verbosity_error()
-
-
 def clip_tokenizer(folder):
     """Every printable character is a token of its own, as a byte-level tokenizer without merges."""
     characters = [chr(c) for c in range(33, 127)]

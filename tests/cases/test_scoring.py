@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from evaluation.detection_runs import box_mask, random_predictions, random_truth, text_counts
-from evaluation.test_official_numbers import direct_coco, evaluate
+from evaluation.official import direct_coco, evaluate
 from pycocotools import mask
 from pycocotools.coco import COCO
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from functools import partial
 from pathlib import Path
 
 import pytest
+from running.run_folders import readout, results
 
 from legoworld import cli
 from legoworld.running.engines import Job, run_ray
@@ -33,28 +33,17 @@ def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
     return folder
 
 
-def readout(scenes: Path, run: Path, task: str, *more: object) -> int:
-    return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
-
-
-def results(run: Path) -> dict[str, bytes]:
-    files = {str(p.relative_to(run)): p.read_bytes() for p in sorted(run.rglob("*")) if p.is_file()}
-    document = json.loads(files.pop("run.json"))
-    document.pop("finished_at")
-    return {**files, "run.json without its time": json.dumps(document, sort_keys=True).encode()}
-
-
 def test_an_unreachable_cluster_is_said(scenes: Path, tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
-    assert readout(scenes, tmp_path / "run", "coco", "--engine", "ray") == 4
+    assert readout(scenes, tmp_path / "run", "--engine", "ray") == 4
     assert "RAY_ADDRESS" in capsys.readouterr().err
 
 
 def test_same_bytes_as_the_local_engine_on_two_nodes(scenes: Path, tmp_path: Path, two_nodes):
     for task in ("coco", "lvis", "eth3d"):
         local, remote = tmp_path / f"local-{task}", tmp_path / f"ray-{task}"
-        assert readout(scenes, local, task, "--no-cache") == 1
-        assert readout(scenes, remote, task, "--no-cache", "--engine", "ray") == 1
+        assert readout(scenes, local, "--no-cache", task=task) == 1
+        assert readout(scenes, remote, "--no-cache", "--engine", "ray", task=task) == 1
         assert results(remote) == results(local)
 
 

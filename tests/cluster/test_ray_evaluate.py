@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from evaluation.test_workers import evaluate, files, made, small_pieces
+from evaluation.commands import evaluate, files, made, small_pieces
 
 from legoworld.evaluation.depth.image_tasks import image_tasks
 from legoworld.running.tasks import Crew, results_of

@@ -15,6 +15,7 @@ from comparison.evaluations import (
     scene_and_baseline,
 )
 from evaluation.detection_runs import checked, random_truth
+from evaluation.official import official_with_ids
 
 from legoworld.comparison.detections import detection_metrics
 from legoworld.comparison.sides import read_sides
@@ -40,35 +41,6 @@ def official_on(folder, task, evaluation, image_ids, *, equal):
     if equal:
         predictions = with_equal_confidence(predictions)
     return run_evaluator(read, predictions, protocol, "official").official
-
-
-def official_with_ids(evaluation, task, image_ids, entries):
-    """COCOeval or LVISEval on the whole truth, told which images to look at."""
-    import contextlib
-    import io
-
-    from pycocotools.coco import COCO
-    from pycocotools.cocoeval import COCOeval
-
-    from legoworld.evaluation import lvis_package
-
-    truth_path = str(evaluation.parent / "truth.json")
-    with contextlib.redirect_stdout(io.StringIO()):
-        if task == "coco":
-            true = COCO(truth_path)
-            coco = COCOeval(true, true.loadRes(entries), "bbox")
-            coco.params.imgIds = list(image_ids)
-            coco.evaluate()
-            coco.accumulate()
-            coco.summarize()
-            return coco.stats
-        package = lvis_package.load()
-        with lvis_package.quiet():
-            true = package.LVIS(truth_path)
-            lvis = package.LVISEval(true, package.LVISResults(true, entries), "segm")
-            lvis.params.img_ids = list(image_ids)
-            lvis.run()
-        return np.array(list(lvis.get_results().values()))
 
 
 @pytest.mark.parametrize("task", ["coco", "lvis"])

@@ -10,7 +10,7 @@ import json
 
 import pytest
 from comparison.evaluations import compared, evaluated, row_of
-from comparison.test_numbers import official_with_ids
+from evaluation.official import official_with_ids
 
 from legoworld.evaluation.protocols import detection_protocol
 

@@ -14,6 +14,8 @@ from legoworld.evaluation.accumulation import (
     first_reached,
     mean_precision,
 )
+from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
+from legoworld.evaluation.matches import matches_of
 from legoworld.evaluation.matching import IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.protocols import AREA_NAMES, IOU_THRESHOLDS
 
@@ -85,3 +87,9 @@ def average_precision_in_orders(ranking, order, plain, n_truths):
             one[i] = mean_precision(n_true[None], n_all[None], steps[: len(n_all)][None])[0]
         values.append(one)
     return mean_in_order(values)
+
+
+def pair_metrics(problem, truth, predictions, samples, *, class_aware):
+    matches = matches_of(problem, truth, predictions)
+    pairs = matches.aware if class_aware else matches.agnostic
+    return matched_metrics(matched_counts(problem, pairs), samples)

@@ -13,7 +13,7 @@ from evaluation.detection_runs import (
     write_run,
     write_truth,
 )
-from evaluation.test_official_numbers import evaluate
+from evaluation.official import evaluate
 from pycocotools import mask as coco_mask
 
 from legoworld import cli

@@ -11,6 +11,7 @@ from evaluation.detection_runs import (
     random_predictions,
     random_truth,
 )
+from evaluation.reference_resampling import pair_metrics
 
 from legoworld.errors import ShapeError, UsageError
 from legoworld.evaluation.bootstrap import (
@@ -20,8 +21,6 @@ from legoworld.evaluation.bootstrap import (
     resampled_means,
 )
 from legoworld.evaluation.evaluators import run_evaluator
-from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
-from legoworld.evaluation.matches import matches_of
 from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.evaluation.scoring import frequencies_of
 
@@ -41,12 +40,6 @@ def resampled(truth, predictions, counts):
             ]
             entries += [{**p, "image_id": new} for p in predictions if p["image_id"] == image["id"]]
     return {**truth, "images": images, "annotations": annotations}, entries
-
-
-def pair_metrics(problem, truth, predictions, samples, *, class_aware):
-    matches = matches_of(problem, truth, predictions)
-    pairs = matches.aware if class_aware else matches.agnostic
-    return matched_metrics(matched_counts(problem, pairs), samples)
 
 
 @pytest.mark.parametrize("levels", [None, 2, 1])

@@ -8,7 +8,7 @@ import json
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run
-from evaluation.test_official_numbers import direct, direct_coco
+from evaluation.official import direct, direct_coco
 from pycocotools import mask as coco_mask
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from evaluation.detection_runs import checked, match_everything, text_counts, write_run
-from evaluation.test_official_numbers import direct_coco, evaluate
+from evaluation.official import direct_coco, evaluate
 from pycocotools import mask as coco_mask
 
 from legoworld.cli import run as call

@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
-from evaluation.test_official_numbers import evaluate
+from evaluation.official import evaluate
 
 from legoworld import cli
 from legoworld.errors import LegoWorldError

@@ -12,7 +12,7 @@ from evaluation.detection_runs import (
     write_run,
     write_truth,
 )
-from evaluation.test_official_numbers import evaluate
+from evaluation.official import evaluate
 
 from legoworld import cli
 from legoworld.catalog import folder

@@ -14,8 +14,8 @@ from evaluation.detection_runs import (
     random_truth,
     text_counts,
 )
-from evaluation.test_bootstrap import pair_metrics
-from evaluation.test_compiled_matching import best_pairs
+from evaluation.made_chunks import best_pairs
+from evaluation.reference_resampling import pair_metrics
 from pycocotools import mask as coco_mask
 
 from legoworld.evaluation.accumulation import accumulate, metric_value

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 from dataclasses import replace
 
@@ -14,66 +12,14 @@ from evaluation.detection_runs import (
     match_everything,
     random_predictions,
     random_truth,
-    write_run,
-    write_truth,
 )
-from pycocotools.coco import COCO
-from pycocotools.cocoeval import COCOeval
+from evaluation.official import direct, evaluate
 
-from legoworld.evaluation import lvis_package
 from legoworld.evaluation.accumulation import accumulate, metric_value
-from legoworld.evaluation.detections import evaluate_detections
 from legoworld.evaluation.evaluators import EvaluatorDisagreesError, run_evaluator
 from legoworld.evaluation.prediction_order import canonical_key
 from legoworld.evaluation.scoring import check_agreement, frequencies_of
 from legoworld.evaluation.text import official_lines
-
-
-def direct_coco(truth_path, results, iou_type="bbox"):
-    """pycocotools as its own demo calls it: (stats, printed lines)."""
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        true = COCO(str(truth_path))
-        evaluation = COCOeval(true, true.loadRes(json.loads(json.dumps(results))), iou_type)
-        evaluation.evaluate()
-        evaluation.accumulate()
-        printed.truncate(0)
-        printed.seek(0)
-        evaluation.summarize()
-    return evaluation.stats, printed.getvalue().splitlines()
-
-
-def direct_lvis(truth_path, results):
-    """The lvis package as its own test calls it: (numbers, printed lines)."""
-    package = lvis_package.load()
-    printed = io.StringIO()
-    with lvis_package.quiet(), contextlib.redirect_stdout(printed):
-        true = package.LVIS(str(truth_path))
-        found = package.LVISResults(true, json.loads(json.dumps(results)))
-        evaluation = package.LVISEval(true, found, "segm")
-        evaluation.run()
-        evaluation.print_results()
-    return np.array(list(evaluation.get_results().values())), printed.getvalue().splitlines()
-
-
-def direct(task):
-    """The official evaluator of a task, called directly."""
-    if task == "lvis":
-        return direct_lvis
-    return lambda path, results: direct_coco(path, results, "bbox" if task == "coco" else "segm")
-
-
-def evaluate(folder, task, truth, predictions, **options):
-    run = write_run(folder / "run", task, truth, predictions)
-    truth_path = write_truth(folder / "truth.json", truth)
-    return evaluate_detections(
-        run,
-        truth_path,
-        folder / "eval",
-        **{"evaluator": "official", "draws": 20, "seed": 0, "overwrite": False, **options},
-        notice=lambda _text: None,
-        warn=lambda _text: None,
-    )
 
 
 @pytest.mark.parametrize("levels", [None, 3, 1])

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from evaluation.test_workers import evaluate, files, made
+from evaluation.commands import evaluate, files, made
 
 from legoworld import cli, places
 

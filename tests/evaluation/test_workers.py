@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluation.depth.folders import plane, write_eth3d
+from evaluation.commands import evaluate, files, made, small_pieces
 from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import (
     random_predictions,
@@ -19,38 +19,6 @@ from evaluation.detection_runs import (
     write_run,
     write_truth,
 )
-
-from legoworld import cli
-
-CHUNK = "legoworld.evaluation.chunks._CHUNK_DETECTIONS"
-
-
-def made(folder: Path, task: str) -> tuple[Path, Path]:
-    """A run and its truth."""
-    if task == "eth3d":
-        names = [f"{s}/images/dslr_images/{i}.JPG" for s in ("pipes", "office") for i in range(3)]
-        z = {name: plane((60, 40), seed) for seed, name in enumerate(names)}
-        run = write_depth_run(folder / "run", {**z, names[1]: "missing"}, size_wh=(60, 40))
-        return run, write_eth3d(folder / "truth", z)
-    truth = random_truth(task, seed=8, images=20)
-    predictions = random_predictions(task, truth, seed=8, levels=4)
-    run = write_run(folder / "run", task, truth, predictions)
-    return run, write_truth(folder / "truth.json", truth)
-
-
-def evaluate(run: Path, truth: Path, output: Path, *more: object) -> int:
-    arguments = ["evaluate", "-q", run, "--truth", truth, "-o", output, "--draws", 20, *more]
-    return cli.run([str(a) for a in arguments])
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-def small_pieces(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    """Work for many, where there is little."""
-    monkeypatch.setattr(CHUNK, size)
-    monkeypatch.setattr("legoworld.evaluation.depth.image_tasks._FEW_BYTES", 0)
 
 
 @pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
@@ -109,17 +77,11 @@ SLOW = """
 import sys
 from legoworld import cli
 from legoworld.evaluation import chunks, matches
-from evaluation.test_workers import slow_chunk
+from evaluation.commands import slow_chunk
 chunks._CHUNK_DETECTIONS = 5
 matches.match_chunk = slow_chunk
 sys.exit(cli.run(sys.argv[1:]))
 """
-
-
-def slow_chunk(_chunk: object) -> None:
-    """Says which process it is in, and never ends."""
-    Path(os.environ["MARKS"], str(os.getpid())).touch()
-    time.sleep(600)
 
 
 def started(run: Path, truth: Path, output: Path, marks: Path) -> subprocess.Popen[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gltf.documents import Document, png_of_alpha
+from gltf.scenes import NoBlender
 
 from legoworld import cli
 from legoworld.errors import LegoWorldError, SceneChangedError, SceneInvalidError
@@ -18,13 +19,6 @@ from legoworld.scene.freeze import checked_artefacts, write_frozen
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 from legoworld.scene.reading import read_scene
 from legoworld.scene.snapshot import save
-
-
-class NoBlender(BlenderProcess):
-    """A worker that must not be asked."""
-
-    def request(self, message):
-        raise AssertionError(f"Blender was asked for {message['kind']}")
 
 
 def read(folder, cache=None, files=None):

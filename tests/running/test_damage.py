@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
-from running.test_every_step import tree
-from running.test_wall import scene_at
+from gltf.scenes import scene_at
+from running.run_folders import tree
 
 from legoworld import cli
 from legoworld.running import readout_run, run_folder

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
+from running.run_folders import tree
 from specialists.tracks import make_track
 
 from legoworld import cli
@@ -163,16 +164,6 @@ COMMANDS: dict[str, Command] = {
     "import eth3d": bring("eth3d"),
     "evaluate": evaluate,
 }
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    """Every file, temporary ones included; run.json without its time."""
-    files = {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-    if "run.json" in files:
-        document = json.loads(files["run.json"])
-        document.pop("finished_at")
-        files["run.json"] = json.dumps(document, sort_keys=True).encode()
-    return files
 
 
 def stop(arguments: list[str], number: int, *, killed: bool, capfd: Any) -> bool:

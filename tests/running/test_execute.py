@@ -7,6 +7,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from running.executed import BUILD, execute, execution
 
 from legoworld import cli
 from legoworld.files import sha256_of_file
@@ -16,39 +17,11 @@ from legoworld.workers.sandbox import Ending, SandboxLimits
 
 pytestmark = pytest.mark.blender
 
-BUILD = """
-import bpy
-bpy.ops.wm.read_factory_settings(use_empty=True)
-bpy.ops.mesh.primitive_cube_add(size=2)
-bpy.context.object["category"] = "dog"
-bpy.context.object.data.materials.append(bpy.data.materials.new("Grey"))
-camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-camera.location.z = 8
-bpy.context.scene.collection.objects.link(camera)
-bpy.context.scene.camera = camera
-bpy.context.scene.render.resolution_x = 48
-bpy.context.scene.render.resolution_y = 32
-light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "SUN"))
-bpy.context.scene.collection.objects.link(light)
-"""
-
-
 TAKES_ITS_REPORT_AWAY = """\
 import json, os, shutil, sys
 report = json.loads(sys.orig_argv[-1])["report"]
 os.unlink(report)
 """
-
-
-def execute(tmp_path: Path, program: str, *options: str) -> tuple[int, Path]:
-    path = tmp_path / "program.py"
-    path.write_text(textwrap.dedent(program))
-    output = tmp_path / "scene"
-    return cli.run(["execute", str(path), "-o", str(output), "-q", *options]), output
-
-
-def execution(output: Path) -> dict:
-    return json.loads((output / "execution.json").read_text())
 
 
 def test_a_whole_program_becomes_a_scene_that_reads_out(tmp_path):

@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from running.test_execute import BUILD, execute, execution
+from running.executed import BUILD, execute, execution
 from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.records.execution import ProgramReport, Reason

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from running.run_folders import readout, results
 
 from legoworld import cli, places
 
@@ -58,18 +59,6 @@ def bucket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> I
     system.mkdir("bucket")
     yield "s3://bucket"
     server.stop()
-
-
-def readout(scenes: object, run: object, *more: object, task: str = "coco") -> int:
-    return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
-
-
-def results(run: Path) -> dict[str, bytes]:
-    files = {str(p.relative_to(run)): p.read_bytes() for p in sorted(run.rglob("*")) if p.is_file()}
-    files.pop(".lock", None)
-    document = json.loads(files.pop("run.json"))
-    document.pop("finished_at")
-    return {**files, "run.json without its time": json.dumps(document, sort_keys=True).encode()}
 
 
 @pytest.mark.filterwarnings("default")

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 import tracemalloc
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_truth
+from running.run_folders import readout as readout_of
+from running.run_folders import results
 from specialists.tracks import make_track
 
 from legoworld import cli
@@ -202,23 +205,12 @@ def whole(scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def readout(scenes: Path, run: Path, *more: object, task: str = "lvis") -> int:
-    return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
+readout = partial(readout_of, task="lvis")
 
 
 def merge(output: Path, *runs: Path, n: int | None = None) -> int:
     more = [] if n is None else ["--images-per-file", str(n)]
     return cli.run(["merge", *map(str, runs), "-o", str(output), *more])
-
-
-def results(run: Path, *, with_time: bool = False) -> dict[str, bytes]:
-    files = {str(p.relative_to(run)): p.read_bytes() for p in sorted(run.rglob("*")) if p.is_file()}
-    files.pop(".lock", None)
-    if not with_time:
-        document = json.loads(files.pop("run.json"))
-        document.pop("finished_at")
-        files["run.json without its time"] = json.dumps(document, sort_keys=True).encode()
-    return files
 
 
 @pytest.mark.blender

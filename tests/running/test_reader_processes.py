@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from foreign.processes import descendants
-from running.test_shards import readout, results
+from running.run_folders import readout, results
 
 from legoworld.running import reader_process
 from legoworld.running.reader_process import worth_processes

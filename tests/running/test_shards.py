@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from running.run_folders import readout, results
 
 from legoworld import cli
 
@@ -27,19 +28,8 @@ def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
     return folder
 
 
-def readout(scenes: Path, run: Path, *more: object, task: str = "coco") -> int:
-    return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
-
-
 def merge(output: Path, *shards: Path) -> int:
     return cli.run(["merge", *map(str, shards), "-o", str(output)])
-
-
-def results(run: Path) -> dict[str, bytes]:
-    files = {str(p.relative_to(run)): p.read_bytes() for p in sorted(run.rglob("*")) if p.is_file()}
-    document = json.loads(files.pop("run.json"))
-    document.pop("finished_at")
-    return {**files, "run.json without its time": json.dumps(document, sort_keys=True).encode()}
 
 
 @pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])

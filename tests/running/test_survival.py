@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 from foreign.processes import descendants
-from running.test_every_step import tree
+from running.run_folders import tree
 from specialists.tracks import make_track
 
 pytestmark = pytest.mark.blender

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from gltf.documents import Document
-from gltf.test_reading import NoBlender
+from gltf.scenes import NoBlender, scene_at
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -27,14 +27,6 @@ from legoworld.track import TrackImage
 
 STATUSES = ("ok", "missing", "invalid", "changed", "failed", "timeout")
 IMAGE = TrackImage(id=1, file_name="scene.jpg", size_wh=(64, 64), scene="scene")
-
-
-def scene_at(path: Path, name: str = "Chair", category: str = "chair") -> Path:
-    made = Document()
-    made.quad(name, 4, 4, extras={"category": category})
-    path.mkdir(parents=True, exist_ok=True)
-    (path / "scene.glb").write_bytes(made.glb())
-    return path
 
 
 @pytest.fixture

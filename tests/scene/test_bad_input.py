@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from scene.snapshots import snapshot_of
 
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.tasks import protocol
@@ -18,8 +19,7 @@ from legoworld.running.image_record import ImageOptions, Record
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts, hash_files, write_frozen
-from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.scene.freeze import hash_files, write_frozen
 from legoworld.track import TrackImage
 
 pytestmark = pytest.mark.blender
@@ -67,12 +67,6 @@ def read(scenes: Path, blender: BlenderProcess, tmp_path: Path):
         return read_image(image, options, blender)
 
     return read
-
-
-def snapshot_of(folder: Path, blender: BlenderProcess) -> ReadScene:
-    scene = SceneFolder(path=folder, name=folder.name)
-    files = checked_artefacts(scene, require_frozen=False)
-    return read_scene(scene, source="blend", blender=blender, cache=None, files=files)
 
 
 def test_the_good_scene_is_read(read):

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from gltf.documents import Document
-from gltf.test_reading import NoBlender
+from gltf.scenes import NoBlender
 
 from legoworld.errors import LabelsInvalidError, SceneInvalidError, SideFileInvalidError
 from legoworld.files import readable_json

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from scene.test_bad_input import snapshot_of
+from scene.snapshots import snapshot_of
 
 from legoworld.scene.blender_process import BlenderProcess, Limits
 

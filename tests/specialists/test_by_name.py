@@ -30,13 +30,11 @@ pytestmark = pytest.mark.skipif(
 BUILD = """
 import sys
 from pathlib import Path
-sys.path[:0] = ["tests", "tests/baselines"]
-import test_hf_depth, test_sam3
+sys.path.insert(0, "tests")
+from baselines import tiny_depth, tiny_sam3
 out = Path(sys.argv[1])
-test_hf_depth.save_tiny("depth_anything", out / "hf-depth")
-tokenizer = test_sam3.byte_level_tokenizer()
-test_sam3.tiny_network(tokenizer).save_pretrained(out / "sam3")
-tokenizer.save_pretrained(out / "sam3")
+tiny_depth.save_tiny("depth_anything", out / "hf-depth")
+tiny_sam3.save_tiny(out / "sam3")
 """
 
 

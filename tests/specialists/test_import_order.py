@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from evaluation.detection_runs import box_mask, random_predictions, random_truth, text_counts
-from evaluation.test_official_numbers import direct_coco, direct_lvis
+from evaluation.official import direct_coco, direct_lvis
 from specialists.tracks import call, run_document
 
 DIRECT = {

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from evaluation.depth.array_files import npy, npz
 from evaluation.depth.folders import (
     Predictions,
     plane,
@@ -18,7 +19,6 @@ from evaluation.depth.folders import (
     write_eth3d,
     write_run,
 )
-from evaluation.depth.test_hostile_files import npy, npz
 
 from legoworld import cli
 from legoworld.errors import CatalogError, ConfigurationMismatchError, UsageError

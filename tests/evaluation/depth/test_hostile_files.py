@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from evaluation.depth.array_files import npy, npz
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,21 +26,6 @@ IN_METRES = Declaration(space="depth", unit="m/256")
 DEPTH = np.random.default_rng(0).uniform(0.5, 60, (5, 7)).astype(np.float32)
 SIDE = 200_000
 JUST_TOO_MANY = (MOST_PX // 4096 + 1, 4096)
-
-
-def npy(shape: tuple[int, ...], descr: str = "<f4", data: bytes = b"") -> bytes:
-    """An .npy whose header says what it likes."""
-    stream = io.BytesIO()
-    header = {"descr": descr, "fortran_order": False, "shape": shape}
-    np.lib.format.write_array_header_1_0(stream, header)
-    return stream.getvalue() + data
-
-
-def npz(member: bytes, *, name: str = "values.npy") -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(name, member)
-    return stream.getvalue()
 
 
 def zeros_npz(shape: tuple[int, ...]) -> bytes:

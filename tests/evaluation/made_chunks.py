@@ -1,0 +1,67 @@
+"""Chunks of detections and truths that matching and pairing are given by hand."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from legoworld.evaluation.chunks import Chunk
+from legoworld.evaluation.compiled_matching import pairs_of_chunk
+from legoworld.evaluation.overlaps import Overlaps
+from legoworld.evaluation.problem import Detections, TrueInstances
+
+
+def chunk_of(
+    found: list[list[int]], wanted: list[list[int]], random: np.random.Generator, odd: float
+) -> Chunk:
+    """Categories of each image's detections (ascending) and truths; a share of them odd."""
+    image, true_image = (
+        np.repeat(np.arange(len(found)), [len(x) for x in side]) for side in (found, wanted)
+    )
+    n, g = len(image), len(true_image)
+    present = np.array([c in wanted[i] for i, cs in enumerate(found) for c in cs], bool)
+    ignored = random.random(g) < odd
+    zeros = np.zeros(n, np.int64)
+    return Chunk(
+        iou_type="bbox",
+        detections=Detections(
+            image=image,
+            category=np.array(list(itertools.chain(*found)), np.int64),
+            score=np.zeros(n),
+            rank=zeros,
+            entry=zeros,
+            verified=present | (random.random(n) >= odd),
+            exhaustive=random.random(n) >= odd,
+        ),
+        truths=TrueInstances(
+            image=true_image,
+            category=np.array(list(itertools.chain(*wanted)), np.int64),
+            area=random.choice([0.0, 500.0, 1024.0, 2000.0, 9216.0, 1e5], g),
+            ignored=ignored,
+            crowd=ignored & (random.random(g) < 0.5),
+            annotation=np.zeros(g, np.int64),
+        ),
+        first_detection=np.searchsorted(image, np.arange(len(found) + 1)),
+        first_truth=np.searchsorted(true_image, np.arange(len(found) + 1)),
+        sizes_hw=((9, 9),) * len(found),
+        boxes=np.empty((0, 4)),
+        true_boxes=np.empty((0, 4)),
+        masks=(),
+        true_masks=(),
+    )
+
+
+def best_pairs(iou, same_label):
+    """Rows and columns of the pairs of one image across categories."""
+    chunk = chunk_of([[0] * iou.shape[0]], [[0] * iou.shape[1]], np.random.default_rng(0), 0.0)
+    assert same_label.any() == same_label.all() or same_label.shape == (2, 2)
+    if same_label.any():  # two labels, the second row's and column's another
+        turned = not same_label[0, 0]
+        chunk.detections.category[:] = [0, 1]
+        chunk.truths.category[:] = [1, 0] if turned else [0, 1]
+    else:
+        chunk.truths.category[:] = 1
+    overlaps = Overlaps(iou=iou.ravel(), area=np.zeros(len(iou)))
+    pairs = pairs_of_chunk(chunk, overlaps, class_aware=False)
+    return pairs.detection, pairs.truth
