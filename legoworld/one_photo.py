@@ -13,6 +13,7 @@ from legoworld.evaluation.detections import evaluate_detections
 from legoworld.inspection import inspect_scene, write_inspection
 from legoworld.pictures import read_photo
 from legoworld.readouts.tasks import Protocol, protocol
+from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 from legoworld.records.execution import ExecutionFile
 from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
@@ -56,7 +57,7 @@ class PhotoScore:
     """
 
     row: dict[str, Any]
-    summary: dict[str, Any] | None
+    summary: DetectionSummary | DepthSummary | None
     advice: tuple[dict[str, str], ...]
     execution: ExecutionFile | None
     overlay: Path | None
@@ -185,7 +186,7 @@ def _look(request: PhotoRequest, scene: Path, reading: Protocol, look: Path) -> 
     write_inspection(inspection, look, request.photo)
 
 
-def _evaluate(request: PhotoRequest, run: Path, output: Path) -> dict[str, Any]:
+def _evaluate(request: PhotoRequest, run: Path, output: Path) -> DetectionSummary | DepthSummary:
     if request.task == "eth3d":
         return evaluate_depth(run, request.truth, output, draws=_DRAWS, overwrite=True)
     evaluation = evaluate_detections(

@@ -19,6 +19,7 @@ from legoworld.places import Place
 if TYPE_CHECKING:
     from legoworld.evaluation.evaluators import EvaluatorKind
     from legoworld.evaluation.origins import Origins
+    from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
     from legoworld.running.tasks import Crew
 
 
@@ -136,7 +137,7 @@ class _Request:
 
 def _evaluated(
     request: _Request, run: Path, output: Path, *, quiet: bool, verbose: bool
-) -> tuple[dict[str, Any], str]:
+) -> tuple[DetectionSummary | DepthSummary, str]:
     """The summary, and what is printed of it."""
     from legoworld.evaluation.run import read_run
 
@@ -174,7 +175,7 @@ def _evaluated(
 
 def _depth(
     request: _Request, run: Path, output: Path, step: Callable[[dict[str, Any]], None] | None
-) -> dict[str, Any]:
+) -> DepthSummary:
     from legoworld.evaluation.depth.evaluate import evaluate_depth
 
     return evaluate_depth(
@@ -209,53 +210,52 @@ def _bar(n_images: int, *, shown: bool) -> Iterator[Callable[[dict[str, Any]], N
         yield step
 
 
-def _depth_text(summary: dict[str, Any]) -> str:
+def _depth_text(summary: DepthSummary) -> str:
     """Means by hole policy with the constant beside them, intervals and denominators."""
-    coverage, groups = summary["coverage"], summary["bootstrap"]
+    coverage, groups = summary.coverage, summary.bootstrap
     rows = []
-    for metric, by_policy in summary["metrics"].items():
+    for metric, by_policy in summary.metrics.items():
         for policy, value in by_policy.items():
-            found = summary["intervals"][metric][policy]
-            known = found["low"] is not None
-            spread = f"{found['low']:.4f} .. {found['high']:.4f}" if known else "-"
-            constant = summary["constant"][metric][policy]
+            ends = summary.intervals[metric][policy].ends
+            spread = "{:.4f} .. {:.4f}".format(*ends) if ends else "-"
+            constant = summary.constant[metric][policy]
             shown = ["-" if x is None else f"{x:.4f}" for x in (value, constant)]
             rows.append((metric, policy, shown[0], spread, shown[1]))
-    evaluator, protocol = summary["evaluator"], summary["protocol"]
+    evaluator, protocol = summary.evaluator, summary.protocol
     header = ("metric", "holes", "mean", "95 % interval", "constant")
-    every = summary["all_attempted"]
+    every = summary.all_attempted
     lines = [
-        f"{evaluator['name']} {evaluator['version']}, camera model {protocol['camera_model']}, "
-        f"{coverage['attempted']} images attempted, {coverage['scored']} scored, "
-        f"{coverage['with_truth']} with truth{of_eth3d(coverage)}; intervals over "
-        f"{groups['groups']} {groups['unit']}s",
+        f"{evaluator.name} {evaluator.version}, camera model {protocol.camera_model}, "
+        f"{coverage.attempted} images attempted, {coverage.scored} scored, "
+        f"{coverage.with_truth} with truth{of_eth3d(coverage)}; intervals over "
+        f"{groups.groups} {groups.unit}s",
         options.table(header, rows),
-        f"over all {every['images']} images with truth, {every['missing']} of them without a score "
-        f"at {every['missing_abs_rel']:g}: abs_rel "
+        f"over all {every.images} images with truth, {every.missing} of them without a score "
+        f"at {every.missing_abs_rel:g}: abs_rel "
         + ", ".join(
             f"{policy} {'-' if value is None else format(value, '.4f')}"
-            for policy, value in every["abs_rel"].items()
+            for policy, value in every.abs_rel.items()
         ),
         *_depth_counts(summary),
-        *(f"{r['status']}: {r['file_name']}: {r['reason']}" for r in summary["not_scored"]),
+        *(f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored),
     ]
     return "\n\n".join(lines[:3]) + "".join(f"\n{line}" for line in lines[3:])
 
 
-def _depth_counts(summary: dict[str, Any]) -> list[str]:
+def _depth_counts(summary: DepthSummary) -> list[str]:
     """What the means do not show: flagged fits, images without truth, holes and clamped pixels."""
-    by_status = summary["coverage"]["by_status"]
+    by_status = summary.coverage.by_status
     flagged = [f"{by_status.get(name, 0)} {name}" for name in ("inverted", "degenerate", "no_gt")]
     others = [f"{n} {name}" for name, n in by_status.items() if f"{n} {name}" not in flagged]
     shares = {
-        "holes": summary["mean_hole_share"],
-        "outside the view": summary["mean_outside_view_share"],
-        "clamped": summary["mean_clamped_share"],
+        "holes": summary.mean_hole_share,
+        "outside the view": summary.mean_outside_view_share,
+        "clamped": summary.mean_clamped_share,
     }
     return [
         f"images: {', '.join([*others, *flagged])}; "
-        f"{summary['worse_than_constant']} worse than a constant, "
-        f"{summary['resampled']} resampled, {summary['warnings']} warnings",
+        f"{summary.worse_than_constant} worse than a constant, "
+        f"{summary.resampled} resampled, {summary.warnings} warnings",
         "mean share of truth pixels: "
         + ", ".join(
             f"{name} {'-' if x is None else format(x, '.4f')}" for name, x in shares.items()

@@ -2,91 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from legoworld.wording import counted
 
-Summary = dict[str, Any]
+if TYPE_CHECKING:
+    from legoworld.records.evaluation_summary import (
+        Coverage,
+        DepthCoverage,
+        DepthSummary,
+        DetectionSummary,
+        Interval,
+        Summary,
+    )
+
 #: Lines of one sort.
 _SHORT: Final = 3
 
 
-def short_detections(summary: Summary) -> str:
+def short_detections(summary: DetectionSummary) -> str:
     """AP with its interval and denominators, tie orders, what was found at IoU 0.5, warnings."""
-    metrics, counts = summary["metrics"], summary["counts"]
+    metrics, counts = summary.metrics, summary.counts
     over = (
-        f"{counted(counts['categories_with_truth'], 'category', 'categories')}, "
-        f"{counted(counts['truth_instances'], 'truth', 'truths')}"
+        f"{counted(counts.categories_with_truth, 'category', 'categories')}, "
+        f"{counted(counts.truth_instances, 'truth', 'truths')}"
     )
     lines = [
-        f"{_first(summary)}, {summary['iou_type']}: {_images(summary['coverage'])}",
-        f"AP {_value(metrics['AP'])}{_interval(summary['intervals'].get('AP'))}, "
+        f"{_first(summary)}, {summary.iou_type}: {_images(summary.coverage)}",
+        f"AP {_value(metrics['AP'])}{_interval(summary.intervals.get('AP'))}, "
         f"AP50 {_value(metrics['AP50'])}, AP75 {_value(metrics['AP75'])} over {over}",
     ]
-    ties = summary["ties"]
-    if ties["n_tied"]:
+    ties = summary.ties
+    if ties.n_tied:
         lines.append(
-            f"AP over {ties['draws']} tie orders: {_value(ties['expected'])}, "
-            f"between {_value(ties['worst'])} and {_value(ties['best'])}"
+            f"AP over {ties.draws} tie orders: {_value(ties.expected)}, "
+            f"between {_value(ties.worst)} and {_value(ties.best)}"
         )
-    found = summary["matched"]["class_aware"]
+    found = summary.matched.class_aware
     lines.append(
-        f"at IoU 0.5: recall {_value(found['recall_50'])} of {found['n_gt']} truths, precision "
-        f"{_value(found['precision_50'])} of {found['n_dt']} predictions; mean IoU of a truth "
-        f"{_value(found['miou_gt_micro'])}"
+        f"at IoU 0.5: recall {_value(found.recall_50)} of {found.n_gt} truths, precision "
+        f"{_value(found.precision_50)} of {found.n_dt} predictions; mean IoU of a truth "
+        f"{_value(found.miou_gt_micro)}"
     )
     return "\n".join([*lines, *_ends(summary)])
 
 
-def short_depth(summary: Summary) -> str:
+def short_depth(summary: DepthSummary) -> str:
     """AbsRel and delta1 under each hole policy, over how many images, and what got no score."""
     lines = [
-        f"{_first(summary)}, camera model {summary['protocol']['camera_model']}: "
-        f"{_images(summary['coverage'])}{of_eth3d(summary['coverage'])}"
+        f"{_first(summary)}, camera model {summary.protocol.camera_model}: "
+        f"{_images(summary.coverage)}{of_eth3d(summary.coverage)}"
     ]
     for metric in ("abs_rel", "delta1"):
-        by_policy = summary["metrics"].get(metric, {})
+        by_policy = summary.metrics.get(metric, {})
         shown = (
-            f"{policy} {_value(value)}{_interval(summary['intervals'][metric][policy])}"
+            f"{policy} {_value(value)}{_interval(summary.intervals[metric][policy])}"
             for policy, value in by_policy.items()
         )
         lines.append(f"{metric}: {', '.join(shown)}")
-    rows = summary["not_scored"]
-    lines += [f"{r['status']}: {r['file_name']}: {r['reason']}" for r in rows[:_SHORT]]
+    rows = summary.not_scored
+    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in rows[:_SHORT]]
     if len(rows) > _SHORT:
         lines.append(f"... and {len(rows) - _SHORT} more images without a score (-v lists them)")
     return "\n".join(lines)
 
 
-def of_eth3d(coverage: Summary) -> str:
+def of_eth3d(coverage: DepthCoverage) -> str:
     """How much of ETH3D was attempted, where that is what the images are of."""
-    part = coverage.get("eth3d")
-    if part is None:
+    part = coverage.eth3d
+    if not part:
         return ""
     return (
-        f" ({part['images']} of ETH3D's {part['of_images']}, in {part['scenes']} of "
-        f"{part['of_scenes']} scenes)"
+        f" ({part.images} of ETH3D's {part.of_images}, in {part.scenes} of {part.of_scenes} scenes)"
     )
 
 
 def _first(summary: Summary) -> str:
-    return f"{summary['evaluator']['name']} {summary['evaluator']['version']}"
+    return f"{summary.evaluator.name} {summary.evaluator.version}"
 
 
-def _images(coverage: Summary) -> str:
+def _images(coverage: Coverage) -> str:
     return (
-        f"{counted(coverage['attempted'], 'image', 'images')} attempted, {coverage['scored']} "
-        f"scored, {coverage['with_truth']} with truth"
+        f"{counted(coverage.attempted, 'image', 'images')} attempted, {coverage.scored} "
+        f"scored, {coverage.with_truth} with truth"
     )
 
 
-def _ends(summary: Summary) -> list[str]:
-    lines = ["partial run: only some images of its track were attempted"] * summary["partial"]
-    warnings: Sequence[str] = summary["warnings"]
-    lines += [f"warning: {text}" for text in warnings[:_SHORT]]
-    if len(warnings) > _SHORT:
-        lines.append(f"... and {len(warnings) - _SHORT} more warnings (-v lists them)")
+def _ends(summary: DetectionSummary) -> list[str]:
+    lines = ["partial run: only some images of its track were attempted"] * summary.partial
+    lines += [f"warning: {text}" for text in summary.warnings[:_SHORT]]
+    if len(summary.warnings) > _SHORT:
+        lines.append(f"... and {len(summary.warnings) - _SHORT} more warnings (-v lists them)")
     return lines
 
 
@@ -94,7 +100,5 @@ def _value(value: float | None) -> str:
     return "-" if value is None else f"{value:.4f}"
 
 
-def _interval(interval: Summary | None) -> str:
-    if not interval or interval["low"] is None:
-        return ""
-    return f" [{interval['low']:.4f}, {interval['high']:.4f}]"
+def _interval(interval: Interval | None) -> str:
+    return " [{:.4f}, {:.4f}]".format(*interval.ends) if interval and interval.ends else ""

@@ -140,6 +140,8 @@ def _document(found: PhotoScore, overlay: Path | None) -> dict[str, Any]:
 def _print(
     found: PhotoScore, overlay: Path | None, output: Path | None, *, verbose: bool, quiet: bool
 ) -> None:
+    from legoworld.records.evaluation_summary import DepthSummary
+
     row = found.row
     if found.execution is not None and found.execution.error is not None:
         error = found.execution.error
@@ -150,8 +152,10 @@ def _print(
     if found.summary is None:
         click.echo(f"{row['status']}: {row['file_name']}: {row['reason']}")
         return
-    depth = "ties" not in found.summary
-    click.echo(short_depth(found.summary) if depth else short_detections(found.summary))
+    if isinstance(found.summary, DepthSummary):
+        click.echo(short_depth(found.summary))
+    else:
+        click.echo(short_detections(found.summary))
     shown = found.advice if verbose else found.advice[:_SHORT]
     for one in shown:
         click.echo(f"{one['level']}: {one['what']}" + (f"; do: {one['do']}" if one["do"] else ""))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from legoworld.comparison.sides import Side
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.depth.rows import SCORED
+from legoworld.evaluation.stored import Evaluated
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
 #: What per_image rows say of the truth alone.
@@ -20,14 +20,14 @@ class IncomparableError(LegoWorldError):
     code = "incomparable"
 
 
-def check_comparable(sides: Sequence[Side], *, allow_truth_prompts: bool) -> None:
+def check_comparable(sides: Sequence[Evaluated], *, allow_truth_prompts: bool) -> None:
     """Hold every baseline to the first side. IncomparableError names all that differs."""
     first = sides[0]
     for side in sides:
-        if side.summary["partial"]:
+        if side.summary.partial:
             raise IncomparableError(
                 f"{side.name} is a partial run",
-                found=f"{side.summary['coverage']['attempted']} of its track's images attempted",
+                found=f"{side.summary.coverage.attempted} of its track's images attempted",
                 expected="a run over the whole track",
                 next_step="run it without --limit or --image-id and evaluate again",
             )
@@ -40,7 +40,7 @@ def check_comparable(sides: Sequence[Side], *, allow_truth_prompts: bool) -> Non
             raise _different(first, other, differences)
 
 
-def _check_truth_prompts(side: Side, *, allow: bool) -> None:
+def _check_truth_prompts(side: Evaluated, *, allow: bool) -> None:
     if side.used_truth and not allow:
         raise IncomparableError(
             f"{side.name} was prompted with the truth of the images it is scored on",
@@ -50,7 +50,7 @@ def _check_truth_prompts(side: Side, *, allow: bool) -> None:
         )
 
 
-def _different(first: Side, other: Side, differences: list[str]) -> IncomparableError:
+def _different(first: Evaluated, other: Evaluated, differences: list[str]) -> IncomparableError:
     return IncomparableError(
         f"{first.name} and {other.name} cannot be compared",
         found="; ".join(differences),
@@ -59,11 +59,11 @@ def _different(first: Side, other: Side, differences: list[str]) -> Incomparable
     )
 
 
-def _differences(first: Side, other: Side) -> list[str]:
+def _differences(first: Evaluated, other: Evaluated) -> list[str]:
     """What differs of what must be the same for every task."""
-    facts: dict[str, Callable[[Side], Any]] = {
-        "dataset version": lambda s: s.summary.get("dataset_version"),
-        "evaluator": lambda s: "{name} {version}".format(**s.summary["evaluator"]),
+    facts: dict[str, Callable[[Evaluated], Any]] = {
+        "dataset version": lambda s: s.dataset_version,
+        "evaluator": lambda s: f"{s.summary.evaluator.name} {s.summary.evaluator.version}",
         "card": lambda s: _short(s.evidence["configuration"].get("card_sha256")),
         "truth": _truth_files,
         "categories": lambda s: _short(s.run["configuration"].get("vocabulary_sha256")),
@@ -79,14 +79,14 @@ def _differences(first: Side, other: Side) -> list[str]:
     return found + _image_differences(first, other)
 
 
-def _truth_files(side: Side) -> str:
+def _truth_files(side: Evaluated) -> str:
     """Short hashes of the truth, in the order of its images."""
     entries = side.evidence["inputs"]
     hashes = [e["sha256"] for e in entries if e["role"] in _TRUTH_ROLES]
     return _short(hashes[0]) if len(hashes) == 1 else "+".join(_short(h) for h in hashes)
 
 
-def _image_differences(first: Side, other: Side) -> list[str]:
+def _image_differences(first: Evaluated, other: Evaluated) -> list[str]:
     """Images that only one side has, or whose truth is not the same."""
     ours, theirs = ({(r["image_id"], r["file_name"]) for r in s.rows} for s in (first, other))
     if ours != theirs:
@@ -99,12 +99,12 @@ def _image_differences(first: Side, other: Side) -> list[str]:
     return [f"the truth of image {unlike[0]}"] if unlike else []
 
 
-def _depth_differences(first: Side, other: Side) -> list[str]:
+def _depth_differences(first: Evaluated, other: Evaluated) -> list[str]:
     """Cameras and sizes that make two depths different tasks (docs/protocols/comparison.md)."""
     if first.camera_model is None:
         return []
     found = []
-    if first.kind == other.kind == "scene" and first.camera_model != other.camera_model:
+    if first.is_scene and other.is_scene and first.camera_model != other.camera_model:
         found.append(f"camera model {first.camera_model} and {other.camera_model}")
     if first.camera_model == other.camera_model == "dataset":
         ours, theirs = (_calibration(s) for s in (first, other))
@@ -113,13 +113,13 @@ def _depth_differences(first: Side, other: Side) -> list[str]:
     return found + _size_differences(first, other)
 
 
-def _calibration(side: Side) -> list[str]:
+def _calibration(side: Evaluated) -> list[str]:
     return [e["sha256"] for e in side.evidence["inputs"] if e["role"] == "calibration"]
 
 
-def _size_differences(first: Side, other: Side) -> list[str]:
+def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:
     """A scene read out smaller than the photos stands beside nothing of full size."""
-    if first.kind == other.kind == "scene":
+    if first.is_scene and other.is_scene:
         if first.max_side != other.max_side:
             return [f"depth {_size(first)} and {_size(other)}"]
         return []
@@ -132,7 +132,7 @@ def _size_differences(first: Side, other: Side) -> list[str]:
     return []
 
 
-def _size(side: Side) -> str:
+def _size(side: Evaluated) -> str:
     return "of full size" if side.max_side is None else f"resampled from {side.max_side} px"
 
 

@@ -20,12 +20,12 @@ from legoworld.comparison.measures import (
     Metric,
 )
 from legoworld.comparison.pairing import has_truth, is_scored
-from legoworld.comparison.sides import Side
 from legoworld.evaluation.bootstrap import resample_counts, resampled_means
 from legoworld.evaluation.depth.eth3d import scene_of
 from legoworld.evaluation.depth.protocol import PRIMARY_POLICY, HolePolicy
 from legoworld.evaluation.depth.summary import metric_policies
 from legoworld.evaluation.folder import Row
+from legoworld.evaluation.stored import Evaluated
 
 #: The one metric a missing image has a value for.
 _WITH_MISSING: Final = "abs_rel"
@@ -69,7 +69,7 @@ def shared_group_draws(rows: Sequence[Row], draws: int, seed: int) -> GroupDraws
 
 
 def measure_depth(
-    side: Side, images: Images, kept: NDArray[np.bool_], shared: GroupDraws
+    side: Evaluated, images: Images, kept: NDArray[np.bool_], shared: GroupDraws
 ) -> Measures:
     """The means of a side over the kept images, (images,) bool.
 
@@ -79,7 +79,7 @@ def measure_depth(
     rows = [row for row, keep in zip(side.rows, kept, strict=True) if keep]
     found: Measures = {}
     if images == "attempted":
-        given = float(side.summary["all_attempted"]["missing_abs_rel"])
+        given = side.depth.all_attempted.missing_abs_rel
         for name, policy in metric_policies():
             if name == _WITH_MISSING:
                 values = [row["metrics"][name][policy] if is_scored(row) else given for row in rows]
@@ -94,7 +94,7 @@ def measure_depth(
     return found
 
 
-def with_truth(side: Side) -> NDArray[np.bool_]:
+def with_truth(side: Evaluated) -> NDArray[np.bool_]:
     """(images,) which images have truth enough to be scored."""
     return np.array([has_truth(row) for row in side.rows], bool)
 

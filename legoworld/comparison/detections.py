@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE, Measure, Measures, Metric
-from legoworld.comparison.sides import Side
 from legoworld.comparison.subsets import counts_of_images, table_of_images
 from legoworld.evaluation import matches_file
 from legoworld.evaluation.accumulation import accumulate, metric_value, truths_per_category
@@ -21,6 +20,7 @@ from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
 from legoworld.evaluation.protocols import Metric as OfficialMetric
 from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.evaluation.scoring import metrics_of_one_image
+from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.ties import tie_orders
 
 EQUAL: Final = "equal_confidence."
@@ -73,22 +73,22 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
     return found
 
 
-def frequencies_of_side(side: Side, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
+def frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
     """(K,) LVIS's frequency letters; empty for categories with neither truth nor predictions."""
     letters = {row["category_id"]: row.get("frequency", "") for row in side.categories}
     return np.array([letters.get(int(i), "") for i in category_ids])
 
 
 def measure_detections(
-    side: Side, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
+    side: Evaluated, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
 ) -> Measures:
     """Every metric of `detection_metrics` over the kept images, from the matches on record."""
-    arrays = side.matches()
+    arrays = side.matches
     frequencies = frequencies_of_side(side, arrays["category_ids"])
     found: Measures = {}
     table = table_of_images(matches_file.table_from(arrays, matches_file.OWN), kept)
     own = equal = _official(table, protocol, frequencies, shared)
-    if not side.summary["equal_confidence"]["already_equal"]:
+    if side.ranked:
         table = table_of_images(matches_file.table_from(arrays, matches_file.EQUAL), kept)
         equal = _official(table, protocol, frequencies, shared)
     found |= own | {EQUAL + name: measure for name, measure in equal.items()}

@@ -27,11 +27,12 @@ from legoworld.comparison.measures import (
 from legoworld.comparison.notes import notes_of
 from legoworld.comparison.pairing import has_truth, is_scored, pair_images
 from legoworld.comparison.provenance import provenance_by_field, recorded_provenance
-from legoworld.comparison.sides import Side
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.evaluation.bootstrap import LEVEL
 from legoworld.evaluation.folder import Row
 from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.stored import Evaluated
+from legoworld.records.base import as_json
 
 KIND: Final = "comparison"
 _DEPTH_IMAGES: Final[tuple[Images, ...]] = ("scored", "attempted", "paired")
@@ -47,7 +48,9 @@ class Settings:
 
 
 def compare(
-    sides: Sequence[Side], settings: Settings, notice: Callable[[str], None] = lambda _text: None
+    sides: Sequence[Evaluated],
+    settings: Settings,
+    notice: Callable[[str], None] = lambda _text: None,
 ) -> dict[str, Any]:
     """The document of a comparison of the first side with each of the others.
 
@@ -65,8 +68,8 @@ def compare(
         "schema_version": SCHEMA_VERSION,
         "kind": KIND,
         "task": sides[0].task,
-        "dataset_version": sides[0].summary.get("dataset_version"),
-        "evaluator": sides[0].summary["evaluator"],
+        "dataset_version": sides[0].dataset_version,
+        "evaluator": as_json(sides[0].summary.evaluator),
         "protocol": _protocol(sides[0]),
         "bootstrap": {
             "draws": settings.draws,
@@ -82,23 +85,26 @@ def compare(
     }
 
 
-def _rows_with_truth(side: Side) -> list[Row]:
+def _rows_with_truth(side: Evaluated) -> list[Row]:
     return [row for row in side.rows if has_truth(row)]
 
 
-def _protocol(side: Side) -> dict[str, Any] | None:
+def _protocol(side: Evaluated) -> dict[str, Any] | None:
     """Depth's declared choices; the camera model is each method's own."""
-    protocol = side.summary.get("protocol")
-    return {k: v for k, v in protocol.items() if k != "camera_model"} if protocol else None
+    if side.task in PROTOCOLS:
+        return None
+    return {k: v for k, v in as_json(side.depth.protocol).items() if k != "camera_model"}
 
 
-def _method(side: Side, *, first: bool) -> Row:
-    coverage = side.summary["coverage"]
+def _method(side: Evaluated, *, first: bool) -> Row:
+    coverage = side.summary.coverage
     return {
         "name": side.name,
         "role": "scene" if first else "baseline",
-        "kind": side.kind,
-        "coverage": {k: coverage[k] for k in ("attempted", "scored", "with_truth", "by_status")},
+        "kind": str(side.summary.kind),
+        "coverage": {
+            k: getattr(coverage, k) for k in ("attempted", "scored", "with_truth", "by_status")
+        },
         "not_scored": [
             {k: row[k] for k in ("image_id", "file_name", "status")}
             for row in side.rows
@@ -107,12 +113,12 @@ def _method(side: Side, *, first: bool) -> Row:
         "used_truth": side.used_truth,
         "camera_model": side.camera_model,
         "max_side": side.max_side,
-        "resampled": side.summary.get("resampled"),
+        "resampled": side.resampled,
         "provenance": recorded_provenance(side),
     }
 
 
-def _pair(scene: Side, baseline: Side, settings: Settings, unit: str) -> dict[str, Any]:
+def _pair(scene: Evaluated, baseline: Evaluated, settings: Settings, unit: str) -> dict[str, Any]:
     pairing = pair_images(scene, baseline)
     ids = [row["image_id"] for row in scene.rows]
     measured = _measured_detections if scene.task in PROTOCOLS else _measured_depth
@@ -133,7 +139,11 @@ def _pair(scene: Side, baseline: Side, settings: Settings, unit: str) -> dict[st
 
 
 def _measured_detections(
-    scene: Side, baseline: Side, paired: NDArray[np.bool_], settings: Settings, unit: str
+    scene: Evaluated,
+    baseline: Evaluated,
+    paired: NDArray[np.bool_],
+    settings: Settings,
+    unit: str,
 ) -> list[Row]:
     protocol = PROTOCOLS[scene.task]
     rule = IntervalRule(centred=True, unit=unit)
@@ -150,7 +160,11 @@ def _measured_detections(
 
 
 def _measured_depth(
-    scene: Side, baseline: Side, paired: NDArray[np.bool_], settings: Settings, unit: str
+    scene: Evaluated,
+    baseline: Evaluated,
+    paired: NDArray[np.bool_],
+    settings: Settings,
+    unit: str,
 ) -> list[Row]:
     rule = IntervalRule(centred=False, unit=unit)
     rows: list[Row] = []

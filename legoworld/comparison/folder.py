@@ -10,11 +10,11 @@ from typing import Any, Final
 
 from legoworld.comparison.document import KIND
 from legoworld.comparison.formats import FORMATS
-from legoworld.comparison.sides import READ, Side
 from legoworld.comparison.tables import coverage_table, csv_table, headline_table
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.evaluation.folder import EVIDENCE, Row, input_file, installed_versions
+from legoworld.evaluation.stored import READ, Evaluated
 from legoworld.files import TEMPORARY_SUFFIX, readable_json, sha256_of_file, write_text
 
 COMPARISON: Final = "comparison.json"
@@ -110,7 +110,7 @@ def read_document(folder: Path) -> dict[str, Any]:
 
 
 def evidence_of(
-    folder: Path, sides: Sequence[Side], configuration: dict[str, Any]
+    folder: Path, sides: Sequence[Evaluated], configuration: dict[str, Any]
 ) -> dict[str, Any]:
     """What evidence.json says before anything is computed: the evaluations and their raw numbers.
 
@@ -132,9 +132,9 @@ def paired_evidence(document: dict[str, Any]) -> list[Row]:
     return [_paired(pair) for pair in document["pairs"]]
 
 
-def _side_inputs(folder: Path, side: Side, place: int) -> list[Row]:
+def _side_inputs(folder: Path, side: Evaluated, place: int) -> list[Row]:
     """The files of an evaluation that a comparison reads; paths relative to the comparison."""
-    paths = [(f"evaluation {place}", side.folder / name) for name in READ]
+    paths = [(f"evaluation {place}", side.folder / name) for name in (EVIDENCE, *READ)]
     return [input_entry(folder, role, path) for role, path in paths if path.is_file()]
 
 
@@ -150,7 +150,7 @@ def input_entry(folder: Path, role: str, path: Path) -> Row:
     }
 
 
-def _raw(side: Side) -> Row:
+def _raw(side: Evaluated) -> Row:
     """One side's own evidence: what its evaluator said, and of which files."""
     keys = ("raw", "equal_confidence", "metrics", "protocol", "run", "evaluator", "configuration")
     kept = {key: side.evidence[key] for key in keys if key in side.evidence}

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-import numpy as np
-
 from legoworld.evaluation.bootstrap import centred_interval, interval
 from legoworld.evaluation.folder import Row, number
 from legoworld.evaluation.problem import Floats
+from legoworld.records.base import as_json
+from legoworld.records.evaluation_summary import Interval
 
 #: Which images a number is over; docs/protocols/comparison.md says what each means.
 Images = Literal["attempted", "scored", "paired"]
@@ -56,7 +56,7 @@ class IntervalRule:
     centred: bool
     unit: str
 
-    def of_value(self, samples: Floats | None, value: float) -> Row | None:
+    def of_value(self, samples: Floats | None, value: float) -> Interval | None:
         """The interval of a metric; None without samples."""
         if samples is None:
             return None
@@ -64,19 +64,13 @@ class IntervalRule:
             return centred_interval(samples, value, unit=self.unit)
         return interval(samples, unit=self.unit)
 
-    def of_difference(self, samples: Floats | None, value: float) -> Row | None:
+    def of_difference(self, samples: Floats | None, value: float) -> Interval | None:
         """The interval of a difference, by the same rule; of two fractions it stays in [-1, 1]."""
         if samples is None:
             return None
         if not self.centred:
             return interval(samples, unit=self.unit)
-        defined = samples[~np.isnan(samples)]
-        mean = float(defined.mean()) if len(defined) else float("nan")
-        found = interval(samples - mean + value, unit=self.unit)
-        if found["low"] is not None:
-            found["low"], found["high"] = (min(1.0, max(-1.0, found[k])) for k in ("low", "high"))
-        found["bootstrap_mean"] = number(mean)
-        return found
+        return centred_interval(samples, value, unit=self.unit, least=-1.0)
 
 
 def comparison_row(
@@ -97,7 +91,7 @@ def comparison_row(
         "baseline": _side(baseline, rule),
         "difference": {
             "value": number(difference),
-            "interval": rule.of_difference(samples, difference),
+            "interval": as_json(rule.of_difference(samples, difference)),
         },
     }
 
@@ -105,7 +99,7 @@ def comparison_row(
 def _side(measure: Measure, rule: IntervalRule) -> Row:
     return {
         "value": number(measure.value),
-        "interval": rule.of_value(measure.samples, measure.value),
+        "interval": as_json(rule.of_value(measure.samples, measure.value)),
         "over": dict(measure.over),
         **{name: number(value) for name, value in measure.extra.items()},
     }

@@ -5,30 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legoworld.comparison.provenance import ByField, provenance_notes
-from legoworld.comparison.sides import Side
 from legoworld.errors import one_line
+from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.stored import Evaluated
 
 
-def notes_of(sides: Sequence[Side], by_field: ByField) -> list[str]:
+def notes_of(sides: Sequence[Evaluated], by_field: ByField) -> list[str]:
     """Everything that is not the same on all sides and is not a reason to refuse."""
     notes = [f"Differences are {sides[0].name} minus the other method."]
     notes += [_truth_prompts(side) for side in sides if side.used_truth]
-    notes += _scores(sides) if "equal_confidence" in sides[0].summary else _depth(sides)
-    made = provenance_notes(by_field) if any(s.kind == "scene" for s in sides) else []
+    notes += _scores(sides) if sides[0].task in PROTOCOLS else _depth(sides)
+    made = provenance_notes(by_field) if any(s.is_scene for s in sides) else []
     return [*notes, *_versions(sides), *made]
 
 
-def _truth_prompts(side: Side) -> str:
+def _truth_prompts(side: Evaluated) -> str:
     return (
         f"{side.name} was prompted with the truth of the images it is scored on: "
         f"{one_line(str(side.used_truth), 160)}."
     )
 
 
-def _scores(sides: Sequence[Side]) -> list[str]:
+def _scores(sides: Sequence[Evaluated]) -> list[str]:
     """Which sides rank their predictions."""
-    ranked = [s.name for s in sides if not s.summary["equal_confidence"]["already_equal"]]
-    unranked = [s.name for s in sides if s.summary["equal_confidence"]["already_equal"]]
+    ranked = [s.name for s in sides if s.ranked]
+    unranked = [s.name for s in sides if not s.ranked]
     if not ranked or not unranked:
         return []
     return [
@@ -38,7 +39,7 @@ def _scores(sides: Sequence[Side]) -> list[str]:
     ]
 
 
-def _depth(sides: Sequence[Side]) -> list[str]:
+def _depth(sides: Sequence[Evaluated]) -> list[str]:
     notes = ["Images scored: each method over its own, so their differences are of other images."]
     models = {s.name: s.camera_model for s in sides}
     if set(models.values()) != {"none"}:
@@ -48,15 +49,15 @@ def _depth(sides: Sequence[Side]) -> list[str]:
             "the other methods saw."
         )
     notes += [
-        f"{s.name}: {s.summary['resampled']} of {s.summary['coverage']['scored']} depth maps are "
+        f"{s.name}: {s.resampled} of {s.summary.coverage.scored} depth maps are "
         "smaller than the truth and were resampled to it."
         for s in sides
-        if s.summary["resampled"]
+        if s.resampled
     ]
     return notes
 
 
-def _versions(sides: Sequence[Side]) -> list[str]:
+def _versions(sides: Sequence[Evaluated]) -> list[str]:
     """Packages of other versions: numbers are held to 1e-12 within one, not between two."""
     versions = [s.evidence["versions"] for s in sides]
     names = sorted({name for found in versions for name in found})

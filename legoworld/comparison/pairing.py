@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.sides import Side
 from legoworld.evaluation.depth.rows import SCORED
 from legoworld.evaluation.folder import Row
+from legoworld.evaluation.stored import Evaluated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class Pairing:
     dropped: tuple[Row, ...]
 
 
-def pair_images(scene: Side, baseline: Side) -> Pairing:
+def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
     """Images that both sides scored and that have something to be right or wrong about.
 
     That is at least one truth instance that is neither crowd nor ignored; for depth, enough valid

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Final
 
-from legoworld.comparison.sides import Side
 from legoworld.evaluation.folder import Row
+from legoworld.evaluation.stored import Evaluated
 from legoworld.files import canonical_json
 
 NOT_RECORDED: Final = "not recorded"
@@ -28,25 +28,25 @@ FIELDS: Final = (
 )
 
 
-def recorded_provenance(side: Side) -> list[Row]:
+def recorded_provenance(side: Evaluated) -> list[Row]:
     """Each distinct provenance of a run with the number of its scenes, most frequent first.
 
     A baseline's is one for all its images. Images without a scene have nothing to record.
     """
     scenes = side.run.get("scenes") or {}
-    if side.kind == "scene":
+    if side.is_scene:
         found = [(scene or {}).get("provenance", NOT_RECORDED) for scene in scenes.values()]
     else:
         recorded = side.run["configuration"].get("provenance", NOT_RECORDED)
-        found = [recorded] * side.summary["coverage"]["attempted"]
+        found = [recorded] * side.summary.coverage.attempted
     counted = Counter(canonical_json(one) for one in found)
     ordered = sorted(counted.items(), key=lambda item: (-item[1], item[0]))
     return [{"provenance": json.loads(text), "images": n} for text, n in ordered]
 
 
-def provenance_by_field(sides: Sequence[Side]) -> ByField:
+def provenance_by_field(sides: Sequence[Evaluated]) -> ByField:
     """How scenes were made: of the fields that any recorded. What a baseline is, is its own."""
-    by_method = {side.name: recorded_provenance(side) for side in sides if side.kind == "scene"}
+    by_method = {side.name: recorded_provenance(side) for side in sides if side.is_scene}
     found = {}
     for field in FIELDS:
         values = {name: _values(groups, field) for name, groups in by_method.items()}

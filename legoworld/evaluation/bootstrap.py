@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
+from legoworld.records.evaluation_summary import Interval
 
 LEVEL: Final = 0.95
 #: Elements of one product of counts and values, to bound memory.
@@ -59,8 +61,10 @@ def weighted_sums(counts: NDArray[np.int32], values: NDArray[Any]) -> NDArray[np
     return sums
 
 
-def centred_interval(samples: NDArray[np.float64], value: float, *, unit: str) -> dict[str, Any]:
-    """The interval of a metric between 0 and 1 whose samples lie off its value.
+def centred_interval(
+    samples: NDArray[np.float64], value: float, *, unit: str, least: float = 0.0
+) -> Interval:
+    """The interval of a metric between `least` and 1 whose samples lie off its value.
 
     Average precision over resampled images is biased upwards: a category whose image is drawn
     twice has its true positives doubled, one that is not drawn at all leaves the mean. The samples
@@ -69,13 +73,11 @@ def centred_interval(samples: NDArray[np.float64], value: float, *, unit: str) -
     """
     mean = float(np.mean(samples[~np.isnan(samples)])) if not np.isnan(samples).all() else np.nan
     found = interval(samples - mean + value, unit=unit)
-    if found["low"] is not None:
-        found["low"], found["high"] = (min(1.0, max(0.0, found[k])) for k in ("low", "high"))
-    found["bootstrap_mean"] = None if np.isnan(mean) else mean
-    return found
+    low, high = (None if e is None else min(1.0, max(least, e)) for e in (found.low, found.high))
+    return replace(found, low=low, high=high, bootstrap_mean=None if np.isnan(mean) else mean)
 
 
-def interval(samples: NDArray[np.float64], *, unit: str) -> dict[str, Any]:
+def interval(samples: NDArray[np.float64], *, unit: str) -> Interval:
     """The percentile interval of a metric's bootstrap samples, as summary.json holds it.
 
     samples: (draws,), NaN where a sample left the metric undefined: those are left out and
@@ -85,11 +87,11 @@ def interval(samples: NDArray[np.float64], *, unit: str) -> dict[str, Any]:
     low = high = None
     if len(defined):
         low, high = (float(x) for x in np.quantile(defined, [(1 - LEVEL) / 2, (1 + LEVEL) / 2]))
-    return {
-        "low": low,
-        "high": high,
-        "level": LEVEL,
-        "unit": unit,
-        "draws": len(samples),
-        "undefined_draws": len(samples) - len(defined),
-    }
+    return Interval(
+        low=low,
+        high=high,
+        level=LEVEL,
+        unit=unit,
+        draws=len(samples),
+        undefined_draws=len(samples) - len(defined),
+    )

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from legoworld.conventions import SCHEMA_VERSION
 from legoworld.evaluation import lvis_package, matches_file
 from legoworld.evaluation.accumulation import truths_per_category
 from legoworld.evaluation.evaluators import EvaluatorKind
@@ -28,6 +26,7 @@ from legoworld.evaluation.predictions import (
     check_predictions,
     with_equal_confidence,
 )
+from legoworld.evaluation.problem import Ints
 from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol, detection_protocol
 from legoworld.evaluation.rows import per_category_rows, per_image_rows, views
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
@@ -42,6 +41,17 @@ from legoworld.evaluation.scoring import (
     score,
 )
 from legoworld.evaluation.truth import Truth, read_truth
+from legoworld.records.base import UNSET
+from legoworld.records.evaluation_summary import (
+    Counts,
+    DetectionCoverage,
+    DetectionSummary,
+    EqualConfidence,
+    Evaluator,
+    FrequencyCounts,
+    MatchedKinds,
+    TruthCounts,
+)
 from legoworld.running.tasks import ALONE, Crew
 
 
@@ -58,7 +68,7 @@ def evaluate_detections(
     warn: Notice,
     crew: Crew = ALONE,
     origins: Origins = HERE,
-) -> Evaluation:
+) -> Evaluation[DetectionSummary]:
     """Score a coco or lvis run and write the evaluation folder.
 
     evaluator: None for the official one where it is installed, else the fast one. notice is told
@@ -132,92 +142,91 @@ def _summary(
     predictions: Predictions,
     own: Score,
     equal: RankedScore | None,
-) -> dict[str, Any]:
+) -> DetectionSummary:
     truth, protocol = request.truth, request.protocol
     policy = equal or own
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "task": protocol.task,
-        "kind": run.configuration.get("kind"),
-        "partial": run.partial,
-        "dataset_version": truth.version,
-        "evaluator": {"name": own.scores.name, "version": own.scores.version},
-        "iou_type": protocol.iou_type,
-        "coverage": _coverage(run, own),
-        "metrics": named_metrics(protocol, own.scores.official),
-        "official": list(own.scores.official),
-        "ties": own.ties.document(),
-        "equal_confidence": {
-            "already_equal": equal is None,
-            "metrics": named_metrics(protocol, policy.scores.official),
-            "official": list(policy.scores.official),
-            "ties": policy.ties.document(),
-        },
-        "matched": {
-            "class_aware": matched_document(own.aware, class_aware=True),
-            "class_agnostic": matched_document(own.agnostic, class_aware=False),
-        },
-        "intervals": own.intervals,
-        "counts": _counts(truth, protocol, predictions, own),
-        "warnings": [*truth.warnings, *predictions.warnings],
-    }
+    return DetectionSummary(
+        task=protocol.task,
+        kind=run.configuration.get("kind"),
+        partial=run.partial,
+        dataset_version=truth.version,
+        evaluator=Evaluator(name=own.scores.name, version=own.scores.version),
+        iou_type=protocol.iou_type,
+        coverage=_coverage(run, own),
+        metrics=named_metrics(protocol, own.scores.official),
+        official=own.scores.official,
+        ties=own.ties.document(),
+        equal_confidence=EqualConfidence(
+            already_equal=equal is None,
+            metrics=named_metrics(protocol, policy.scores.official),
+            official=policy.scores.official,
+            ties=policy.ties.document(),
+        ),
+        matched=MatchedKinds(
+            class_aware=matched_document(own.aware, class_aware=True),
+            class_agnostic=matched_document(own.agnostic, class_aware=False),
+        ),
+        intervals=own.intervals,
+        counts=_counts(truth, protocol, predictions, own),
+        warnings=(*truth.warnings, *predictions.warnings),
+    )
 
 
-def _coverage(run: Run, own: Score) -> dict[str, Any]:
+def _coverage(run: Run, own: Score) -> DetectionCoverage:
     """Every denominator: images attempted, scored, with truth, and both."""
     n_truth = own.aware.per_image[:, 0]
     scored = np.array([i.status == "ok" for i in run.images])
     with_predictions = set(own.problem.image_ids[own.problem.detections.image].tolist())
-    return {
-        "attempted": len(run.images),
-        "scored": int(scored.sum()),
-        "with_truth": int((n_truth > 0).sum()),
-        "scored_with_truth": int((scored & (n_truth > 0)).sum()),
-        "scored_without_predictions": sum(
+    return DetectionCoverage(
+        attempted=len(run.images),
+        scored=int(scored.sum()),
+        with_truth=int((n_truth > 0).sum()),
+        scored_with_truth=int((scored & (n_truth > 0)).sum()),
+        scored_without_predictions=sum(
             i.status == "ok" and i.id not in with_predictions for i in run.images
         ),
-        "by_status": dict(sorted(Counter(i.status for i in run.images).items())),
-    }
+        by_status=dict(sorted(Counter(i.status for i in run.images).items())),
+    )
 
 
 def _counts(
     truth: Truth, protocol: DetectionProtocol, predictions: Predictions, own: Score
-) -> dict[str, Any]:
+) -> Counts:
     table, problem = own.table, own.problem
-    n_truths = truths_per_category(table)[0]
-    false = table.state[0, 0] == FALSE_POSITIVE
-    found: dict[str, Any] = {
-        "categories": len(table.category_ids),
-        "categories_with_truth": int((n_truths > 0).sum()),
-        "truth_instances": int(n_truths.sum()),
-        "truth_ignored": int(problem.truths.ignored.sum()),
-        "predictions": len(predictions.entries),
-        "empty_masks_dropped": predictions.n_dropped_empty,
-        "lost_to_cap": problem.n_over_cap,
-        "unverified_dropped": problem.n_unverified,
-        "false_positives_in_absent_categories": int(
-            (false & (n_truths[table.category] == 0)).sum()
-        ),
-    }
     by_area = truths_per_category(table)
-    found["areas"] = {
-        area: {
-            "categories_with_truth": int((by_area[a] > 0).sum()),
-            "truth_instances": int(by_area[a].sum()),
-        }
-        for a, area in enumerate(AREA_NAMES)
+    n_truths = by_area[0]
+    false = table.state[0, 0] == FALSE_POSITIVE
+    return Counts(
+        categories=len(table.category_ids),
+        categories_with_truth=int((n_truths > 0).sum()),
+        truth_instances=int(n_truths.sum()),
+        truth_ignored=int(problem.truths.ignored.sum()),
+        predictions=len(predictions.entries),
+        empty_masks_dropped=predictions.n_dropped_empty,
+        lost_to_cap=problem.n_over_cap,
+        unverified_dropped=problem.n_unverified,
+        false_positives_in_absent_categories=int((false & (n_truths[table.category] == 0)).sum()),
+        areas={
+            area: TruthCounts(
+                categories_with_truth=int((by_area[a] > 0).sum()),
+                truth_instances=int(by_area[a].sum()),
+            )
+            for a, area in enumerate(AREA_NAMES)
+        },
+        frequency_groups=_frequency_groups(truth, n_truths) if protocol.federated else UNSET,
+    )
+
+
+def _frequency_groups(truth: Truth, n_truths: Ints) -> dict[str, FrequencyCounts]:
+    frequencies = frequencies_of(truth)
+    return {
+        letter: FrequencyCounts(
+            categories=int((frequencies == letter).sum()),
+            categories_with_truth=int(((frequencies == letter) & (n_truths > 0)).sum()),
+            truth_instances=int(n_truths[frequencies == letter].sum()),
+        )
+        for letter in "rcf"
     }
-    if protocol.federated:
-        frequencies = frequencies_of(truth)
-        found["frequency_groups"] = {
-            letter: {
-                "categories": int((frequencies == letter).sum()),
-                "categories_with_truth": int(((frequencies == letter) & (n_truths > 0)).sum()),
-                "truth_instances": int(n_truths[frequencies == letter].sum()),
-            }
-            for letter in "rcf"
-        }
-    return found
 
 
 def _evidence(
@@ -226,7 +235,7 @@ def _evidence(
     predictions: Predictions,
     own: Score,
     equal: RankedScore | None,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """What evidence.json adds: the raw numbers and the exports they belong to."""
     return {
         "run": {

@@ -29,8 +29,10 @@ from legoworld.evaluation.input_hash import hash_and_size, without_of
 from legoworld.evaluation.matched_metrics import matched_document
 from legoworld.evaluation.prediction_order import in_order
 from legoworld.evaluation.predictions import sha256_of_entries
-from legoworld.evaluation.protocols import PROTOCOLS, detection_protocol
+from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.scoring import AGREEMENT
+from legoworld.records.base import as_json
+from legoworld.records.evaluation_summary import DetectionSummary, Summary
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,8 @@ def until_damage(checks: Iterator[Check]) -> Iterator[Check]:
     """Checks of numbers; what is not even numbers ends them as a difference."""
     try:
         yield from checks
+    except EvaluationFolderError as error:
+        yield Check("DIFFERS", EVIDENCE, one_line(str(error), 100))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         problem = one_line(f"{type(error).__name__}: {error}", 100)
         yield Check("DIFFERS", EVIDENCE, f"the numbers cannot be made again: {problem}")
@@ -66,7 +70,7 @@ def _made_again(
 ) -> Iterator[Check]:
     summary, rows = read_summary(folder), read_rows(folder / PER_IMAGE)
     yield from _coverage(summary, rows)
-    if summary["task"] in PROTOCOLS:
+    if isinstance(summary, DetectionSummary):
         yield from _numbers(folder, evidence, summary)
     else:
         from legoworld.evaluation.depth.verification import depth_checks, depth_rows
@@ -164,23 +168,23 @@ def _hashed(what: str, path: Path | None, sha256: str, without: Sequence[str] = 
     return Check("ok", what, found[:12])
 
 
-def _coverage(summary: dict[str, Any], rows: list[Row]) -> Iterator[Check]:
-    coverage = summary["coverage"]
+def _coverage(summary: Summary, rows: list[Row]) -> Iterator[Check]:
+    coverage = summary.coverage
     statuses = dict(sorted(Counter(row["status"] for row in rows).items()))
-    yield check_equal("images attempted", len(rows), coverage["attempted"])
-    yield check_equal("images by status", statuses, coverage["by_status"])
+    yield check_equal("images attempted", len(rows), coverage.attempted)
+    yield check_equal("images by status", statuses, coverage.by_status)
 
 
-def _numbers(folder: Path, evidence: dict[str, Any], summary: dict[str, Any]) -> Iterator[Check]:
+def _numbers(folder: Path, evidence: dict[str, Any], summary: DetectionSummary) -> Iterator[Check]:
     """The evaluator's raw numbers against those that follow from matches.npz, and the exports."""
-    protocol = detection_protocol(summary["task"])
+    protocol = detection_protocol(summary.task)
     with np.load(folder / MATCHES) as stored:
         arrays = dict(stored)
     truth = json.loads((folder / VIEW / "truth.json").read_text(encoding="utf-8"))
     letters = {c["id"]: c.get("frequency", "") for c in truth["categories"]}
     frequencies = np.array([letters[int(i)] for i in arrays["category_ids"]])
     raw = evidence["raw"]["official"], evidence["equal_confidence"]["official"]
-    shown = summary["official"], summary["equal_confidence"]["official"]
+    shown = summary.official, summary.equal_confidence.official
     for policy, name, official, again in zip(
         (matches_file.OWN, matches_file.EQUAL),
         ("own scores", "equal confidence"),
@@ -193,11 +197,11 @@ def _numbers(folder: Path, evidence: dict[str, Any], summary: dict[str, Any]) ->
         worst = float(np.abs(ours - official).max())
         status = "ok" if worst <= AGREEMENT else "DIFFERS"
         yield Check(status, f"metrics from matches, {name}", f"largest difference {worst:.1e}")
-        yield check_equal(f"summary against raw metrics, {name}", again, official)
+        yield check_equal(f"summary against raw metrics, {name}", list(again), official)
     for kind, aware in (("class_aware", True), ("class_agnostic", False)):
         counts = matches_file.counts_from(arrays, class_aware=aware)
-        document = matched_document(counts, class_aware=aware)
-        yield check_equal(f"matched IoU, {kind}", document, summary["matched"][kind])
+        document = as_json(matched_document(counts, class_aware=aware))
+        yield check_equal(f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind)))
     predictions = json.loads((folder / VIEW / "predictions.json").read_text(encoding="utf-8"))
     recorded = evidence["raw"]["canonical_predictions_sha256"]
     yield check_equal("predictions", _export_sha256(predictions, equal=False), recorded)

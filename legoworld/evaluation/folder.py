@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,13 @@ from legoworld.files import (
     write_npz,
     write_text,
 )
+from legoworld.records.base import RecordError, as_json, readable
+from legoworld.records.evaluation_summary import (
+    DepthSummary,
+    DetectionSummary,
+    Summary,
+    summary_of,
+)
 
 SUMMARY: Final = "summary.json"
 PER_IMAGE: Final = "per_image.jsonl"
@@ -41,6 +48,7 @@ VIEW: Final = "view"
 _PACKAGES: Final = ("numpy", "scipy", "pycocotools", "lvis", "hotcoco", "OpenEXR")
 
 Row = dict[str, Any]
+S = TypeVar("S", bound=Summary)
 
 
 class EvaluationFolderError(LegoWorldError):
@@ -66,7 +74,7 @@ class InputFile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluation:
+class Evaluation(Generic[S]):
     """Everything an evaluation folder holds; JSON values only, NaN and inf as None.
 
     configuration: what the result depends on besides the inputs' bytes; with the inputs it
@@ -75,7 +83,7 @@ class Evaluation:
     JSON value. evidence: what the task adds to evidence.json, such as the raw evaluator metrics.
     """
 
-    summary: dict[str, Any]
+    summary: S
     configuration: dict[str, Any]
     inputs: Sequence[InputFile]
     per_image: Sequence[Row]
@@ -140,7 +148,7 @@ def prepare_folder(
         )
 
 
-def write_evaluation(folder: Path, evaluation: Evaluation, *, overwrite: bool) -> None:
+def write_evaluation(folder: Path, evaluation: Evaluation[S], *, overwrite: bool) -> None:
     """Write every file of an evaluation, each whole or not at all, evidence.json last.
 
     Two that end at the same time are written one after the other, and the second one's check
@@ -168,7 +176,7 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _write(folder: Path, evaluation: Evaluation) -> None:
+def _write(folder: Path, evaluation: Evaluation[S]) -> None:
     _delete_earlier(folder)
     write_text(folder / PER_IMAGE, _lines(evaluation.per_image))
     if evaluation.per_category:
@@ -177,20 +185,32 @@ def _write(folder: Path, evaluation: Evaluation) -> None:
         write_npz(folder / MATCHES, evaluation.matches, compressed=True)
     for name, value in sorted(evaluation.view.items()):
         _write_json(folder / VIEW / name, value)
-    write_text(folder / SUMMARY, readable_json(evaluation.summary))
+    write_text(folder / SUMMARY, readable(evaluation.summary))
     write_text(folder / EVIDENCE, readable_json(_evidence(folder, evaluation)))
 
 
-def read_summary(folder: Path) -> dict[str, Any]:
-    """summary.json. EvaluationFolderError when the folder is no finished evaluation."""
+def require_finished(folder: Path) -> None:
+    """EvaluationFolderError when a folder is no finished evaluation."""
     if not (folder / EVIDENCE).is_file() or not (folder / SUMMARY).is_file():
         raise EvaluationFolderError(
             f"{folder.name or folder} is no finished evaluation",
             found=f"no {SUMMARY} with {EVIDENCE}",
             expected="a folder that `legoworld evaluate` wrote",
         )
-    summary: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    return summary
+
+
+def read_summary(folder: Path) -> DetectionSummary | DepthSummary:
+    """summary.json of a finished evaluation. EvaluationFolderError."""
+    require_finished(folder)
+    try:
+        return summary_of((folder / SUMMARY).read_bytes())
+    except RecordError as error:
+        raise EvaluationFolderError(
+            f"{folder.name or folder}/{SUMMARY} cannot be read",
+            found=str(error),
+            expected="what `legoworld evaluate` wrote",
+            next_step="evaluate the run again with --overwrite",
+        ) from error
 
 
 def read_rows(path: Path) -> list[Row]:
@@ -214,14 +234,14 @@ def installed_versions() -> dict[str, str]:
     return versions
 
 
-def _evidence(folder: Path, evaluation: Evaluation) -> dict[str, Any]:
+def _evidence(folder: Path, evaluation: Evaluation[S]) -> dict[str, Any]:
     written = sorted(p for p in folder.rglob("*") if p.is_file())
     return {
         "schema_version": SCHEMA_VERSION,
         "kind": "evaluation",
-        "task": evaluation.summary["task"],
-        "evaluator": evaluation.summary["evaluator"],
-        "coverage": evaluation.summary["coverage"],
+        "task": evaluation.summary.task,
+        "evaluator": as_json(evaluation.summary.evaluator),
+        "coverage": as_json(evaluation.summary.coverage),
         "configuration": dict(evaluation.configuration),
         "versions": installed_versions(),
         "inputs": _entries(evaluation.inputs, folder),

@@ -12,6 +12,7 @@ from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.folder import number
 from legoworld.evaluation.pairing import HIT, Pairs
 from legoworld.evaluation.problem import Floats, Ints, Problem
+from legoworld.records.evaluation_summary import Matched
 
 #: Columns of MatchedCounts.per_image. quality: pairs above HIT, panoptic quality's own rule.
 _COLUMNS: Final = (
@@ -108,15 +109,16 @@ def matched_metrics(counts: MatchedCounts, samples: NDArray[np.int32]) -> dict[s
         }
 
 
-def matched_document(counts: MatchedCounts, *, class_aware: bool) -> dict[str, Any]:
+def matched_document(counts: MatchedCounts, *, class_aware: bool) -> Matched:
     """The run's own numbers as summary.json holds them: counts as integers, NaN as None."""
     found = matched_metrics(counts, np.ones((1, len(counts.per_image)), np.int32))
     if class_aware:
         del found["label_accuracy"]  # right by construction
-    return {
+    point: dict[str, Any] = {
         name: int(value[0]) if name.startswith("n_") else number(value[0])
         for name, value in found.items()
     }
+    return Matched(**point)
 
 
 def image_rows(counts: MatchedCounts) -> list[dict[str, float]]:

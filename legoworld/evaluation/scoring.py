@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
 from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.evaluation.ties import TieResult, tie_orders
 from legoworld.evaluation.truth import Truth
+from legoworld.records.evaluation_summary import Interval, Values
 from legoworld.running.tasks import ALONE, Crew
 
 #: Largest difference between an evaluator's number and ours: summation order, nothing more.
@@ -69,7 +70,7 @@ class Score(RankedScore):
     pairs_agnostic: Pairs
     aware: MatchedCounts
     agnostic: MatchedCounts
-    intervals: dict[str, dict[str, Any]]
+    intervals: dict[str, Interval]
 
 
 def frequencies_of(truth: Truth) -> NDArray[np.str_]:
@@ -147,7 +148,7 @@ def _intervals(
     aware: MatchedCounts,
     agnostic: MatchedCounts,
     samples: NDArray[np.int32],
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, Interval]:
     """Bootstrap intervals over images of every official and every score-free number."""
     protocol = request.protocol
     found = resampled_metrics(table, protocol, samples, frequencies_of(request.truth))
@@ -190,15 +191,12 @@ def _defined(value: float) -> float:
     return float("nan") if value == -1 else value
 
 
-def undefined_as_none(values: dict[str, float]) -> dict[str, float | None]:
-    """-1 and NaN as None."""
-    return {k: None if v == -1 or not np.isfinite(v) else float(v) for k, v in values.items()}
-
-
-def named_metrics(protocol: DetectionProtocol, official: tuple[float, ...]) -> dict[str, Any]:
+def named_metrics(protocol: DetectionProtocol, official: tuple[float, ...]) -> Values:
     """The evaluator's numbers by name, None where undefined."""
-    names = (m.name for m in protocol.metrics)
-    return undefined_as_none(dict(zip(names, official, strict=True)))
+    return {
+        m.name: None if value == -1 or not np.isfinite(value) else float(value)
+        for m, value in zip(protocol.metrics, official, strict=True)
+    }
 
 
 def category_precision(curves: Curves) -> Floats:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from legoworld.evaluation.protocols import DetectionProtocol, Metric
+from legoworld.records.evaluation_summary import Coverage, DetectionSummary
 
 Table = Callable[[Sequence[str], Sequence[Sequence[object]]], str]
 
@@ -18,13 +18,12 @@ def official_lines(protocol: DetectionProtocol, official: Sequence[float]) -> li
     return [word(m, v) for m, v in zip(protocol.metrics, official, strict=True)]
 
 
-def evaluation_text(summary: dict[str, Any], protocol: DetectionProtocol, table: Table) -> str:
+def evaluation_text(summary: DetectionSummary, protocol: DetectionProtocol, table: Table) -> str:
     """Everything `legoworld evaluate` prints for boxes and masks."""
-    evaluator = summary["evaluator"]
+    evaluator = summary.evaluator
     parts = [
-        f"{evaluator['name']} {evaluator['version']}, {summary['iou_type']}, "
-        + _images(summary["coverage"]),
-        "\n".join(official_lines(protocol, summary["official"])),
+        f"{evaluator.name} {evaluator.version}, {summary.iou_type}, " + _images(summary.coverage),
+        "\n".join(official_lines(protocol, summary.official)),
         table(("metric", "value", "95 % interval", "over"), metric_rows(summary, protocol)),
         "\n".join(notes(summary)),
     ]
@@ -50,99 +49,102 @@ def _lvis_line(metric: Metric, value: float) -> str:
     )
 
 
-def _images(coverage: dict[str, Any]) -> str:
+def _images(coverage: Coverage) -> str:
     return (
-        f"{_many(coverage['attempted'], 'image')} attempted, {coverage['scored']} scored, "
-        f"{coverage['with_truth']} with truth"
+        f"{_many(coverage.attempted, 'image')} attempted, {coverage.scored} scored, "
+        f"{coverage.with_truth} with truth"
     )
 
 
-def metric_rows(summary: dict[str, Any], protocol: DetectionProtocol) -> list[tuple[str, ...]]:
+def metric_rows(summary: DetectionSummary, protocol: DetectionProtocol) -> list[tuple[str, ...]]:
     """Every number as (metric, value, 95 % interval, what it is over)."""
-    counts, coverage = summary["counts"], summary["coverage"]
-    images = _many(coverage["attempted"], "image")
-    with_truth = _many(counts["categories_with_truth"], "category")
+    counts, coverage = summary.counts, summary.coverage
+    images = _many(coverage.attempted, "image")
+    with_truth = _many(counts.categories_with_truth, "category")
     categories = f"{images}, {with_truth}"
     rows = []
+    groups = {**counts.areas, **(counts.frequency_groups or {})}
     for metric in protocol.metrics:
-        groups = counts["frequency_groups"] if metric.frequency else counts["areas"]
         group = groups[metric.frequency or metric.area]
         where = (
-            f"{images}, {_many(group['categories_with_truth'], 'category')}, "
-            f"{_many(group['truth_instances'], 'truth')}"
+            f"{images}, {_many(group.categories_with_truth, 'category')}, "
+            f"{_many(group.truth_instances, 'truth')}"
         )
-        rows.append(_row(summary, metric.name, summary["metrics"][metric.name], where))
+        rows.append(_row(summary, metric.name, summary.metrics[metric.name], where))
     rows += _tie_rows(summary, categories)
-    for prefix, found in summary["matched"].items():
-        truths = _many(found["n_gt"], "truth")
+    matched = summary.matched
+    for prefix, found in (
+        ("class_aware", matched.class_aware),
+        ("class_agnostic", matched.class_agnostic),
+    ):
+        truths = _many(found.n_gt, "truth")
         over = {
             "miou_gt_micro": truths,
             "miou_gt_macro": with_truth,
-            "miou_matched": _many(found["n_matched"], "pair"),
-            "precision_50": _many(found["n_dt"], "prediction"),
+            "miou_matched": _many(found.n_matched, "pair"),
+            "precision_50": _many(found.n_dt, "prediction"),
             "recall_50": truths,
-            "label_accuracy": _many(found["n_hits_50"], "pair") + " at IoU 0.5",
+            "label_accuracy": _many(found.n_hits_50, "pair") + " at IoU 0.5",
         }
-        for name in (n for n in found if not n.startswith("n_")):
-            default = f"{truths}, {_many(found['n_dt'], 'prediction')}"
-            label = f"{prefix}.{name}"
-            rows.append(_row(summary, label, found[name], over.get(name, default)))
+        for name, value in found.values().items():
+            default = f"{truths}, {_many(found.n_dt, 'prediction')}"
+            rows.append(_row(summary, f"{prefix}.{name}", value, over.get(name, default)))
     return rows
 
 
-def _row(summary: dict[str, Any], name: str, value: float | None, over: str) -> tuple[str, ...]:
-    found = summary["intervals"].get(name)
+def _row(summary: DetectionSummary, name: str, value: float | None, over: str) -> tuple[str, ...]:
+    found = summary.intervals.get(name)
     spread = "-"
-    if value is not None and found and found["low"] is not None:
-        spread = f"{found['low']:.4f} .. {found['high']:.4f}"
+    if value is not None and found and found.ends:
+        spread = "{:.4f} .. {:.4f}".format(*found.ends)
     return name, "-" if value is None else f"{value:.4f}", spread, over
 
 
-def _tie_rows(summary: dict[str, Any], over: str) -> list[tuple[str, ...]]:
+def _tie_rows(summary: DetectionSummary, over: str) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
-    blocks = [("", summary["ties"])]
-    equal = summary["equal_confidence"]
-    if not equal["already_equal"]:
-        blocks.append(("equal confidence: ", equal["ties"]))
-        rows.append(("equal confidence: AP", _value(equal["metrics"]["AP"]), "-", over))
+    blocks = [("", summary.ties)]
+    equal = summary.equal_confidence
+    if not equal.already_equal:
+        blocks.append(("equal confidence: ", equal.ties))
+        rows.append(("equal confidence: AP", _value(equal.metrics["AP"]), "-", over))
     for prefix, ties in blocks:
-        if ties["expected"] is not None:
+        if known := ties.spread:
             rows.append(
                 (
-                    f"{prefix}AP over {ties['draws']} tie orders",
-                    f"{ties['expected']:.4f}",
-                    f"sd {ties['sd']:.4f}",
-                    _many(ties["n_tied"], "tied prediction"),
+                    f"{prefix}AP over {ties.draws} tie orders",
+                    f"{known.expected:.4f}",
+                    f"sd {known.sd:.4f}",
+                    _many(ties.n_tied, "tied prediction"),
                 )
             )
-            bounds = f"{ties['worst']:.4f} .. {ties['best']:.4f}"
+            bounds = f"{known.worst:.4f} .. {known.best:.4f}"
             rows.append((f"{prefix}AP bounds over tie orders", "-", bounds, over))
     return rows
 
 
-def notes(summary: dict[str, Any]) -> list[str]:
+def notes(summary: DetectionSummary) -> list[str]:
     """The counts behind the numbers, a line each."""
-    counts, coverage = summary["counts"], summary["coverage"]
-    statuses = ", ".join(f"{n} {name}" for name, n in coverage["by_status"].items())
+    counts, coverage = summary.counts, summary.coverage
+    statuses = ", ".join(f"{n} {name}" for name, n in coverage.by_status.items())
     lines = [
-        f"images: {statuses}; {coverage['scored_without_predictions']} scored without predictions",
-        f"truth: {counts['truth_instances']} instances in {counts['categories_with_truth']} of "
-        f"{counts['categories']} categories, {counts['truth_ignored']} crowd or ignored",
-        f"predictions: {counts['predictions']}; {counts['lost_to_cap']} lost to the cap, "
-        f"{counts['unverified_dropped']} in unverified categories, "
-        f"{counts['empty_masks_dropped']} empty; "
-        f"{counts['false_positives_in_absent_categories']} false positives are in categories "
+        f"images: {statuses}; {coverage.scored_without_predictions} scored without predictions",
+        f"truth: {counts.truth_instances} instances in {counts.categories_with_truth} of "
+        f"{counts.categories} categories, {counts.truth_ignored} crowd or ignored",
+        f"predictions: {counts.predictions}; {counts.lost_to_cap} lost to the cap, "
+        f"{counts.unverified_dropped} in unverified categories, "
+        f"{counts.empty_masks_dropped} empty; "
+        f"{counts.false_positives_in_absent_categories} false positives are in categories "
         "without truth here and cost nothing",
     ]
     lines += [
-        f"AP{letter}: {group['categories_with_truth']} of "
-        f"{_many(group['categories'], 'category')} with truth, "
-        f"{_many(group['truth_instances'], 'instance')}"
-        for letter, group in counts.get("frequency_groups", {}).items()
+        f"AP{letter}: {group.categories_with_truth} of "
+        f"{_many(group.categories, 'category')} with truth, "
+        f"{_many(group.truth_instances, 'instance')}"
+        for letter, group in (counts.frequency_groups or {}).items()
     ]
-    if summary["partial"]:
+    if summary.partial:
         lines.append("partial run: only some images of its track were attempted")
-    lines += [f"warning: {text}" for text in summary["warnings"]]
+    lines += [f"warning: {text}" for text in summary.warnings]
     return lines
 
 

@@ -7,7 +7,7 @@ detections of a category changes. One order of a category's detections serves al
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.compiled import bits_of, ordered_precision
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.problem import Floats, Ints
+from legoworld.records.evaluation_summary import Ties
 
 #: Elements of one block of random orders, to bound memory: part of what a seed means.
 _BLOCK_ELEMENTS: Final = 1 << 21
@@ -45,11 +46,10 @@ class TieResult:
     seed: int
     n_tied: int
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Ties:
         """As summary.json holds it; None where AP is undefined."""
-        if np.isnan(self.expected):
-            return {**self.__dict__, "expected": None, "sd": None, "worst": None, "best": None}
-        return dict(self.__dict__)
+        undefined = dict.fromkeys(("expected", "sd", "worst", "best"))
+        return Ties(**self.__dict__ | (undefined if np.isnan(self.expected) else {}))
 
 
 @dataclass(frozen=True, kw_only=True)

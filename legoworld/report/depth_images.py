@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.view import decoded
 from legoworld.evaluation.folder import Row
+from legoworld.evaluation.stored import Evaluated
 from legoworld.report.advice import Advice, failure_advice, sorted_advice
-from legoworld.report.sources import Side
 
 #: The code of a pixel without depth.
 NO_DEPTH: Final = 65535
@@ -35,7 +35,7 @@ class DepthImage:
     view: dict[str, Any] | None
 
 
-def depth_images(sides: Sequence[Side]) -> Iterator[DepthImage]:
+def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
     """The photos of a section's track, ascending id, one at a time."""
     for rows in zip(*(side.rows for side in sides), strict=True):
         image_id = rows[0]["image_id"]

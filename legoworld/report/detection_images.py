@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from legoworld.evaluation.folder import Row
 from legoworld.evaluation.masks import compressed, overlaps
 from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.stored import Evaluated
 from legoworld.report.error_kinds import ImageErrors, image_errors
-from legoworld.report.sources import ReportInputError, Side
+from legoworld.report.sources import ReportInputError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +53,7 @@ class DetectionImage:
     sides: tuple[SideImage, ...]
 
 
-def detection_images(sides: Sequence[Side]) -> Iterator[DetectionImage]:
+def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
     """The photos of a section's track, ascending id, one at a time."""
     truth = sides[0].view("truth.json")
     truths = _by_image(truth["annotations"])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from legoworld.evaluation.stored import Evaluated
 from legoworld.processors import usable_cores
 from legoworld.report.advice import detection_advice
 from legoworld.report.depth_images import DepthImage, depth_advice, depth_images
@@ -17,7 +18,7 @@ from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.photos import page_photo
 from legoworld.report.provenance import compare_command, provenance
 from legoworld.report.shapes import drawn_predictions, drawn_truths
-from legoworld.report.sources import Section, Side
+from legoworld.report.sources import Section
 from legoworld.report.tables import (
     category_rows,
     comparison_tables,
@@ -94,7 +95,7 @@ def _section_tables(section: Section) -> Json:
         "task": section.task,
         "title": _TITLES[section.task],
         "sides": [
-            {"label": s.label, "scene": s.is_scene, "used_truth": s.used_truth} for s in sides
+            {"label": s.name, "scene": s.is_scene, "used_truth": bool(s.used_truth)} for s in sides
         ],
         "specialist": any(not s.is_scene for s in sides),
         "comparison": section.comparison,
@@ -105,12 +106,12 @@ def _section_tables(section: Section) -> Json:
     if not sides:
         return made
     return made | {
-        "evaluators": [s.summary["evaluator"] for s in sides],
-        "partial": [s.label for s in sides if s.summary["partial"]],
+        "evaluators": [s.summary.evaluator for s in sides],
+        "partial": [s.name for s in sides if s.summary.partial],
         "coverage": coverage_rows(sides),
-        "notes": [{"label": s.label, "lines": coverage_notes(s)} for s in sides],
+        "notes": [{"label": s.name, "lines": coverage_notes(s)} for s in sides],
         "provenance": [provenance(s) for s in sides],
-        "attempted": sides[0].summary["coverage"]["attempted"],
+        "attempted": sides[0].summary.coverage.attempted,
     }
 
 
@@ -143,7 +144,7 @@ def _detections(section: Section, document: PageDocument, places: _Photos) -> Js
         "categories": category_rows(sides),
         "names": {str(i): names[i] for i in sorted(used)},
         "errors": [
-            {"label": s.label, "counts": c, "images": w, "reached": r}
+            {"label": s.name, "counts": c, "images": w, "reached": r}
             for s, c, w, r in zip(sides, errors, images_with, reached, strict=True)
         ],
         "images": sorted(rows, key=_lowest_quality_first),
@@ -176,9 +177,9 @@ def _detection_view(
     }
 
 
-def _side_facts(side: Side, run_row: Json, scene: Json | None) -> Json:
+def _side_facts(side: Evaluated, run_row: Json, scene: Json | None) -> Json:
     return {
-        "label": side.label,
+        "label": side.name,
         "status": run_row["status"],
         "facts": run_facts(run_row, scene),
         "tables": run_tables(run_row),

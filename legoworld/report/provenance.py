@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from legoworld import catalog
 from legoworld.dataset_versions import dataset_of
-from legoworld.report.sources import Side
+from legoworld.evaluation.stored import Evaluated
 
 #: Licences of what a score is computed with, by package.
 _LICENCES: Final = {
@@ -26,19 +26,19 @@ _LICENCES: Final = {
 }
 
 
-def provenance(side: Side) -> dict[str, Any]:
+def provenance(side: Evaluated) -> dict[str, Any]:
     """What the page says of where one side's numbers come from."""
     evidence, run = side.evidence, side.run
     cards = _cards()
     versions = {**(run.get("versions") or {}), **evidence["versions"]}
     return {
-        "label": side.label,
+        "label": side.name,
         "folder": side.folder.name,
         "commands": [_made_run(side, cards), _evaluated(side)],
-        "partial": bool(side.summary.get("partial")),
+        "partial": side.summary.partial,
         "configuration": _flat(run.get("configuration") or {}),
         "evaluation": _flat(evidence["configuration"]),
-        "evaluator": side.summary["evaluator"],
+        "evaluator": side.summary.evaluator,
         "versions": [
             {"name": n, "version": v, "licence": _LICENCES.get(n, "see the package")}
             for n, v in sorted(versions.items())
@@ -52,7 +52,7 @@ def provenance(side: Side) -> dict[str, Any]:
     }
 
 
-def compare_command(comparison: dict[str, Any], sides: Sequence[Side]) -> str:
+def compare_command(comparison: dict[str, Any], sides: Sequence[Evaluated]) -> str:
     """The command that made a comparison of these evaluations."""
     bootstrap = comparison["bootstrap"]
     names = [side.folder.name for side in sides] or ["EVAL_SCENE", "EVAL_BASELINE"]
@@ -61,7 +61,7 @@ def compare_command(comparison: dict[str, Any], sides: Sequence[Side]) -> str:
     return shlex.join([*words, "-o", "COMPARISON"])
 
 
-def _made_run(side: Side, cards: list[dict[str, Any]]) -> str:
+def _made_run(side: Evaluated, cards: list[dict[str, Any]]) -> str:
     configuration = side.run.get("configuration") or {}
     run = _run_name(side)
     track = _known(cards, configuration.get("track_sha256") or "") or "TRACK.json"
@@ -83,7 +83,7 @@ def _made_run(side: Side, cards: list[dict[str, Any]]) -> str:
     return shlex.join([*words, "-o", run])
 
 
-def _evaluated(side: Side) -> str:
+def _evaluated(side: Evaluated) -> str:
     configuration = side.evidence["configuration"]
     truths = [i["path"] for i in side.evidence["inputs"] if i["role"] == "truth"]
     truth = PurePosixPath(truths[0]).name if side.task != "eth3d" and truths else "TRUTH"
@@ -94,12 +94,12 @@ def _evaluated(side: Side) -> str:
     return shlex.join([*words, "-o", side.folder.name])
 
 
-def _run_name(side: Side) -> str:
+def _run_name(side: Evaluated) -> str:
     path = next(i["path"] for i in side.evidence["inputs"] if i["role"] == "run")
     return PurePosixPath(path).parent.name
 
 
-def _data_licence(side: Side, cards: list[dict[str, Any]]) -> list[dict[str, str]]:
+def _data_licence(side: Evaluated, cards: list[dict[str, Any]]) -> list[dict[str, str]]:
     """The dataset cards that know the truth by its hash, else the task's usual one."""
     truths = {i["sha256"] for i in side.evidence["inputs"] if i["role"] == "truth"}
     known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
@@ -113,7 +113,7 @@ def _data_licence(side: Side, cards: list[dict[str, Any]]) -> list[dict[str, str
     ]
 
 
-def _model_licence(side: Side) -> list[dict[str, str]]:
+def _model_licence(side: Evaluated) -> list[dict[str, str]]:
     """The specialist's own licence, as its card has it."""
     baseline = side.run.get("baseline") or {}
     if "licence" not in baseline:

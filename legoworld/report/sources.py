@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from legoworld.comparison.folder import COMPARISON
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.folder import (
-    EVIDENCE,
-    MATCHES,
-    PER_CATEGORY,
-    PER_IMAGE,
-    SUMMARY,
-    VIEW,
-    Row,
-    read_rows,
-    read_summary,
-)
+from legoworld.evaluation.folder import EVIDENCE, SUMMARY
+from legoworld.evaluation.stored import Evaluated, checked, read_evaluation
 from legoworld.files import sha256_of_file
 
-COMPARISON: Final = "comparison.json"
-RUN_VIEW: Final = "run.json"
+#: What a baseline is called that recorded no name.
+_UNNAMED: Final = "baseline"
 
 #: The order of the sections of a page.
 _TASKS: Final = ("coco", "coco-masks", "lvis", "eth3d")
@@ -40,60 +28,12 @@ class ReportInputError(LegoWorldError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Side:
-    """One evaluation. label: what the page calls it, unique within its section."""
-
-    folder: Path
-    label: str
-    summary: dict[str, Any]
-    evidence: dict[str, Any]
-    rows: tuple[Row, ...]
-    categories: tuple[Row, ...]
-    run: dict[str, Any]
-
-    @property
-    def is_scene(self) -> bool:
-        """Whether the run read scenes; a baseline otherwise."""
-        return self.summary.get("kind") == "scene"
-
-    @property
-    def task(self) -> str:
-        """Coco, lvis or eth3d."""
-        return str(self.summary["task"])
-
-    @property
-    def used_truth(self) -> bool:
-        """Whether the run was told what to look for out of the truth."""
-        return bool((self.run.get("configuration") or {}).get("used_truth"))
-
-    @cached_property
-    def run_rows(self) -> dict[int, Row]:
-        """The run's own row of each image, by image id."""
-        return {int(row["image_id"]): row for row in self.run["images"]}
-
-    @cached_property
-    def matches(self) -> dict[str, NDArray[Any]]:
-        """The arrays of matches.npz."""
-        with np.load(self.folder / MATCHES, allow_pickle=False) as arrays:
-            return dict(arrays)
-
-    def view(self, name: str) -> Any:
-        """A file of view/, checked against evidence.json."""
-        checked(self.folder, self.evidence, f"{VIEW}/{name}")
-        return json.loads((self.folder / VIEW / name).read_text(encoding="utf-8"))
-
-    def has_view(self, name: str) -> bool:
-        """Whether view/ holds a file."""
-        return f"{VIEW}/{name}" in self.evidence["files"]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Section:
     """Evaluations of one task over one truth, scenes first; with a comparison of them if any."""
 
     key: str
     task: str
-    sides: tuple[Side, ...]
+    sides: tuple[Evaluated, ...]
     comparison: dict[str, Any] | None
 
 
@@ -101,18 +41,23 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     """The sections of a page from evaluation and comparison folders.
 
     A comparison brings the evaluations it was computed from, where they still lie where it found
-    them. ReportInputError when a folder is neither, or was changed after it was written.
+    them. ReportInputError where they do not go together; EvaluationFolderError for a folder that
+    is neither, EvaluationChangedError for one that was changed after it was written.
     """
-    sides: dict[Path, Side] = {}
+    sides: dict[Path, Evaluated] = {}
     comparisons: list[tuple[dict[str, Any], tuple[Path, ...]]] = []
     for folder in folders:
         if (folder / COMPARISON).is_file():
             document, origins = _comparison(folder)
             comparisons.append((document, origins))
-            sides |= {p.resolve(): _side(p) for p in origins if p.resolve() not in sides}
+            sides |= {
+                p.resolve(): read_evaluation(p, unnamed=_UNNAMED)
+                for p in origins
+                if p.resolve() not in sides
+            }
         elif folder.resolve() not in sides:
-            sides[folder.resolve()] = _side(folder)
-    groups: dict[tuple[str, str], list[Side]] = {}
+            sides[folder.resolve()] = read_evaluation(folder, unnamed=_UNNAMED)
+    groups: dict[tuple[str, str], list[Evaluated]] = {}
     for side in sides.values():
         groups.setdefault((side.task, _truth_of(side)), []).append(side)
     sections = [
@@ -125,69 +70,18 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     return _with_keys(sections)
 
 
-def checked(folder: Path, evidence: dict[str, Any], name: str) -> Path:
-    """A file of an evaluation; ReportInputError when it is not what evidence.json has on record."""
-    path = folder / name
-    expected = evidence["files"].get(name)
-    found = sha256_of_file(path) if path.is_file() else "no file"
-    if expected != found:
-        raise ReportInputError(
-            f"{folder.name}/{name} is not what was written",
-            found=found,
-            expected=str(expected),
-            next_step="evaluate again; `legoworld evidence verify` names every difference",
-        )
-    return path
-
-
-def _side(folder: Path) -> Side:
-    summary = read_summary(folder)
-    evidence = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
-    for name in (SUMMARY, PER_IMAGE):
-        checked(folder, evidence, name)
-    categories: list[Row] = []
-    if PER_CATEGORY in evidence["files"]:
-        categories = read_rows(checked(folder, evidence, PER_CATEGORY))
-    if MATCHES in evidence["files"]:
-        checked(folder, evidence, MATCHES)
-    if f"{VIEW}/{RUN_VIEW}" not in evidence["files"]:
-        raise ReportInputError(
-            f"{folder.name} does not say what it scored",
-            found=f"no {VIEW}/{RUN_VIEW}",
-            expected="a folder of this version's `legoworld evaluate`",
-            next_step="evaluate again with --overwrite",
-        )
-    path = checked(folder, evidence, f"{VIEW}/{RUN_VIEW}")
-    run = json.loads(path.read_text(encoding="utf-8"))
-    return Side(
-        folder=folder,
-        label=_label(summary, run),
-        summary=summary,
-        evidence=evidence,
-        rows=tuple(read_rows(folder / PER_IMAGE)),
-        categories=tuple(categories),
-        run=run,
-    )
-
-
-def _label(summary: dict[str, Any], run: dict[str, Any]) -> str:
-    if summary.get("kind") == "scene":
-        return "scene"
-    return str((run.get("configuration") or {}).get("baseline") or "baseline")
-
-
-def _truth_of(side: Side) -> str:
+def _truth_of(side: Evaluated) -> str:
     """What must agree for evaluations to stand in one table: every hash of the truth."""
     truth = [i["sha256"] for i in side.evidence["inputs"] if i["role"].startswith("truth")]
     return " ".join(sorted(truth))
 
 
-def _section(task: str, sides: Sequence[Side], comparison: dict[str, Any] | None) -> Section:
+def _section(task: str, sides: Sequence[Evaluated], comparison: dict[str, Any] | None) -> Section:
     """Scenes first; two of one name are told apart by their folders."""
     ordered = sorted(sides, key=lambda s: not s.is_scene)
-    labels = [s.label for s in ordered]
+    labels = [s.name for s in ordered]
     named = [
-        s if labels.count(s.label) == 1 else _relabelled(s, f"{s.label} ({s.folder.name})")
+        s if labels.count(s.name) == 1 else replace(s, name=f"{s.name} ({s.folder.name})")
         for s in ordered
     ]
     images = [[(r["image_id"], r["file_name"]) for r in s.rows] for s in named]
@@ -199,18 +93,6 @@ def _section(task: str, sides: Sequence[Side], comparison: dict[str, Any] | None
             next_step="make a page of each",
         )
     return Section(key="", task=task, sides=tuple(named), comparison=comparison)
-
-
-def _relabelled(side: Side, label: str) -> Side:
-    return Side(
-        folder=side.folder,
-        label=label,
-        summary=side.summary,
-        evidence=side.evidence,
-        rows=side.rows,
-        categories=side.categories,
-        run=side.run,
-    )
 
 
 def _comparison(folder: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
@@ -240,7 +122,7 @@ def _comparison(folder: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
 
 
 def _comparison_of(
-    sides: Sequence[Side],
+    sides: Sequence[Evaluated],
     task: str,
     comparisons: Sequence[tuple[dict[str, Any], tuple[Path, ...]]],
 ) -> dict[str, Any] | None:
@@ -258,5 +140,5 @@ def _with_keys(sections: Sequence[Section]) -> list[Section]:
     for s in sections:
         seen[s.task] = seen.get(s.task, 0) + 1
         key = s.task if seen[s.task] == 1 else f"{s.task}-{seen[s.task]}"
-        keyed.append(Section(key=key, task=s.task, sides=s.sides, comparison=s.comparison))
+        keyed.append(replace(s, key=key))
     return keyed

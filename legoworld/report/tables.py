@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.text import metric_rows, notes
-from legoworld.report.sources import Side
+from legoworld.records.evaluation_summary import DepthSummary
 
 #: What stands where no specialist's number is.
 NO_SPECIALIST: Final = "no specialist was run"
@@ -16,88 +17,88 @@ Cell = dict[str, str]
 Rows = list[dict[str, Any]]
 
 
-def headline_rows(sides: Sequence[Side]) -> Rows:
+def headline_rows(sides: Sequence[Evaluated]) -> Rows:
     """The evaluator's own numbers and the tie orders: {"name", "cells": one of each side}."""
     return [r for r in _detection_rows(sides) if not r["name"].startswith("class_")]
 
 
-def score_free_rows(sides: Sequence[Side]) -> Rows:
-    """The numbers of one-to-one pairs, which need no ranking."""
-    return [r for r in _detection_rows(sides) if r["name"].startswith("class_")]
+def score_free_rows(sides: Sequence[Evaluated]) -> Rows:
+    """The numbers of one-to-one pairs, which need no ranking, by name."""
+    rows = [r for r in _detection_rows(sides) if r["name"].startswith("class_")]
+    return sorted(rows, key=lambda r: str(r["name"]))
 
 
-def _detection_rows(sides: Sequence[Side]) -> Rows:
+def _detection_rows(sides: Sequence[Evaluated]) -> Rows:
     found: dict[str, list[Cell | None]] = {}
     for k, side in enumerate(sides):
-        for name, value, spread, over in metric_rows(side.summary, detection_protocol(side.task)):
+        for name, value, spread, over in metric_rows(side.detection, detection_protocol(side.task)):
             cell = {"value": value, "spread": spread, "over": over}
             found.setdefault(name, [None] * len(sides))[k] = cell
     return [{"name": name, "cells": cells} for name, cells in found.items()]
 
 
-def depth_rows(sides: Sequence[Side]) -> Rows:
+def depth_rows(sides: Sequence[Evaluated]) -> Rows:
     """Means of every metric and hole policy, with the constant depth's beside them."""
     rows: Rows = []
-    for metric, by_policy in sides[0].summary["metrics"].items():
+    for metric, by_policy in sides[0].depth.metrics.items():
         for policy in by_policy:
-            cells = [_depth_cell(side.summary, metric, policy) for side in sides]
+            cells = [_depth_cell(side.depth, metric, policy) for side in sides]
             rows.append({"name": metric, "policy": policy, "cells": cells})
-    for policy in sides[0].summary["all_attempted"]["abs_rel"]:
+    for policy in sides[0].depth.all_attempted.abs_rel:
         cells = []
         for side in sides:
-            every = side.summary["all_attempted"]
-            over = f"{every['images']} images with truth, {every['missing']} of them without a "
-            over += f"score at {every['missing_abs_rel']:g}"
-            value = _number(every["abs_rel"][policy])
+            every = side.depth.all_attempted
+            over = f"{every.images} images with truth, {every.missing} of them without a "
+            over += f"score at {every.missing_abs_rel:g}"
+            value = _number(every.abs_rel[policy])
             cells.append({"value": value, "spread": "-", "over": over, "constant": "-"})
         rows.append({"name": "abs_rel, all attempted", "policy": policy, "cells": cells})
     return rows
 
 
-def _depth_cell(summary: dict[str, Any], metric: str, policy: str) -> Cell:
-    interval = summary["intervals"][metric][policy]
-    groups, coverage = summary["bootstrap"], summary["coverage"]
-    known = interval["low"] is not None
-    by_scene = f", {groups['groups']} scenes" if groups["unit"] == "scene" else ""
+def _depth_cell(summary: DepthSummary, metric: str, policy: str) -> Cell:
+    ends = summary.intervals[metric][policy].ends
+    groups, coverage = summary.bootstrap, summary.coverage
+    by_scene = f", {groups.groups} scenes" if groups.unit == "scene" else ""
     return {
-        "value": _number(summary["metrics"][metric][policy]),
-        "spread": f"{interval['low']:.4f} .. {interval['high']:.4f}" if known else "-",
-        "over": f"{coverage['scored']} of {coverage['attempted']} images" + by_scene,
-        "constant": _number(summary["constant"][metric][policy]),
+        "value": _number(summary.metrics[metric][policy]),
+        "spread": "{:.4f} .. {:.4f}".format(*ends) if ends else "-",
+        "over": f"{coverage.scored} of {coverage.attempted} images" + by_scene,
+        "constant": _number(summary.constant[metric][policy]),
     }
 
 
-def coverage_rows(sides: Sequence[Side]) -> Rows:
+def coverage_rows(sides: Sequence[Evaluated]) -> Rows:
     """Attempted, scored, with truth, and every status, a side a column."""
-    coverages = [side.summary["coverage"] for side in sides]
+    coverages = [side.summary.coverage for side in sides]
     names = ["attempted", "scored", "with_truth", "scored_with_truth", "scored_without_predictions"]
     rows: Rows = [
-        {"name": name.replace("_", " "), "cells": [c.get(name, "-") for c in coverages]}
+        {"name": name.replace("_", " "), "cells": [getattr(c, name, "-") for c in coverages]}
         for name in names
-        if any(name in c for c in coverages)
+        if any(hasattr(c, name) for c in coverages)
     ]
-    for status in sorted({s for c in coverages for s in c["by_status"]}):
-        cells = [c["by_status"].get(status, 0) for c in coverages]
+    for status in sorted({s for c in coverages for s in c.by_status}):
+        cells = [c.by_status.get(status, 0) for c in coverages]
         rows.append({"name": f"status {status}", "cells": cells})
     return rows
 
 
-def coverage_notes(side: Side) -> list[str]:
+def coverage_notes(side: Evaluated) -> list[str]:
     """The evaluation's own sentences about its counts."""
     if side.task != "eth3d":
-        return notes(side.summary)
-    summary = side.summary
+        return notes(side.detection)
+    summary = side.depth
     lines = [
-        f"mean share of holes {_number(summary['mean_hole_share'])}, outside the view "
-        f"{_number(summary['mean_outside_view_share'])}, clamped "
-        f"{_number(summary['mean_clamped_share'])}",
-        f"{summary['resampled']} resampled, {summary['worse_than_constant']} worse than a constant",
+        f"mean share of holes {_number(summary.mean_hole_share)}, outside the view "
+        f"{_number(summary.mean_outside_view_share)}, clamped "
+        f"{_number(summary.mean_clamped_share)}",
+        f"{summary.resampled} resampled, {summary.worse_than_constant} worse than a constant",
     ]
-    lines += [f"{r['status']}: {r['file_name']}: {r['reason']}" for r in summary["not_scored"]]
-    return lines + (["partial run: only some images of its track"] if summary["partial"] else [])
+    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
+    return lines + (["partial run: only some images of its track"] if summary.partial else [])
 
 
-def category_rows(sides: Sequence[Side]) -> Rows:
+def category_rows(sides: Sequence[Evaluated]) -> Rows:
     """A row of each category that has truth or predictions on any side, ascending id."""
     found: dict[int, dict[str, Any]] = {}
     for k, side in enumerate(sides):

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.matches_file import EQUAL, OWN, table_from
+from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.ties import order_aps
-from legoworld.report.sources import Side
+from legoworld.records.evaluation_summary import Ties
 
 WIDTH: Final = 640
 HEIGHT: Final = 150
@@ -21,37 +22,38 @@ _BINS: Final = 40
 _NO_WIDTH: Final = 5e-5
 
 
-def tie_pictures(side: Side) -> list[dict[str, Any]]:
+def tie_pictures(side: Evaluated) -> list[dict[str, Any]]:
     """The picture under the predictions' own scores, and under equal ones where those differ."""
-    summary = side.summary
-    equal = summary["equal_confidence"]
-    pictures = [_picture(side, OWN, "own scores", summary["metrics"]["AP"], summary["ties"])]
-    if equal["already_equal"]:
-        pictures[0]["title"] = f"{side.label}: every prediction with the same confidence"
+    summary = side.detection
+    equal = summary.equal_confidence
+    pictures = [_picture(side, OWN, "own scores", summary.metrics["AP"], summary.ties)]
+    if equal.already_equal:
+        pictures[0]["title"] = f"{side.name}: every prediction with the same confidence"
     else:
-        ap, ties = equal["metrics"]["AP"], equal["ties"]
+        ap, ties = equal.metrics["AP"], equal.ties
         pictures.append(_picture(side, EQUAL, "equal confidence", ap, ties))
     return pictures
 
 
 def _picture(
-    side: Side, policy: str, title: str, ap: float | None, ties: dict[str, Any]
+    side: Evaluated, policy: str, title: str, ap: float | None, ties: Ties
 ) -> dict[str, Any]:
-    picture: dict[str, Any] = {"title": f"{side.label}: {title}", "ap": ap, "ties": ties}
-    if ap is None or ties["expected"] is None or ties["best"] - ties["worst"] < _NO_WIDTH:
+    picture: dict[str, Any] = {"title": f"{side.name}: {title}", "ap": ap, "ties": ties}
+    known = ties.spread
+    if ap is None or known is None or known.best - known.worst < _NO_WIDTH:
         return {**picture, "bars": None}
-    aps = order_aps(table_from(side.matches, policy), draws=ties["draws"], seed=ties["seed"])
-    low, high = min(ties["worst"], ap), max(ties["best"], ap)
+    aps = order_aps(table_from(side.matches, policy), draws=ties.draws, seed=ties.seed)
+    low, high = min(known.worst, ap), max(known.best, ap)
     bars = _bars(aps, low, high)
 
     def x(value: float) -> float:
         return round(float(_LEFT + (value - low) / (high - low) * (WIDTH - 2 * _LEFT)), 2)
 
-    spread = [max(low, ties["expected"] - ties["sd"]), min(high, ties["expected"] + ties["sd"])]
+    spread = [max(low, known.expected - known.sd), min(high, known.expected + known.sd)]
     return {
         **picture,
         "bars": bars,
-        "x": {key: x(ties[key]) for key in ("worst", "best", "expected")} | {"ap": x(ap)},
+        "x": {key: x(getattr(known, key)) for key in ("worst", "best", "expected")} | {"ap": x(ap)},
         "spread": [x(v) for v in spread],
         "width": WIDTH,
         "height": HEIGHT,

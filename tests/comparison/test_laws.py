@@ -121,7 +121,7 @@ def test_sharing_the_draws_narrows_the_interval_of_correlated_sides(tmp_path):
     other = evaluated(tmp_path / "b", "coco", truth, fewer, kind="baseline")
     document = compared((scene, other), tmp_path / "out", draws=300)
     found = row_of(document, "AP", "attempted")["difference"]["interval"]
-    tables = [table_from(s.matches()) for s in read_sides((scene, other))]
+    tables = [table_from(s.matches) for s in read_sides((scene, other))]
     protocol = detection_protocol("coco")
     independent = (
         resampled_metrics(tables[0], protocol, resample_counts(40, 300, seed=0))["AP"]

@@ -23,10 +23,11 @@ from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld.comparison.compatibility import IncomparableError
-from legoworld.comparison.sides import EvaluationChangedError, distinct_names
+from legoworld.comparison.sides import distinct_names
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.folder import EvaluationFolderError
+from legoworld.evaluation.stored import EvaluationChangedError
 
 
 def refused(sides, output, match, error: type[LegoWorldError] = IncomparableError, **options):
@@ -132,7 +133,7 @@ def test_prompts_from_truth_are_allowed_by_name_and_printed_beside_the_score(sce
 def test_a_changed_evaluation(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     change_json(other / "summary.json", lambda s: s["metrics"].update(AP=0.99))
-    refused((scene, other), tmp_path / "out", "not the file that was evaluated",
+    refused((scene, other), tmp_path / "out", "is not what was written",
             EvaluationChangedError)  # fmt: skip
     (other / "matches.npz").unlink()
     change_json(other / "evidence.json", lambda e: e["files"].pop("matches.npz"))

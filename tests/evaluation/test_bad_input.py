@@ -124,8 +124,8 @@ def test_the_id_zero_that_the_official_evaluator_loses_is_repaired_and_counted(t
     whole = evaluate(tmp_path / "a", "coco", truth, predictions).summary
     truth["annotations"][0]["id"] = 0
     again = evaluate(tmp_path / "b", "coco", truth, predictions).summary
-    assert again["official"] == whole["official"]
-    assert any("annotation id 0" in w for w in again["warnings"])
+    assert again.official == whole.official
+    assert any("annotation id 0" in w for w in again.warnings)
 
 
 def test_uncompressed_masks_are_compressed_and_counted(tmp_path):
@@ -135,8 +135,8 @@ def test_uncompressed_masks_are_compressed_and_counted(tmp_path):
     for p in predictions[:5]:
         p["segmentation"]["counts"] = runs_of(p["segmentation"])
     again = evaluate(tmp_path / "b", "lvis", truth, predictions).summary
-    assert again["official"] == whole["official"]
-    assert any(w.startswith("5 masks with uncompressed") for w in again["warnings"])
+    assert again.official == whole.official
+    assert any(w.startswith("5 masks with uncompressed") for w in again.warnings)
 
 
 def test_a_box_beside_a_mask_is_left_out_and_counted(tmp_path):
@@ -145,8 +145,8 @@ def test_a_box_beside_a_mask_is_left_out_and_counted(tmp_path):
     whole = evaluate(tmp_path / "a", "lvis", truth, predictions).summary
     boxed = [{**p, "bbox": [0, 0, 1, 1]} for p in predictions[:7]] + predictions[7:]
     again = evaluate(tmp_path / "b", "lvis", truth, boxed).summary
-    assert again["official"] == whole["official"]
-    assert "7 masks with a bbox, which was left out" in again["warnings"]
+    assert again.official == whole.official
+    assert "7 masks with a bbox, which was left out" in again.warnings
 
 
 def test_masks_without_a_pixel_are_dropped_and_counted(tmp_path):
@@ -154,7 +154,7 @@ def test_masks_without_a_pixel_are_dropped_and_counted(tmp_path):
     predictions = random_predictions("lvis", truth, seed=5)
     empty = {**predictions[0], "segmentation": {"size": [90, 120], "counts": [90 * 120]}}
     summary = evaluate(tmp_path, "lvis", truth, [*predictions, empty]).summary
-    assert summary["counts"]["empty_masks_dropped"] == 1
+    assert summary.counts.empty_masks_dropped == 1
 
 
 def runs_of(mask):

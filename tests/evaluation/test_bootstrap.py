@@ -130,15 +130,15 @@ def test_means_weigh_groups_as_often_as_they_are_drawn():
 def test_intervals():
     samples = np.linspace(0.4, 0.6, 2001)
     plain = interval(samples, unit="image")
-    assert (plain["low"], plain["high"]) == pytest.approx((0.405, 0.595))
+    assert (plain.low, plain.high) == pytest.approx((0.405, 0.595))
     centred = centred_interval(samples, 0.3, unit="image")
-    assert (centred["low"], centred["high"]) == pytest.approx((0.205, 0.395))
-    assert centred["bootstrap_mean"] == pytest.approx(0.5)
-    assert centred_interval(samples, 0.95, unit="image")["high"] == 1.0
+    assert (centred.low, centred.high) == pytest.approx((0.205, 0.395))
+    assert centred.bootstrap_mean == pytest.approx(0.5)
+    assert centred_interval(samples, 0.95, unit="image").high == 1.0
     nothing = centred_interval(np.full(5, np.nan), np.nan, unit="image")
-    assert nothing["low"] is None
-    assert nothing["undefined_draws"] == 5
-    assert centred_interval(samples, np.nan, unit="image")["low"] is None
+    assert nothing.low is None
+    assert nothing.undefined_draws == 5
+    assert centred_interval(samples, np.nan, unit="image").low is None
 
 
 def test_the_interval_of_an_average_precision_holds_its_value(tmp_path):
@@ -151,5 +151,5 @@ def test_the_interval_of_an_average_precision_holds_its_value(tmp_path):
     samples = resampled_metrics(table, protocol, resample_counts(40, 400, seed=0))["AP"]
     value = run_evaluator(read, predictions, protocol, "fast").official[0]
     found = centred_interval(samples, value, unit="image")
-    assert found["bootstrap_mean"] > value + samples.std() / 4
-    assert found["low"] < value < found["high"]
+    assert found.bootstrap_mean > value + samples.std() / 4
+    assert found.low < value < found.high

@@ -92,9 +92,9 @@ def test_all_twelve_numbers_are_pycocotools(problem, kind, tmp_path):
     summary = evaluation.summary
     _, _, ordered = checked(tmp_path / "again", "coco-masks", truth, predictions)
     numbers, _ = direct_coco(tmp_path / "truth.json", list(ordered.entries), "segm")
-    assert summary["official"] == pytest.approx(numbers, abs=1e-12)
-    assert -1 not in summary["official"][:4]
-    assert summary["iou_type"] == "segm"
+    assert summary.official == pytest.approx(numbers, abs=1e-12)
+    assert -1 not in summary.official[:4]
+    assert summary.iou_type == "segm"
     boxes, _ = direct_coco(
         tmp_path / "truth.json",
         [{**p, "bbox": coco_mask.toBbox(p["segmentation"]).tolist()} for p in ordered.entries],
@@ -107,12 +107,12 @@ def test_masks_without_a_pixel_are_false_positives_as_in_pycocotools(problem, tm
     """lvis drops them; pycocotools does not, and its number of the file is the file's number."""
     truth, predictions = problem
     summary = evaluate(tmp_path / "with", "coco-masks", truth, predictions).summary
-    assert summary["counts"]["empty_masks_dropped"] == 0
-    assert any(w.startswith("25 masks without a pixel") for w in summary["warnings"])
+    assert summary.counts.empty_masks_dropped == 0
+    assert any(w.startswith("25 masks without a pixel") for w in summary.warnings)
     full = [p for p in predictions if coco_mask.area(p["segmentation"]) > 0]
     without = evaluate(tmp_path / "without", "coco-masks", truth, full).summary
-    assert without["metrics"]["AP"] > summary["metrics"]["AP"]
-    assert without["warnings"] == []
+    assert without.metrics["AP"] > summary.metrics["AP"]
+    assert without.warnings == ()
 
 
 def one(pixels_of_truths, pixels_of_detections, crowd=(0,)):
@@ -161,8 +161,8 @@ def test_own_masks_as_truth_score_one(tmp_path):
     shapes = [blob(random, holes=True)[1] for _ in range(6)]
     truth, predictions = one(shapes, shapes, crowd=(0,) * 6)
     summary = evaluate(tmp_path, "coco-masks", truth, predictions).summary
-    assert summary["metrics"]["AP"] == pytest.approx(1.0)
-    assert summary["matched"]["class_aware"]["pq"] == pytest.approx(1.0)
+    assert summary.metrics["AP"] == pytest.approx(1.0)
+    assert summary.matched.class_aware.pq == pytest.approx(1.0)
 
 
 def test_a_track_of_coco_serves_both(problem, tmp_path):

@@ -19,6 +19,7 @@ from legoworld.catalog import folder
 from legoworld.dataset_versions import dataset_of
 from legoworld.evaluation.detections import evaluate_detections
 from legoworld.evaluation.folder import read_rows
+from legoworld.records.base import as_json
 
 TASKS = pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 
@@ -37,14 +38,14 @@ def test_the_truth_as_predictions_scores_one(task, tmp_path):
     for a in truth["annotations"]:
         a["iscrowd"] = 0
     summary = evaluate(tmp_path, task, truth, as_predictions(task, truth)).summary
-    defined = [v for v in summary["metrics"].values() if v is not None]
-    expected = [k for k in summary["metrics"] if k not in ("AR1", "AR10")]
+    defined = [v for v in summary.metrics.values() if v is not None]
+    expected = [k for k in summary.metrics if k not in ("AR1", "AR10")]
     assert len(defined) >= 9
-    assert all(summary["metrics"][k] in (None, pytest.approx(1.0)) for k in expected)
-    assert summary["ties"]["worst"] == pytest.approx(1.0)
-    for found in summary["matched"].values():
-        assert found["pq"] == found["miou_gt_micro"] == found["f1_50"] == pytest.approx(1.0)
-    assert summary["matched"]["class_agnostic"]["label_accuracy"] == 1.0
+    assert all(summary.metrics[k] in (None, pytest.approx(1.0)) for k in expected)
+    assert summary.ties.worst == pytest.approx(1.0)
+    for found in (summary.matched.class_aware, summary.matched.class_agnostic):
+        assert found.pq == found.miou_gt_micro == found.f1_50 == pytest.approx(1.0)
+    assert summary.matched.class_agnostic.label_accuracy == 1.0
 
 
 @pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
@@ -74,10 +75,8 @@ def test_the_shipped_truth_scores_one_against_itself(task, tmp_path):
         notice=print,
         warn=print,
     )
-    assert evaluation.summary["metrics"]["AP"] == pytest.approx(1.0)
-    assert (
-        evaluation.summary["dataset_version"] == {"coco": "2017", "lvis": "1.0"}[dataset_of(task)]
-    )
+    assert evaluation.summary.metrics["AP"] == pytest.approx(1.0)
+    assert evaluation.summary.dataset_version == {"coco": "2017", "lvis": "1.0"}[dataset_of(task)]
 
 
 @TASKS
@@ -115,9 +114,10 @@ def test_other_ids_for_the_same_things_score_the_same(task, tmp_path):
         if "id" in a:
             a["id"] = 10_000_000 - 17 * n
     second = evaluate(tmp_path / "b", task, renamed, text["predictions"]).summary
-    assert second["official"] == pytest.approx(first["official"], abs=1e-12)
-    for kind, found in first["matched"].items():
-        assert second["matched"][kind] == pytest.approx(found, abs=1e-12)
+    assert second.official == pytest.approx(first.official, abs=1e-12)
+    for kind in ("class_aware", "class_agnostic"):
+        found, expected = (as_json(getattr(s.matched, kind)) for s in (second, first))
+        assert found == pytest.approx(expected, abs=1e-12)
 
 
 @TASKS
@@ -139,18 +139,18 @@ def test_an_image_that_failed_stays_in_the_denominator(task, tmp_path):
         warn=print,
     )
     empty = evaluate(tmp_path / "empty", task, truth, left)
-    assert evaluation.summary["official"] == empty.summary["official"]
-    assert evaluation.summary["coverage"]["attempted"] == 12
-    assert evaluation.summary["coverage"]["scored"] == 8
-    assert empty.summary["coverage"]["scored"] == 12
-    assert evaluation.summary["coverage"]["by_status"] == {"missing": 4, "ok": 8}
+    assert evaluation.summary.official == empty.summary.official
+    assert evaluation.summary.coverage.attempted == 12
+    assert evaluation.summary.coverage.scored == 8
+    assert empty.summary.coverage.scored == 12
+    assert evaluation.summary.coverage.by_status == {"missing": 4, "ok": 8}
     rows = read_rows(tmp_path / "eval" / "per_image.jsonl")
     assert len(rows) == 12
     assert {r["image_id"] for r in rows if not r["scored"]} == failed
     subset = {**truth, "images": [i for i in truth["images"] if i["id"] not in failed]}
     subset["annotations"] = [a for a in truth["annotations"] if a["image_id"] not in failed]
     without = evaluate(tmp_path / "subset", task, subset, left)
-    assert without.summary["official"] != evaluation.summary["official"]
+    assert without.summary.official != evaluation.summary.official
 
 
 @TASKS
@@ -189,27 +189,27 @@ def test_scores_and_equal_confidence_side_by_side(task, tmp_path):
     equal = evaluate(
         tmp_path / "b", task, truth, [{**p, "score": 0.7} for p in predictions]
     ).summary
-    assert not scored["equal_confidence"]["already_equal"]
-    assert equal["equal_confidence"]["already_equal"]
-    assert scored["ties"]["sd"] == 0.0
-    assert scored["ties"]["expected"] == pytest.approx(scored["metrics"]["AP"], abs=1e-12)
-    assert scored["equal_confidence"]["official"] == equal["official"]
-    assert scored["equal_confidence"]["ties"] == equal["ties"]
-    assert equal["ties"]["sd"] > 0
-    assert equal["ties"]["worst"] <= equal["metrics"]["AP"] <= equal["ties"]["best"]
+    assert not scored.equal_confidence.already_equal
+    assert equal.equal_confidence.already_equal
+    assert scored.ties.sd == 0.0
+    assert scored.ties.expected == pytest.approx(scored.metrics["AP"], abs=1e-12)
+    assert scored.equal_confidence.official == equal.official
+    assert scored.equal_confidence.ties == equal.ties
+    assert equal.ties.sd > 0
+    assert equal.ties.worst <= equal.metrics["AP"] <= equal.ties.best
 
 
 def test_the_caps_are_counted(tmp_path):
     truth = random_truth("lvis", seed=12, images=2)
     predictions = random_predictions("lvis", truth, seed=12, per_image=320)
     summary = evaluate(tmp_path / "lvis", "lvis", truth, predictions).summary
-    assert summary["counts"]["lost_to_cap"] == 40
+    assert summary.counts.lost_to_cap == 40
     truth = random_truth("coco", seed=12, images=2, categories=2)
     predictions = [
         {**p, "category_id": 5} for p in random_predictions("coco", truth, seed=1, per_image=120)
     ]
     summary = evaluate(tmp_path / "coco", "coco", truth, predictions).summary
-    assert summary["counts"]["lost_to_cap"] == 40
+    assert summary.counts.lost_to_cap == 40
 
 
 def test_false_positives_that_cost_nothing_are_counted(tmp_path):
@@ -221,8 +221,8 @@ def test_false_positives_that_cost_nothing_are_counted(tmp_path):
     without = evaluate(
         tmp_path / "b", "coco", truth, [p for p in predictions if p["category_id"] != 5]
     ).summary
-    assert with_them["counts"]["false_positives_in_absent_categories"] == free > 0
-    assert with_them["official"] == without["official"]
+    assert with_them.counts.false_positives_in_absent_categories == free > 0
+    assert with_them.official == without.official
 
 
 @TASKS
@@ -232,12 +232,12 @@ def test_images_without_any_truth(task, kind, tmp_path):
     predictions = random_predictions(task, truth, seed=14)
     truth["annotations"] = []
     summary = evaluate(tmp_path, task, truth, predictions, evaluator=kind).summary
-    assert set(summary["official"]) == {-1.0}
-    assert set(summary["metrics"].values()) == {None}
-    assert summary["ties"]["expected"] is None
-    assert summary["matched"]["class_aware"]["miou_gt_micro"] is None
-    assert all(x["low"] is None for x in summary["intervals"].values() if x["draws"])
-    assert summary["coverage"]["with_truth"] == 0
+    assert set(summary.official) == {-1.0}
+    assert set(summary.metrics.values()) == {None}
+    assert summary.ties.expected is None
+    assert summary.matched.class_aware.miou_gt_micro is None
+    assert all(x.low is None for x in summary.intervals.values() if x.draws)
+    assert summary.coverage.with_truth == 0
     assert cli.run(["evidence", "verify", str(tmp_path / "eval")]) == 0
 
 
@@ -249,17 +249,17 @@ def test_predictions_nobody_verified_are_dropped_and_counted(tmp_path):
     predictions = random_predictions("lvis", truth, seed=15)
     strangers = [p for p in predictions if (p["image_id"], p["category_id"]) not in present]
     summary = evaluate(tmp_path / "a", "lvis", truth, strangers).summary
-    assert summary["counts"]["unverified_dropped"] == len(strangers) > 0
-    assert summary["metrics"]["AP"] == 0.0
-    assert summary["matched"]["class_aware"]["n_dt"] == 0
+    assert summary.counts.unverified_dropped == len(strangers) > 0
+    assert summary.metrics["AP"] == 0.0
+    assert summary.matched.class_aware.n_dt == 0
     whole = evaluate(tmp_path / "b", "lvis", truth, predictions).summary
     kept = [p for p in predictions if (p["image_id"], p["category_id"]) in present]
-    assert evaluate(tmp_path / "c", "lvis", truth, kept).summary["official"] == whole["official"]
+    assert evaluate(tmp_path / "c", "lvis", truth, kept).summary.official == whole.official
 
 
 def test_a_single_image_has_no_interval(tmp_path):
     truth = random_truth("coco", seed=16, images=1, per_image=5)
     assert truth["annotations"]
     summary = evaluate(tmp_path, "coco", truth, as_predictions("coco", truth)).summary
-    assert summary["metrics"]["AP"] is not None
-    assert all(x["low"] is None for x in summary["intervals"].values())
+    assert summary.metrics["AP"] is not None
+    assert all(x.low is None for x in summary.intervals.values())

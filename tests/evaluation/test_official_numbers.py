@@ -31,9 +31,9 @@ def test_random_runs(task, levels, kind, tmp_path):
     evaluation = evaluate(tmp_path, task, truth, predictions, evaluator=kind)
     ordered = sorted(predictions, key=canonical_key)
     numbers, lines = direct(task)(tmp_path / "truth.json", ordered)
-    assert evaluation.summary["official"] == pytest.approx(numbers, abs=1e-12)
+    assert evaluation.summary.official == pytest.approx(numbers, abs=1e-12)
     protocol, *_ = checked(tmp_path / "again", task, truth, predictions)
-    assert official_lines(protocol, evaluation.summary["official"]) == lines
+    assert official_lines(protocol, evaluation.summary.official) == lines
 
 
 @pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
@@ -41,10 +41,10 @@ def test_random_runs(task, levels, kind, tmp_path):
 def test_no_predictions_at_all_is_zero(task, kind, tmp_path):
     truth = random_truth(task, seed=5)
     summary = evaluate(tmp_path, task, truth, [], evaluator=kind).summary
-    assert summary["metrics"]["AP"] == 0.0
-    assert summary["matched"]["class_aware"]["miou_gt_micro"] == 0.0
-    assert summary["matched"]["class_aware"]["miou_matched"] is None
-    assert summary["coverage"]["scored_without_predictions"] == 12
+    assert summary.metrics["AP"] == 0.0
+    assert summary.matched.class_aware.miou_gt_micro == 0.0
+    assert summary.matched.class_aware.miou_matched is None
+    assert summary.coverage.scored_without_predictions == 12
 
 
 @pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
@@ -52,9 +52,9 @@ def test_an_undefined_number_stays_minus_one_and_is_no_metric(task, tmp_path):
     truth = random_truth(task, seed=6, categories=3)
     truth["annotations"] = [a for a in truth["annotations"] if a["area"] > 32**2]
     summary = evaluate(tmp_path, task, truth, random_predictions(task, truth, seed=1)).summary
-    assert summary["official"][3] == -1
-    assert summary["metrics"]["APs"] is None
-    assert summary["intervals"]["APs"]["low"] is None
+    assert summary.official[3] == -1
+    assert summary.metrics["APs"] is None
+    assert summary.intervals["APs"].low is None
 
 
 def test_an_evaluator_that_disagrees_is_an_error(tmp_path):

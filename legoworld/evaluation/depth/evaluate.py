@@ -24,6 +24,8 @@ from legoworld.evaluation.folder import (
 )
 from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
 from legoworld.evaluation.run import run_view
+from legoworld.records.base import as_json
+from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.running.run_folder import ROWS, RUN
 from legoworld.running.tasks import ALONE, Crew
 
@@ -40,7 +42,7 @@ def evaluate_depth(
     progress: Callable[[Row], None] | None = None,
     crew: Crew = ALONE,
     origins: Origins = HERE,
-) -> dict[str, Any]:
+) -> DepthSummary:
     """Score a depth run and write the evaluation folder; returns its summary.
 
     truth: ETH3D's folder, or one of arrays named like the photos. camera_model "dataset" reads a
@@ -80,7 +82,7 @@ def evaluate_depth(
         inputs=inputs,
         per_image=rows,
         view=views,
-        evidence={"protocol": summary["protocol"], "metrics": summary["metrics"]},
+        evidence={"protocol": as_json(summary.protocol), "metrics": summary.metrics},
     )
     write_evaluation(output, evaluation, overwrite=overwrite)
     return summary

@@ -7,6 +7,8 @@ from typing import Any, Final, Literal
 
 from legoworld.cards import Card, load_card
 from legoworld.errors import InstallationError
+from legoworld.records.base import to_record
+from legoworld.records.evaluation_summary import DepthChoices
 
 HolePolicy = Literal["error_1", "exclude", "far"]
 HOLE_POLICIES: Final[tuple[HolePolicy, ...]] = ("error_1", "exclude", "far")
@@ -75,10 +77,11 @@ class DepthProtocol:
     hole_abs_rel: float
     failed_image_abs_rel: float
 
-    def declared(self) -> dict[str, Any]:
-        """The choices that decide a depth number, by the last part of their card key."""
+    def choices(self, camera_model: str) -> DepthChoices:
+        """What decides a depth number, by the last part of its card key."""
         chosen = {key.split(".")[1]: self.card.value(key) for key in _DECLARED}
-        return {**chosen, "min_valid_px": self.min_valid_px}
+        own = {"min_valid_px": self.min_valid_px, "camera_model": camera_model}
+        return to_record(DepthChoices, chosen | own)
 
 
 def depth_protocol(card: Card | None = None) -> DepthProtocol:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from legoworld.conventions import SCHEMA_VERSION
 from legoworld.evaluation.bootstrap import LEVEL, interval, resample_counts, resampled_means
 from legoworld.evaluation.depth.eth3d import scene_of, training_images
 from legoworld.evaluation.depth.protocol import (
@@ -21,6 +19,18 @@ from legoworld.evaluation.depth.protocol import (
 )
 from legoworld.evaluation.depth.rows import SCORED
 from legoworld.evaluation.folder import Row
+from legoworld.records.base import UNSET, UnsetType
+from legoworld.records.evaluation_summary import (
+    AllAttempted,
+    DepthBootstrap,
+    DepthCoverage,
+    DepthSummary,
+    Evaluator,
+    Interval,
+    Means,
+    NotScored,
+    PartOfEth3d,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,42 +49,41 @@ def summarise(
     partial: bool,
     protocol: DepthProtocol,
     settings: Settings,
-) -> dict[str, Any]:
+) -> DepthSummary:
     """summary.json. rows: of every attempted image, ascending id."""
     scored = [row for row in rows if row["status"] in SCORED]
     with_truth = [row for row in rows if row["status"] != "no_gt"]
-    groups, intervals = _intervals(with_truth, scored, settings)
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "task": "eth3d",
-        "kind": kind,
-        "partial": partial,
-        "evaluator": {"name": protocol.evaluator, "version": protocol.evaluator_version},
-        "protocol": {**protocol.declared(), "camera_model": settings.camera_model},
-        "coverage": {
-            "attempted": len(rows),
-            "scored": len(scored),
-            "with_truth": len(with_truth),
-            "by_status": dict(sorted(Counter(row["status"] for row in rows).items())),
-            **_part_of_eth3d(rows),
-        },
-        "metrics": _means(scored, "metrics"),
-        "constant": _means(scored, "constant"),
-        "all_attempted": _all_attempted(with_truth, protocol),
-        "intervals": intervals,
-        "bootstrap": {"draws": settings.draws, "seed": settings.seed, **groups},
-        "mean_hole_share": _mean([row["hole_share"] for row in scored]),
-        "mean_outside_view_share": _mean([row["outside_view_share"] for row in scored]),
-        "mean_clamped_share": _mean([row["clamped_share"] for row in scored]),
-        "resampled": sum(row["resampled"] for row in scored),
-        "worse_than_constant": sum(bool(row["worse_than_constant"]) for row in scored),
-        "not_scored": [
-            {key: row[key] for key in ("image_id", "file_name", "status", "reason")}
+    bootstrap, intervals = _intervals(with_truth, scored, settings)
+    return DepthSummary(
+        task="eth3d",
+        kind=kind,
+        partial=partial,
+        evaluator=Evaluator(name=protocol.evaluator, version=protocol.evaluator_version),
+        protocol=protocol.choices(settings.camera_model),
+        coverage=DepthCoverage(
+            attempted=len(rows),
+            scored=len(scored),
+            with_truth=len(with_truth),
+            by_status=dict(sorted(Counter(row["status"] for row in rows).items())),
+            eth3d=_part_of_eth3d(rows),
+        ),
+        metrics=_means(scored, "metrics"),
+        constant=_means(scored, "constant"),
+        all_attempted=_all_attempted(with_truth, protocol),
+        intervals=intervals,
+        bootstrap=bootstrap,
+        mean_hole_share=_mean([row["hole_share"] for row in scored]),
+        mean_outside_view_share=_mean([row["outside_view_share"] for row in scored]),
+        mean_clamped_share=_mean([row["clamped_share"] for row in scored]),
+        resampled=sum(row["resampled"] for row in scored),
+        worse_than_constant=sum(bool(row["worse_than_constant"]) for row in scored),
+        not_scored=tuple(
+            NotScored(**{k: row[k] for k in ("image_id", "file_name", "status", "reason")})
             for row in rows
             if row["status"] not in SCORED
-        ],
-        "warnings": sum(len(row["warnings"]) for row in rows),
-    }
+        ),
+        warnings=sum(len(row["warnings"]) for row in rows),
+    )
 
 
 def metric_policies() -> list[tuple[str, HolePolicy]]:
@@ -84,36 +93,31 @@ def metric_policies() -> list[tuple[str, HolePolicy]]:
     return pairs + [(metric, "exclude") for metric in EXCLUDE_METRICS]
 
 
-def _part_of_eth3d(rows: Sequence[Row]) -> dict[str, Any]:
-    """How much of ETH3D's training set the images are; nothing where one is of another dataset."""
+def _part_of_eth3d(rows: Sequence[Row]) -> PartOfEth3d | UnsetType:
+    """How much of ETH3D's training set the images are; UNSET where one is of another dataset."""
     names = {row["file_name"] for row in rows}
     whole = {image.file_name for image in training_images()}
     if not names or not names <= whole:
-        return {}
+        return UNSET
     scenes, of = ({scene_of(name) for name in some} for some in (names, whole))
-    return {
-        "eth3d": {
-            "images": len(names),
-            "of_images": len(whole),
-            "scenes": len(scenes),
-            "of_scenes": len(of),
-        }
-    }
+    return PartOfEth3d(
+        images=len(names), of_images=len(whole), scenes=len(scenes), of_scenes=len(of)
+    )
 
 
-def _means(scored: Sequence[Row], which: str) -> dict[str, dict[str, float | None]]:
+def _means(scored: Sequence[Row], which: str) -> Means:
     """Unweighted means of per-image values; None when nothing was scored."""
-    means: dict[str, dict[str, float | None]] = {}
+    means: Means = {}
     for metric, policy in metric_policies():
         values = [row[which][metric][policy] for row in scored]
         means.setdefault(metric, {})[policy] = _mean(values)
     return means
 
 
-def _all_attempted(with_truth: Sequence[Row], protocol: DepthProtocol) -> dict[str, Any]:
+def _all_attempted(with_truth: Sequence[Row], protocol: DepthProtocol) -> AllAttempted:
     """AbsRel over every image with truth; one without a score counts as a whole error."""
     given = protocol.failed_image_abs_rel
-    by_policy = {
+    by_policy: dict[str, float | None] = {
         policy: _mean(
             [
                 row["metrics"]["abs_rel"][policy] if row["status"] in SCORED else given
@@ -123,41 +127,41 @@ def _all_attempted(with_truth: Sequence[Row], protocol: DepthProtocol) -> dict[s
         for policy in HOLE_POLICIES
     }
     missing = sum(row["status"] not in SCORED for row in with_truth)
-    return {
-        "abs_rel": by_policy,
-        "images": len(with_truth),
-        "missing": missing,
-        "missing_abs_rel": given,
-    }
+    return AllAttempted(
+        abs_rel=by_policy, images=len(with_truth), missing=missing, missing_abs_rel=given
+    )
 
 
 def _intervals(
     with_truth: Sequence[Row], scored: Sequence[Row], settings: Settings
-) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+) -> tuple[DepthBootstrap, dict[str, dict[str, Interval]]]:
     """Bootstrap intervals of the means, over the groups of every image with truth.
 
     The groups do not depend on what was scored, so two runs over one track share their draws. One
     group alone says nothing of its spread: its intervals are None.
     """
     by_scene = bool(with_truth) and all(scene_of(row["file_name"]) for row in with_truth)
-    unit = "scene" if by_scene else "image"
     names = sorted({row["group"] for row in with_truth})
-    groups = {"unit": unit, "groups": len(names), "level": LEVEL}
-    if len(names) < 2 or not scored:
-        nothing = np.full(settings.draws, np.nan)
-        empty: dict[str, dict[str, Any]] = {}
-        for metric, policy in metric_policies():
-            empty.setdefault(metric, {})[policy] = interval(nothing, unit=unit)
-        return groups, empty
-    counts = resample_counts(len(names), settings.draws, settings.seed)
+    bootstrap = DepthBootstrap(
+        draws=settings.draws,
+        seed=settings.seed,
+        unit="scene" if by_scene else "image",
+        groups=len(names),
+        level=LEVEL,
+    )
+    counts = None
+    if len(names) > 1 and scored:
+        counts = resample_counts(len(names), settings.draws, settings.seed)
     column = {name: i for i, name in enumerate(names)}
     group_of_row = np.array([column[row["group"]] for row in scored], np.int64)
-    intervals: dict[str, dict[str, Any]] = {}
+    intervals: dict[str, dict[str, Interval]] = {}
     for metric, policy in metric_policies():
-        values = np.array([row["metrics"][metric][policy] for row in scored], np.float64)
-        samples = resampled_means(values, group_of_row, counts)
-        intervals.setdefault(metric, {})[policy] = interval(samples, unit=unit)
-    return groups, intervals
+        samples = np.full(settings.draws, np.nan)
+        if counts is not None:
+            values = np.array([row["metrics"][metric][policy] for row in scored], np.float64)
+            samples = resampled_means(values, group_of_row, counts)
+        intervals.setdefault(metric, {})[policy] = interval(samples, unit=bootstrap.unit)
+    return bootstrap, intervals
 
 
 def _mean(values: Sequence[float]) -> float | None:

@@ -18,6 +18,8 @@ from legoworld.evaluation.evidence import Check, located
 from legoworld.evaluation.folder import Row
 from legoworld.evaluation.run import RunImage
 from legoworld.files import canonical_json
+from legoworld.records.base import as_json
+from legoworld.records.evaluation_summary import DepthSummary
 
 #: Images scored again, spread evenly over the track: a full-size one takes seconds.
 SCORED_AGAIN: Final = 10
@@ -26,26 +28,26 @@ _RELATIVE: Final = 1e-9
 
 
 def depth_checks(
-    evidence: dict[str, Any], summary: dict[str, Any], rows: Sequence[Row]
+    evidence: dict[str, Any], summary: DepthSummary, rows: Sequence[Row]
 ) -> Iterator[Check]:
     """Means, intervals and counts of the summary against those that follow from the rows."""
     again = summarise(
         rows,
-        kind=summary["kind"],
-        partial=summary["partial"],
+        kind=str(summary.kind),
+        partial=summary.partial,
         protocol=depth_protocol(),
         settings=_settings(summary),
     )
-    for key in sorted({*again, *summary}):
-        found, recorded = again.get(key), summary.get(key)
-        yield _agreement(f"{key} from the rows", found, recorded)
-    yield _agreement("metrics in the evidence", evidence.get("metrics"), summary["metrics"])
+    found, recorded = as_json(again), as_json(summary)
+    for key in sorted(found):
+        yield _agreement(f"{key} from the rows", found[key], recorded[key])
+    yield _agreement("metrics in the evidence", evidence.get("metrics"), summary.metrics)
 
 
 def depth_rows(
     folder: Path,
     evidence: dict[str, Any],
-    summary: dict[str, Any],
+    summary: DepthSummary,
     rows: Sequence[Row],
     root: Path | None,
 ) -> Iterator[Check]:
@@ -54,7 +56,7 @@ def depth_rows(
         role: [located(folder, e["path"], root) for e in evidence["inputs"] if e["role"] == role]
         for role in ("run", "truth")
     }
-    protocol, warped = depth_protocol(), summary["protocol"]["camera_model"] == "dataset"
+    protocol, warped = depth_protocol(), summary.protocol.camera_model == "dataset"
     run = read_depth_run(_known(paths["run"][0]).parent)
     files = _truth_files(_known(paths["truth"][0]), [image.image for image in run.images])
     recorded = {row["image_id"]: row for row in rows}
@@ -65,11 +67,11 @@ def depth_rows(
         yield _agreement(f"row of image {image.image.id}", again, recorded.get(image.image.id))
 
 
-def _settings(summary: dict[str, Any]) -> Settings:
+def _settings(summary: DepthSummary) -> Settings:
     return Settings(
-        camera_model=summary["protocol"]["camera_model"],
-        draws=summary["bootstrap"]["draws"],
-        seed=summary["bootstrap"]["seed"],
+        camera_model=summary.protocol.camera_model,
+        draws=summary.bootstrap.draws,
+        seed=summary.bootstrap.seed,
     )
 
 

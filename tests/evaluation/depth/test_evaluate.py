@@ -29,6 +29,7 @@ from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.depth.view import decoded
 from legoworld.evaluation.run import RunUnusableError
+from legoworld.records.base import as_json
 
 SIZE = (32, 20)
 
@@ -72,22 +73,22 @@ def test_every_status(tmp_path: Path) -> None:
         "missing": "missing", "timeout": "timeout", "all_holes": "invalid",
         "wrong_size": "invalid", "unlabelled": "invalid", "gone": "missing",
     }  # fmt: skip
-    assert summary["coverage"]["attempted"] == 10
-    assert summary["coverage"]["scored"] == 3
-    assert summary["coverage"]["with_truth"] == 9
+    assert summary.coverage.attempted == 10
+    assert summary.coverage.scored == 3
+    assert summary.coverage.with_truth == 9
     assert rows["ok"]["metrics"]["abs_rel"]["error_1"] < 1e-6
     assert rows["timeout"]["reason"] == "it was timeout"
     assert "0 of 640 valid truth pixels" in rows["all_holes"]["reason"]
     assert "rotated" in rows["wrong_size"]["reason"]
     assert "does not say what its numbers are" in rows["unlabelled"]["reason"]
     assert "is its space declared right" in rows["inverted"]["warnings"][0]
-    listed = {stem(entry["file_name"]) for entry in summary["not_scored"]}
+    listed = {stem(entry.file_name) for entry in summary.not_scored}
     assert listed == set(rows) - {"ok", "inverted", "degenerate"}
     scored = [rows[n]["metrics"]["abs_rel"]["error_1"] for n in ("ok", "inverted", "degenerate")]
-    assert summary["metrics"]["abs_rel"]["error_1"] == pytest.approx(np.mean(scored), rel=1e-14)
-    everything = summary["all_attempted"]
-    assert (everything["images"], everything["missing"]) == (9, 6)
-    assert everything["abs_rel"]["error_1"] == pytest.approx((sum(scored) + 6) / 9, rel=1e-14)
+    assert summary.metrics["abs_rel"]["error_1"] == pytest.approx(np.mean(scored), rel=1e-14)
+    everything = summary.all_attempted
+    assert (everything.images, everything.missing) == (9, 6)
+    assert everything.abs_rel["error_1"] == pytest.approx((sum(scored) + 6) / 9, rel=1e-14)
     names = sorted(p.name for p in (tmp_path / "e/view").iterdir())
     assert names == ["1.json", "2.json", "3.json", "run.json"]
 
@@ -102,7 +103,7 @@ def test_the_row_says_how_it_was_scored(tmp_path: Path) -> None:
     n_hole = int(np.isfinite(truth[:5]).sum())
     assert (row["n_valid"], row["n_predicted"]) == (n_valid, n_valid - n_hole)
     assert row["hole_share"] == pytest.approx(n_hole / n_valid, rel=1e-14)
-    assert summary["mean_hole_share"] == row["hole_share"]
+    assert summary.mean_hole_share == row["hole_share"]
     assert row["s"] == pytest.approx(1.0, rel=1e-5)  # float32 predictions of float64 truth
     assert row["t"] == pytest.approx(0.0, abs=1e-6)
     assert row["metrics"]["abs_rel"]["error_1"] == pytest.approx(n_hole / n_valid, abs=1e-6)
@@ -110,16 +111,16 @@ def test_the_row_says_how_it_was_scored(tmp_path: Path) -> None:
     assert row["truth_inf_px"] == 640 - n_valid
     assert set(row["constant"]["rmse_m"]) == {"exclude"}
     for key in ("space", "solver", "disparity_floor", "resolution", "policies", "camera_model"):
-        assert key in summary["protocol"]
+        assert getattr(summary.protocol, key)
 
 
 def test_a_run_s_own_depth_as_truth_scores_zero(tmp_path: Path) -> None:
     predictions: Predictions = {f"{i}/p.jpg": plane(SIZE, i) for i in range(3)}
     run = write_run(tmp_path / "run", predictions)
     summary = evaluate_depth(run, run / "depth", tmp_path / "e", draws=50)
-    assert summary["metrics"]["abs_rel"]["error_1"] < 1e-13
-    assert summary["metrics"]["delta1"] == {"error_1": 1.0, "exclude": 1.0, "far": 1.0}
-    assert summary["coverage"]["scored"] == 3
+    assert summary.metrics["abs_rel"]["error_1"] < 1e-13
+    assert summary.metrics["delta1"] == {"error_1": 1.0, "exclude": 1.0, "far": 1.0}
+    assert summary.coverage.scored == 3
 
 
 def test_baselines_in_each_space_score_alike(tmp_path: Path) -> None:
@@ -149,7 +150,7 @@ def test_a_smaller_prediction_is_resampled_and_says_so(tmp_path: Path) -> None:
     small = 1 / (0.2 + 0.3 * x / 30 + 0.2 * y / 20)
     summary, (row,) = score(tmp_path, {"a.jpg": small}, {"a.jpg": truth})
     assert row["resampled"] is True
-    assert (row["prediction_wh"], summary["resampled"]) == ([30, 20], 1)
+    assert (row["prediction_wh"], summary.resampled) == ([30, 20], 1)
     assert row["metrics"]["abs_rel"]["exclude"] < 2e-3  # half a source pixel at the edges
 
 
@@ -193,10 +194,10 @@ def eth3d_case(tmp_path: Path, n_per_scene: dict[str, int]) -> tuple[Path, Path]
 def test_intervals_are_over_scenes(tmp_path: Path) -> None:
     run, truth = eth3d_case(tmp_path, {"courtyard": 2, "facade": 9, "office": 1})
     summary = evaluate_depth(run, truth, tmp_path / "e", draws=400, seed=3)
-    assert summary["bootstrap"] == {
+    assert as_json(summary.bootstrap) == {
         "draws": 400, "seed": 3, "unit": "scene", "groups": 3, "level": 0.95
     }  # fmt: skip
-    found = summary["intervals"]["abs_rel"]["error_1"]
+    found = summary.intervals["abs_rel"]["error_1"]
     rows = rows_of(tmp_path / "e")
     by_scene: dict[str, list[float]] = {}
     for row in rows:
@@ -206,26 +207,26 @@ def test_intervals_are_over_scenes(tmp_path: Path) -> None:
     draws = [
         np.mean(np.concatenate([scenes[k] for k in random.integers(0, 3, 3)])) for _ in range(4000)
     ]
-    assert found["low"] == pytest.approx(np.quantile(draws, 0.025), abs=2e-3)
-    assert found["high"] == pytest.approx(np.quantile(draws, 0.975), abs=2e-3)
-    assert found["low"] < summary["metrics"]["abs_rel"]["error_1"] < found["high"]
-    assert found["unit"] == "scene"
+    assert found.low == pytest.approx(np.quantile(draws, 0.025), abs=2e-3)
+    assert found.high == pytest.approx(np.quantile(draws, 0.975), abs=2e-3)
+    assert found.low < summary.metrics["abs_rel"]["error_1"] < found.high
+    assert found.unit == "scene"
     mean = np.mean([row["metrics"]["abs_rel"]["error_1"] for row in rows])  # images weigh alike
-    assert summary["metrics"]["abs_rel"]["error_1"] == pytest.approx(mean, rel=1e-14)
+    assert summary.metrics["abs_rel"]["error_1"] == pytest.approx(mean, rel=1e-14)
 
 
 def test_one_scene_has_no_interval(tmp_path: Path) -> None:
     run, truth = eth3d_case(tmp_path, {"courtyard": 3})
     summary = evaluate_depth(run, truth, tmp_path / "e", draws=20)
-    assert summary["intervals"]["abs_rel"]["error_1"]["low"] is None
-    assert summary["bootstrap"]["groups"] == 1
+    assert summary.intervals["abs_rel"]["error_1"].low is None
+    assert summary.bootstrap.groups == 1
 
 
 def test_photos_outside_eth3d_are_their_own_groups(tmp_path: Path) -> None:
     z = plane(SIZE)
     names = ["a.jpg", "b.jpg"]
     summary, _ = score(tmp_path, dict.fromkeys(names, z), dict.fromkeys(names, z))
-    assert (summary["bootstrap"]["unit"], summary["bootstrap"]["groups"]) == ("image", 2)
+    assert (summary.bootstrap.unit, summary.bootstrap.groups) == ("image", 2)
 
 
 def test_the_same_bytes_again_and_nothing_else_over_it(tmp_path: Path) -> None:
@@ -272,9 +273,9 @@ def test_the_dataset_s_camera_changes_what_is_read(tmp_path: Path) -> None:
     folder = write_eth3d(tmp_path / "truth", {name: truth}, camera=words)
     plain = evaluate_depth(run, folder, tmp_path / "a", draws=9)
     warped = evaluate_depth(run, folder, tmp_path / "b", draws=9, camera_model="dataset")
-    assert plain["metrics"]["abs_rel"]["error_1"] > 5e-4
-    assert warped["metrics"]["abs_rel"]["error_1"] < 1e-6
-    assert warped["protocol"]["camera_model"] == "dataset"
+    assert plain.metrics["abs_rel"]["error_1"] > 5e-4
+    assert warped.metrics["abs_rel"]["error_1"] < 1e-6
+    assert warped.protocol.camera_model == "dataset"
     assert rows_of(tmp_path / "b")[0]["warped"] is True
 
 
@@ -357,7 +358,7 @@ def test_coverage_says_how_much_of_eth3d_was_attempted(
     assert cli.run(again) == 0
     assert "with truth (4 of ETH3D's 454, in 2 of 13 scenes)" in capsys.readouterr().out
     summary, _ = score(tmp_path / "own", {"a.jpg": z}, {"a.jpg": z})
-    assert "eth3d" not in summary["coverage"]
+    assert not summary.coverage.eth3d
 
 
 def test_files_that_claim_too_much_are_rows(tmp_path: Path) -> None:
@@ -370,7 +371,7 @@ def test_files_that_claim_too_much_are_rows(tmp_path: Path) -> None:
     truth = write_arrays(tmp_path / "truth", dict.fromkeys(names, z))
     summary = evaluate_depth(run, truth, tmp_path / "e", draws=9)
     by_name = {row["file_name"]: row for row in rows_of(tmp_path / "e")}
-    assert summary["coverage"]["by_status"] == {"invalid": 2, "ok": 1}
+    assert summary.coverage.by_status == {"invalid": 2, "ok": 1}
     assert "cut, or its header is damaged" in by_name["claims.jpg"]["reason"]
     assert "4000x4000" in by_name["larger.jpg"]["reason"]
 

@@ -86,19 +86,19 @@ def test_a_stereo_matcher(
     (row,) = rows_of(tmp_path / "e")
     assert (row["n_valid"], row["truth_inf_px"]) == (343_274, 27_226)
     assert row["n_predicted"] == int(seen.sum())
-    values = summary["metrics"]["abs_rel"]
+    values = summary.metrics["abs_rel"]
     # Least squares listens to the false matches: aligned is a little worse than metric.
     assert values["exclude"] == pytest.approx(0.0217, abs=1e-3)
     # A matcher that is right has the pair's own line: 1 / z = (d + doffs) / (focal * baseline).
     per_px = 1 / (card["focal_px"] * card["baseline_m"])
     assert row["s"] == pytest.approx(per_px, rel=0.05)
     assert values["error_1"] > values["exclude"] + 0.12  # a pixel in eight has no match
-    assert summary["constant"]["abs_rel"]["exclude"] > 4 * values["exclude"]
+    assert summary.constant["abs_rel"]["exclude"] > 4 * values["exclude"]
 
     as_depth = {PHOTO: np.where(matched > 0, z, np.inf)}
     run = write_run(tmp_path / "depth_run", as_depth)  # type: ignore[arg-type]
     again = evaluate_depth(run, truth, tmp_path / "f", draws=9)
-    assert again["metrics"]["abs_rel"]["exclude"] == pytest.approx(values["exclude"], rel=1e-6)
+    assert again.metrics["abs_rel"]["exclude"] == pytest.approx(values["exclude"], rel=1e-6)
 
 
 @pytest.mark.blender
@@ -112,9 +112,9 @@ def test_the_example_scene_end_to_end(tmp_path: Path, truth: Path) -> None:
     summary = evaluate_depth(run, truth, tmp_path / "e", draws=9)
     (row,) = rows_of(tmp_path / "e")
     assert row["status"] == "ok"
-    assert summary["partial"] is True
-    assert summary["coverage"]["scored"] == 1
+    assert summary.partial is True
+    assert summary.coverage.scored == 1
     assert row["n_valid"] == 343_274
-    values, constant = summary["metrics"]["abs_rel"], summary["constant"]["abs_rel"]
+    values, constant = summary.metrics["abs_rel"], summary.constant["abs_rel"]
     assert values["exclude"] < constant["exclude"]  # it knows more than nothing of the picture
     assert values["exclude"] <= values["error_1"]

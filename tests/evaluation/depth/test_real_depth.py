@@ -83,7 +83,7 @@ def test_a_real_file_in_its_unit(rgbd: Path, tmp_path: Path, unit: str) -> None:
     truth = declared(tmp_path / "truth", rgbd / file, unit)
     run = write_run(tmp_path / "run", {"photo.jpg": np.where(z > 0, z, np.inf)})
     summary = evaluate_depth(run, truth, tmp_path / "e", draws=9)
-    assert summary["metrics"]["abs_rel"]["error_1"] < 1e-6
+    assert summary.metrics["abs_rel"]["error_1"] < 1e-6
     (row,) = rows_of(tmp_path / "e")
     assert row["n_valid"] == int((z > 0).sum())
     assert row["truth_non_positive_px"] == int((z == 0).sum())
@@ -121,9 +121,9 @@ def test_the_next_frame_of_a_moving_camera_is_close_but_not_the_same(
     z = pixels(rgbd / "depth/00001.png") / 1000
     run = write_run(tmp_path / "run", {"photo.jpg": np.where(z > 0, z, np.inf)})
     summary = evaluate_depth(run, truth, tmp_path / "e", draws=9)
-    values = summary["metrics"]["abs_rel"]
+    values = summary.metrics["abs_rel"]
     (row,) = rows_of(tmp_path / "e")
-    assert 0.001 < values["exclude"] < 0.03 < summary["constant"]["abs_rel"]["exclude"]
+    assert 0.001 < values["exclude"] < 0.03 < summary.constant["abs_rel"]["exclude"]
     assert values["error_1"] == pytest.approx(
         values["exclude"] * (1 - row["hole_share"]) + row["hole_share"], rel=1e-12
     )

@@ -1,0 +1,180 @@
+"""A finished evaluation as comparisons and reports read it: held to its own hashes, named."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.folder import (
+    EVIDENCE,
+    MATCHES,
+    PER_CATEGORY,
+    PER_IMAGE,
+    SUMMARY,
+    VIEW,
+    Row,
+    read_rows,
+    read_summary,
+    require_finished,
+)
+from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.files import sha256_of_file
+from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+
+RUN_VIEW: Final = f"{VIEW}/run.json"
+#: What is read besides evidence.json, in the order it is listed; absent files are none of the task.
+READ: Final = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, RUN_VIEW)
+
+
+class EvaluationChangedError(LegoWorldError):
+    """An evaluation folder is no longer what was written."""
+
+    code = "evaluation_changed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluated:
+    """One evaluation.
+
+    name: how tables and pages call it; run: its view/run.json; rows: of per_image.jsonl, ascending
+    image id; categories: of per_category.jsonl.
+    """
+
+    folder: Path
+    name: str
+    summary: DetectionSummary | DepthSummary
+    evidence: dict[str, Any]
+    run: dict[str, Any]
+    rows: tuple[Row, ...]
+    categories: tuple[Row, ...]
+
+    @property
+    def task(self) -> str:
+        """Coco, coco-masks, lvis or eth3d."""
+        return self.summary.task
+
+    @property
+    def is_scene(self) -> bool:
+        """Whether the run read scenes; a baseline otherwise."""
+        return self.summary.kind == "scene"
+
+    @property
+    def detection(self) -> DetectionSummary:
+        """The summary, of boxes or masks."""
+        assert isinstance(self.summary, DetectionSummary)
+        return self.summary
+
+    @property
+    def depth(self) -> DepthSummary:
+        """The summary, of depth."""
+        assert isinstance(self.summary, DepthSummary)
+        return self.summary
+
+    @property
+    def camera_model(self) -> str | None:
+        """Depth only: none or dataset."""
+        return None if self.task in PROTOCOLS else self.depth.protocol.camera_model
+
+    @property
+    def resampled(self) -> int | None:
+        """Depth only: images that are smaller than the truth."""
+        return None if self.task in PROTOCOLS else self.depth.resampled
+
+    @property
+    def max_side(self) -> int | None:
+        """What a scene's depth was read out at, where that is smaller than the photos."""
+        asked: int | None = self.run["configuration"].get("max_side")
+        return asked if asked and self.resampled else None
+
+    @property
+    def dataset_version(self) -> str | None:
+        """Boxes and masks only: the dataset's, such as "2017"."""
+        return self.detection.dataset_version if self.task in PROTOCOLS else None
+
+    @property
+    def ranked(self) -> bool:
+        """Boxes and masks only: whether the predictions' own scores rank them."""
+        return not self.detection.equal_confidence.already_equal
+
+    @property
+    def used_truth(self) -> Any:
+        """What the run says of truth it was prompted with; None for a run that saw none."""
+        return self.run["configuration"].get("used_truth")
+
+    @cached_property
+    def run_rows(self) -> dict[int, Row]:
+        """The run's own row of each image, by image id."""
+        return {int(row["image_id"]): row for row in self.run["images"]}
+
+    @cached_property
+    def matches(self) -> dict[str, NDArray[Any]]:
+        """The arrays of matches.npz."""
+        with np.load(self.folder / MATCHES, allow_pickle=False) as arrays:
+            return dict(arrays)
+
+    def view(self, name: str) -> Any:
+        """A file of view/. EvaluationChangedError."""
+        path = checked(self.folder, self.evidence, f"{VIEW}/{name}")
+        return json.loads(path.read_text(encoding="utf-8"))
+
+    def has_view(self, name: str) -> bool:
+        """Whether view/ holds a file."""
+        return f"{VIEW}/{name}" in self.evidence["files"]
+
+
+def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
+    """A finished evaluation under its own name: "scene", or the baseline's.
+
+    unnamed: what a baseline is called that recorded no name, None for the folder's name.
+    EvaluationFolderError: it is none. EvaluationChangedError: a file is not the one its
+    evidence.json has on record.
+    """
+    require_finished(folder)
+    evidence = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
+    found = [name for name in READ if name in evidence["files"]]
+    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence["task"] in PROTOCOLS else [])}
+    if missing := sorted(needed - {*found}):
+        raise EvaluationChangedError(
+            f"{folder.name} is not of this version",
+            found=f"no {', '.join(missing)}",
+            expected="a folder of this version's `legoworld evaluate`",
+            next_step="evaluate again with --overwrite",
+        )
+    for name in found:
+        checked(folder, evidence, name)
+    summary = read_summary(folder)
+    run = json.loads((folder / RUN_VIEW).read_text(encoding="utf-8"))
+    name = "scene"
+    if summary.kind != "scene":
+        name = str(run["configuration"].get("baseline") or unnamed or folder.resolve().name)
+    return Evaluated(
+        folder=folder,
+        name=name,
+        summary=summary,
+        evidence=evidence,
+        run=run,
+        rows=tuple(read_rows(folder / PER_IMAGE)),
+        categories=tuple(read_rows(folder / PER_CATEGORY)) if PER_CATEGORY in found else (),
+    )
+
+
+def checked(folder: Path, evidence: dict[str, Any], name: str) -> Path:
+    """A file's path. EvaluationChangedError when it is not what evidence.json has on record."""
+    path = folder / name
+    recorded = evidence["files"].get(name)
+    found = sha256_of_file(path) if path.is_file() else None
+    if found is None or found != recorded:
+        raise EvaluationChangedError(
+            f"{folder.name}/{name} is not what was written",
+            found=found[:12] if found else "no such file",
+            expected=f"{str(recorded)[:12]}, as in {EVIDENCE}",
+            next_step="evaluate again; `legoworld evidence verify` names every difference",
+        )
+    return path

@@ -1,0 +1,279 @@
+"""summary.json of an evaluation: every number with its interval and what it is over."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.records.base import UNSET, Record, UnsetType, decode
+
+#: Metric -> value; None where the metric is undefined.
+Values = dict[str, float | None]
+#: Depth: metric -> hole policy -> mean over images; None where nothing was scored.
+Means = dict[str, dict[str, float | None]]
+
+
+class Evaluator(Record, frozen=True, kw_only=True):
+    """What computed the official numbers."""
+
+    name: str
+    version: str
+
+
+class Interval(Record, frozen=True, kw_only=True):
+    """The percentile interval of bootstrap samples; low and high are None when none is defined.
+
+    unit: what is drawn. undefined_draws: samples that left the metric undefined. bootstrap_mean:
+    where the samples lay before they were shifted onto the value.
+    """
+
+    low: float | None
+    high: float | None
+    level: float
+    unit: str
+    draws: int
+    undefined_draws: int
+    bootstrap_mean: float | UnsetType | None = UNSET
+
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """(low, high) where they are defined."""
+        return None if self.low is None or self.high is None else (self.low, self.high)
+
+
+class Coverage(Record, frozen=True, kw_only=True):
+    """Images by what became of them: the denominators of every number."""
+
+    attempted: int
+    scored: int
+    with_truth: int
+    by_status: dict[str, int]
+
+
+class Summary(Record, frozen=True, kw_only=True):
+    """What every evaluation says. kind: "scene", or what made the predictions instead."""
+
+    schema_version: int = SCHEMA_VERSION
+    task: str
+    kind: str | None
+    partial: bool
+    evaluator: Evaluator
+    coverage: Coverage
+
+
+class TieSpread(NamedTuple):
+    """AP over tie orders: mean and standard deviation, and its bounds."""
+
+    expected: float
+    sd: float
+    worst: float
+    best: float
+
+
+class Ties(Record, frozen=True, kw_only=True):
+    """AP over random orders of equally confident predictions; None where AP is undefined."""
+
+    expected: float | None
+    sd: float | None
+    worst: float | None
+    best: float | None
+    draws: int
+    seed: int
+    n_tied: int
+
+    @property
+    def spread(self) -> TieSpread | None:
+        """The numbers where AP is defined."""
+        expected, sd, worst, best = self.expected, self.sd, self.worst, self.best
+        if expected is None or sd is None or worst is None or best is None:
+            return None
+        return TieSpread(expected, sd, worst, best)
+
+
+class EqualConfidence(Record, frozen=True, kw_only=True):
+    """The same predictions, none ranked above another."""
+
+    already_equal: bool
+    metrics: Values
+    official: tuple[float, ...]
+    ties: Ties
+
+
+class Matched(Record, frozen=True, kw_only=True):
+    """The score-free numbers of one-to-one pairs, in the order they are shown."""
+
+    miou_gt_micro: float | None
+    miou_gt_macro: float | None
+    miou_matched: float | None
+    n_matched: int
+    precision_50: float | None
+    recall_50: float | None
+    f1_50: float | None
+    sq: float | None
+    rq: float | None
+    pq: float | None
+    n_gt: int
+    n_dt: int
+    n_hits_50: int
+    label_accuracy: float | UnsetType | None = UNSET
+
+    def values(self) -> Values:
+        """The numbers that are no counts, in the order they are shown."""
+        names = (name for name in self.__struct_fields__ if not name.startswith("n_"))
+        found = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in found.items() if value is not UNSET}
+
+
+class MatchedKinds(Record, frozen=True, kw_only=True):
+    """Pairs within a category, and across categories."""
+
+    class_aware: Matched
+    class_agnostic: Matched
+
+
+class TruthCounts(Record, frozen=True, kw_only=True):
+    """Scored truth of one size."""
+
+    categories_with_truth: int
+    truth_instances: int
+
+
+class FrequencyCounts(TruthCounts, frozen=True, kw_only=True):
+    """Scored truth of one of LVIS's frequency groups."""
+
+    categories: int
+
+
+class Counts(FrequencyCounts, frozen=True, kw_only=True):
+    """What the numbers are over, and what is not counted.
+
+    areas: by COCO's area names; frequency_groups: by LVIS's letters.
+    """
+
+    truth_ignored: int
+    predictions: int
+    empty_masks_dropped: int
+    lost_to_cap: int
+    unverified_dropped: int
+    false_positives_in_absent_categories: int
+    areas: dict[str, TruthCounts]
+    frequency_groups: dict[str, FrequencyCounts] | UnsetType = UNSET
+
+
+class DetectionCoverage(Coverage, frozen=True, kw_only=True):
+    """Coverage of boxes and masks."""
+
+    scored_with_truth: int
+    scored_without_predictions: int
+
+
+class DetectionSummary(Summary, frozen=True, kw_only=True):
+    """Of boxes and masks. official: the evaluator's numbers in its order, -1 where undefined."""
+
+    coverage: DetectionCoverage
+    dataset_version: str
+    iou_type: Literal["bbox", "segm"]
+    metrics: Values
+    official: tuple[float, ...]
+    ties: Ties
+    equal_confidence: EqualConfidence
+    matched: MatchedKinds
+    intervals: dict[str, Interval]
+    counts: Counts
+    warnings: tuple[str, ...]
+
+
+class PartOfEth3d(Record, frozen=True, kw_only=True):
+    """How much of ETH3D's training set was attempted."""
+
+    images: int
+    of_images: int
+    scenes: int
+    of_scenes: int
+
+
+class DepthCoverage(Coverage, frozen=True, kw_only=True):
+    """Coverage of depth. eth3d: where every image is one of its photos."""
+
+    eth3d: PartOfEth3d | UnsetType = UNSET
+
+
+class DepthRules(Record, frozen=True, kw_only=True):
+    """The choices of the depth card that decide a number."""
+
+    space: str
+    model: str
+    solver: str
+    disparity_floor: str
+    fit_pixels: str
+    aggregate: str
+    resolution: str
+    resample: str
+    valid_truth: str
+    policies: tuple[str, ...]
+    primary: str
+    min_valid_px: int
+
+
+class DepthChoices(DepthRules, frozen=True, kw_only=True):
+    """The card's choices and the command line's."""
+
+    camera_model: str
+
+
+class AllAttempted(Record, frozen=True, kw_only=True):
+    """AbsRel by hole policy over every image with truth, `missing` of them at missing_abs_rel."""
+
+    abs_rel: dict[str, float | None]
+    images: int
+    missing: int
+    missing_abs_rel: float
+
+
+class DepthBootstrap(Record, frozen=True, kw_only=True):
+    """How intervals were drawn. groups: how many scenes (or images) there are to draw."""
+
+    draws: int
+    seed: int
+    unit: Literal["scene", "image"]
+    groups: int
+    level: float
+
+
+class NotScored(Record, frozen=True, kw_only=True):
+    """An image without a score, and why."""
+
+    image_id: int
+    file_name: str
+    status: str
+    reason: str | None
+
+
+class DepthSummary(Summary, frozen=True, kw_only=True):
+    """Of depth. constant: the means of the constant that knows nothing of the picture."""
+
+    coverage: DepthCoverage
+    protocol: DepthChoices
+    metrics: Means
+    constant: Means
+    all_attempted: AllAttempted
+    intervals: dict[str, dict[str, Interval]]
+    bootstrap: DepthBootstrap
+    mean_hole_share: float | None
+    mean_outside_view_share: float | None
+    mean_clamped_share: float | None
+    resampled: int
+    worse_than_constant: int
+    not_scored: tuple[NotScored, ...]
+    warnings: int
+
+
+class _Task(Record, frozen=True, kw_only=True):
+    task: str
+
+
+def summary_of(data: bytes) -> DetectionSummary | DepthSummary:
+    """The content of a summary.json, by its task. RecordError."""
+    if decode(_Task, data).task == "eth3d":
+        return decode(DepthSummary, data)
+    return decode(DetectionSummary, data)
