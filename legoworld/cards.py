@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from legoworld import catalog
 from legoworld.conventions import ALPHA_THRESHOLD, EQUAL_CONFIDENCE, NO_DEPTH, NO_INSTANCE
 from legoworld.errors import InstallationError
 from legoworld.files import sha256_of_file
+from legoworld.records.base import RecordError, to_record
+from legoworld.records.cards import ReadoutCard
 
 #: What the code does, by card key; a card that declares otherwise is refused.
 _FIXED: dict[str, Any] = {
@@ -68,12 +71,29 @@ _FIXED_FOR: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Card:
-    """One task's card. values: the card's tables as read."""
+    """One task's card. values: the card's tables as read; declared: what the code asks of them."""
 
     task: str
-    version: str
     sha256: str
     values: dict[str, Any]
+
+    @property
+    def version(self) -> str:
+        """The card's own version, which a run records."""
+        return self.declared.readout.version
+
+    @cached_property
+    def declared(self) -> ReadoutCard:
+        """The card as a type. InstallationError where it is none."""
+        try:
+            return to_record(ReadoutCard, self.values)
+        except RecordError as error:
+            raise InstallationError(
+                f"the readout card of {self.task} cannot be used",
+                found=str(error),
+                expected="the card that ships with legoworld",
+                next_step=f"restore readouts/{self.task}.toml",
+            ) from error
 
     def value(self, key: str) -> Any:
         """A value by its dotted key, such as "scoring.max_detections"."""
@@ -98,12 +118,7 @@ def read_card(path: Path, task: str) -> Card:
     """Read a card; InstallationError when a fixed value is not the one the code implements."""
     with path.open("rb") as stream:
         values = tomllib.load(stream)
-    card = Card(
-        task=task,
-        version=str(values.get("readout", {}).get("version")),
-        sha256=sha256_of_file(path),
-        values=values,
-    )
+    card = Card(task=task, sha256=sha256_of_file(path), values=values)
     for key, expected in {**_FIXED, **_FIXED_FOR[task]}.items():
         found = card.value(key)
         if found != expected:

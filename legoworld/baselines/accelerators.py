@@ -82,4 +82,4 @@ def chosen_dtype(given: str, device: str, card: BaselineCard) -> str:
     """The dtype a run is on record with: `--dtype auto` is the card's on CUDA, else float32."""
     if given != "auto":
         return given
-    return card.dtype_on_cuda if device.partition(":")[0] == "cuda" else "float32"
+    return card.about.dtype_on_cuda if device.partition(":")[0] == "cuda" else "float32"

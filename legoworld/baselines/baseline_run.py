@@ -92,8 +92,8 @@ def run_baseline(
             run_folder.recorded_configuration(request.run) or known,
             {
                 "name": request.card.name,
-                "title": request.card.title,
-                "licence": request.card.licence,
+                "title": request.card.about.title,
+                "licence": request.card.about.licence,
                 "label_map": request.labels,
                 # Names only. They are no part of the configuration: a run resumes without them.
                 "variables": passed(request.variables),

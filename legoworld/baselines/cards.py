@@ -7,22 +7,24 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, get_args
 
 from legoworld import catalog
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.records.base import UnsetType, to_record
+from legoworld.records.cards import BaselineCardFile, BaselineOption, Dtype, OptionValue
 
 CARD: Final = "card.toml"
 PROJECT: Final = "pyproject.toml"
 PROGRAM: Final = "run.py"
 SHARED: Final = "shared"
-_TASKS: Final = ("coco", "coco-masks", "lvis", "eth3d")
-DTYPES: Final = ("float32", "float16", "bfloat16")
+DTYPES: Final[tuple[Dtype, ...]] = get_args(Dtype)
 _TYPES: Final[Mapping[str, type]] = {"str": str, "int": int, "float": float, "bool": bool}
+_EXPECTED: Final = (
+    "name, title, version, licence, tasks such as coco, and [options.KEY] with a help each"
+)
 _TRUE_AND_FALSE: Final = {"true": True, "false": False}
-
-OptionValue = str | int | float | bool | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,32 +33,24 @@ class Option:
 
     key: str
     type: str
-    default: OptionValue
+    default: OptionValue | None
     choices: tuple[OptionValue, ...]
     help: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineCard:
-    """One baseline. folder: with its run.py; prompts_from_truth: whether it can be given them.
+    """One baseline. about: its card; folder: with its run.py."""
 
-    variables: names of the caller's environment variables that its process needs to see;
-    label_map: whether it matches labels by name; dtype_on_cuda: what the original computes in on a
-    GPU, `--dtype auto`.
-    """
-
-    name: str
-    title: str
-    version: str
-    licence: str
-    tasks: tuple[str, ...]
+    about: BaselineCardFile
     options: tuple[Option, ...]
-    prompts_from_truth: bool
-    variables: tuple[str, ...]
-    label_map: bool
-    dtype_on_cuda: str
     folder: Path
     sha256: str
+
+    @property
+    def name(self) -> str:
+        """Its name, which is its folder's."""
+        return self.about.name
 
     @property
     def program(self) -> Path:
@@ -105,41 +99,22 @@ def load_baseline(name: str) -> BaselineCard:
 def read_card(path: Path) -> BaselineCard:
     """Read a card.toml. CatalogError says what it lacks."""
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        about = to_record(BaselineCardFile, tomllib.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError) as error:
-        raise _error(path, str(error), "a TOML file") from error
-    texts = {key: values.get(key) for key in ("name", "title", "version", "licence")}
-    for key, text in texts.items():
-        if not isinstance(text, str) or not text:
-            raise _error(path, f"{key} = {text!r}", f'{key} = "..."')
-    if texts["name"] != path.parent.name:
-        raise _error(path, f"name = {texts['name']!r}", f"its folder's name, {path.parent.name!r}")
-    tasks = values.get("tasks")
-    if not isinstance(tasks, list) or not tasks or not set(tasks) <= {*_TASKS}:
-        raise _error(path, f"tasks = {tasks!r}", f"a list of {', '.join(_TASKS)}")
+        raise _error(path, str(error), _EXPECTED) from error
+    if about.name != path.parent.name:
+        raise _error(path, f"name = {about.name!r}", f"its folder's name, {path.parent.name!r}")
     if not (path.parent / PROGRAM).is_file():
         raise _error(path, f"no {PROGRAM} beside it", f"{PROGRAM}, the program that is started")
-    options = values.get("options", {})
-    variables = values.get("variables", [])
-    if not isinstance(variables, list) or not all(isinstance(v, str) and v for v in variables):
-        raise _error(path, f"variables = {variables!r}", 'a list of names, such as ["HF_TOKEN"]')
-    dtype = values.get("dtype_on_cuda", "float32")
-    if dtype not in DTYPES:
-        raise _error(path, f"dtype_on_cuda = {dtype!r}", " or ".join(DTYPES))
     return BaselineCard(
-        **{key: str(text) for key, text in texts.items()},
-        tasks=tuple(tasks),
-        options=tuple(_option(key, entry, path) for key, entry in sorted(options.items())),
-        prompts_from_truth=values.get("prompts_from_truth") is True,
-        variables=tuple(variables),
-        label_map=values.get("label_map") is not False,
-        dtype_on_cuda=dtype,
+        about=about,
+        options=tuple(_option(key, entry, path) for key, entry in sorted(about.options.items())),
         folder=path.parent,
         sha256=sha256_of_file(path),
     )
 
 
-def chosen_options(card: BaselineCard, given: Sequence[str]) -> dict[str, OptionValue]:
+def chosen_options(card: BaselineCard, given: Sequence[str]) -> dict[str, OptionValue | None]:
     """The card's options with those given as KEY=VALUE. UsageError for what it does not have."""
     known = {option.key: option for option in card.options}
     values = {option.key: option.default for option in card.options}
@@ -180,19 +155,17 @@ def _parsed(option: Option, text: str) -> OptionValue:
     return value
 
 
-def _option(key: str, entry: Any, path: Path) -> Option:
-    if not isinstance(entry, dict) or not isinstance(entry.get("help"), str):
-        raise _error(path, f"options.{key} = {entry!r}", f'[options.{key}] with help = "..."')
-    default, choices = entry.get("default"), entry.get("choices", [])
-    kind = entry.get("type") or type(default).__name__
-    right = kind in _TYPES and (default is None or type(default) is _TYPES[kind])
-    if not right or any(type(choice) is not _TYPES[kind] for choice in choices):
+def _option(key: str, entry: BaselineOption, path: Path) -> Option:
+    default = None if isinstance(entry.default, UnsetType) else entry.default
+    kind = entry.type or type(default).__name__
+    values = (*entry.choices, *(() if default is None else (default,)))
+    if any(type(value) is not _TYPES.get(kind) for value in values) or kind not in _TYPES:
         raise _error(
             path,
-            f"options.{key}: type {kind!r}, default {default!r}, choices {choices!r}",
+            f"options.{key}: type {kind!r}, default {default!r}, choices {list(entry.choices)!r}",
             f"a type of {', '.join(_TYPES)}, and values of it",
         )
-    return Option(key=key, type=kind, default=default, choices=tuple(choices), help=entry["help"])
+    return Option(key=key, type=kind, default=default, choices=entry.choices, help=entry.help)
 
 
 def _error(path: Path, found: str, expected: str) -> CatalogError:

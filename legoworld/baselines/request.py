@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from legoworld import __version__
-from legoworld.baselines.cards import BaselineCard, OptionValue
+from legoworld.baselines.cards import BaselineCard
 from legoworld.baselines.labels import LabelMap
 from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
@@ -18,6 +18,7 @@ from legoworld.evaluation.prediction_order import ORDER
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.tasks import Protocol
+from legoworld.records.cards import OptionValue
 from legoworld.track import Track, TrackImage
 
 
@@ -40,7 +41,7 @@ class BaselineRequest:
     device: str
     dtype: str
     batch_size: int
-    options: Mapping[str, OptionValue]
+    options: Mapping[str, OptionValue | None]
     labels: LabelMap
     prompts: TruthPrompts | None
     offline: bool
@@ -53,7 +54,7 @@ class BaselineRequest:
     @property
     def variables(self) -> tuple[str, ...]:
         """The caller's variables that the baseline's process gets by name."""
-        return (*self.card.variables, *self.pass_variables)
+        return (*self.card.about.variables, *self.pass_variables)
 
     @property
     def rules(self) -> AnswerRules:
@@ -110,7 +111,7 @@ def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> 
     partial = request.limit is not None or bool(request.image_ids)
     return common_configuration(request.protocol, request.track, images, partial=partial) | {
         "baseline": request.card.name,
-        "baseline_version": request.card.version,
+        "baseline_version": request.card.about.version,
         "baseline_card_sha256": request.card.sha256,
         "code_sha256": request.card.code_sha256(),
         "weights": weights.name if weights.exists() else request.weights,

@@ -32,7 +32,7 @@ def read_truth_prompts(
     UsageError when the baseline cannot be prompted or the task is not lvis; CatalogError when the
     file is not LVIS truth of these images.
     """
-    if task != "lvis" or not card.prompts_from_truth:
+    if task != "lvis" or not card.about.prompts_from_truth:
         raise UsageError(
             "--prompts-from-truth is for prompted baselines on LVIS, whose images list categories",
             found=f"the baseline {card.name} on {task}",

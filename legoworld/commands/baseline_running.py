@@ -117,11 +117,11 @@ def run_command(
     if resume and overwrite:
         raise click.UsageError("--resume keeps what is done and --overwrite deletes it: pass one")
     card = load_baseline(name)
-    if task not in card.tasks:
+    if task not in card.about.tasks:
         raise click.UsageError(
-            f"the baseline {name} is for {', '.join(card.tasks)}, not for {task}"
+            f"the baseline {name} is for {', '.join(card.about.tasks)}, not for {task}"
         )
-    if label_map is not None and not card.label_map:
+    if label_map is not None and not card.about.label_map:
         raise click.UsageError(
             f"the baseline {name} matches no labels by name, so --label-map would change nothing"
         )

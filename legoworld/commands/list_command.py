@@ -15,6 +15,7 @@ from legoworld.commands import options
 if TYPE_CHECKING:
     from legoworld.readouts.instructions import Instructions
     from legoworld.readouts.tasks import Protocol
+    from legoworld.records.cards import Head
 
 
 @click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
@@ -45,12 +46,13 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
     options.refuse_given(["track"], f"is for schema, not for {kind}")
     cards = _cards(kind, task)
     if as_json:
-        options.print_json({kind: cards})
+        keys = ("name", "version", "title", "licence")
+        options.print_json({kind: [{key: getattr(card, key) for key in keys} for card in cards]})
     elif not cards:
         click.echo(f"no {kind} are installed" + (f" for {task}" if task else ""))
     else:
         header = ("name", "version", "what", "licence")
-        rows = [(c["name"], c["version"], c["title"], _cut(c["licence"])) for c in cards]
+        rows = [(c.name, c.version, c.title, _cut(c.licence)) for c in cards]
         click.echo(options.table(header, rows))
     return 0
 
@@ -60,22 +62,32 @@ def _cut(text: str, limit: int = 60) -> str:
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
-def _cards(kind: str, task: str | None) -> list[dict[str, Any]]:
+def _cards(kind: str, task: str | None) -> list[Head]:
     """What there is of a kind, for one task where it is given."""
     if kind == "tasks":
         paths = sorted(catalog.folder("readouts").glob("*.toml"), key=lambda path: path.stem)
     else:
         folder = catalog.folder("datasets" if kind == "datasets" else "baselines")
         paths = sorted(folder.glob("*/card.toml"))
-    cards = []
-    for path in paths:
+    heads = [_head(path) for path in paths]
+    return [head for head in heads if task in (None, head.task, *head.tasks)]
+
+
+def _head(path: Path) -> Head:
+    from legoworld.errors import CatalogError
+    from legoworld.records.base import to_record
+    from legoworld.records.cards import Head
+
+    try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
-        top = values.get("readout", values)
-        tasks = top["tasks"] if kind != "tasks" else [top["task"]]
-        if task is not None and task not in tasks:
-            continue
-        cards.append({key: top.get(key, "") for key in ("name", "version", "title", "licence")})
-    return cards
+        return to_record(Head, values.get("readout", values))
+    except ValueError as error:
+        raise CatalogError(
+            f"{path.parent.name}/{path.name} cannot be used",
+            found=str(error),
+            expected="a card with name, version, title and tasks",
+            next_step="correct the card, or install legoworld again",
+        ) from error
 
 
 def _schema(reading: Protocol, *, as_json: bool) -> int:
@@ -87,7 +99,7 @@ def _schema(reading: Protocol, *, as_json: bool) -> int:
         options.print_json(_document(told))
         return 0
     card = told.protocol.card
-    click.echo(f"# How to write a scene for {task}: {card.value('readout.title')} ({card.version})")
+    click.echo(f"# How to write a scene for {task}: {card.declared.readout.title} ({card.version})")
     for section in told.sections:
         click.echo(f"\n## {section.title}")
         for statement in section.statements:
@@ -114,14 +126,14 @@ def _document(told: Instructions) -> dict[str, Any]:
     from legoworld.readouts.instructions import accepted_synonyms
 
     reading = told.protocol
-    vocabulary = reading.vocabulary
+    vocabulary, rules = reading.vocabulary, reading.card.declared.vocabulary
     return {
         "task": reading.task.name,
         "card": {"version": reading.card.version, "sha256": reading.card.sha256},
         "sections": [
             {"id": s.id, "title": s.title, "statements": list(s.statements)} for s in told.sections
         ],
-        "property": reading.card.value("vocabulary.property") if vocabulary else None,
+        "property": rules.property if rules else None,
         "override_property": reading.override_property,
         "labels_file": told.labels_file,
         "vocabulary": [c.name for c in vocabulary.categories] if vocabulary else None,

@@ -170,7 +170,7 @@ def _exports(task: str) -> str:
     """boxes, masks or depth."""
     from legoworld.cards import load_card
 
-    return str(load_card(task).value("readout.reads"))
+    return load_card(task).declared.readout.reads
 
 
 def _exported(row: Row) -> tuple[object, object]:

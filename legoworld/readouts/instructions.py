@@ -153,9 +153,10 @@ def _example(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[s
 
 
 def _labels_file(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[str, Any] | None:
-    if example is None:
+    rules = protocol.card.declared.vocabulary
+    if example is None or rules is None:
         return None
-    key = protocol.card.value("vocabulary.property")
+    key = rules.property
     return {
         "version": 1,
         "labels": [

@@ -47,9 +47,8 @@ class Protocol:
     @property
     def override_property(self) -> str | None:
         """The custom property that wins over `category` in this task."""
-        if self.vocabulary is None:
-            return None
-        return str(self.card.value("vocabulary.override_property"))
+        rules = self.card.declared.vocabulary
+        return rules.override_property if rules else None
 
 
 def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
@@ -57,16 +56,12 @@ def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
     if name not in TASKS:
         raise UsageError("there is no such task", found=repr(name), expected=" or ".join(TASKS))
     card = load_card(name)
-    if "vocabulary" not in card.values:
+    rules = card.declared.vocabulary
+    if rules is None:
         return Protocol(task=TASKS[name], card=card, vocabulary=None)
-    vocabulary = track_vocabulary or shipped_vocabulary(card)
-    if card.value("vocabulary.synonyms") == "none":
+    vocabulary = track_vocabulary or load(catalog.folder("datasets") / rules.file)
+    if rules.synonyms == "none":
         vocabulary = Vocabulary(tuple(replace(c, synonyms=()) for c in vocabulary.categories))
-    if card.value("vocabulary.qualifier") == "where_ambiguous":
+    if rules.qualifier == "where_ambiguous":
         vocabulary = replace(vocabulary, bare_words=True)
     return Protocol(task=TASKS[name], card=card, vocabulary=vocabulary)
-
-
-def shipped_vocabulary(card: Card) -> Vocabulary:
-    """The vocabulary file a card names."""
-    return load(catalog.folder("datasets") / str(card.value("vocabulary.file")))

@@ -55,10 +55,14 @@ def test_an_unknown_name_comes_with_the_nearest(monkeypatch, copy):
     ("old", "new", "words"),
     [
         ('name = "fake"', 'name = "other"', "its folder's name"),
-        ('title = "', 'titel = "', "title = None"),
-        ('tasks = ["coco", "lvis", "eth3d"]', 'tasks = ["voc"]', "a list of coco"),
-        ("default = 0\n", "default = [1]\n", "type 'list'"),
-        ('help = "seconds each image takes"', "", "with help"),
+        ('title = "', 'titel = "', "missing required field title"),
+        ('title = "', 'title = ""\n_ = "', r"length >= 1 at \$\.title"),
+        ('tasks = ["coco", "lvis", "eth3d"]', 'tasks = ["voc"]', r"'voc' at \$\.tasks\[0\]"),
+        ("default = 0\n", "default = [1]\n", r"got array at \$\.options\[\.\.\.\]\.default"),
+        ("default = 0\n", "default = 0\nchoices = [0.5]\n", "type 'int', default 0, choices"),
+        ("default = 0\n", "", "type 'NoneType'"),
+        ("default = 0\n", 'type = "list"\n', "'list'"),
+        ('help = "seconds each image takes"', "", "missing required field help"),
         ("schema_version = 1", "schema_version = ", "Invalid value"),
     ],
 )

@@ -10,6 +10,7 @@ import pytest
 
 from legoworld.baselines.cards import read_card
 from legoworld.baselines.child import BaselineProcess
+from legoworld.errors import CatalogError
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.workers.environment import ChildKind, child_environment, passed
 
@@ -85,7 +86,7 @@ def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypa
     )
     card = read_card(folder / "card.toml")
     with BaselineProcess(
-        card, Path(sys.executable), {"offline": True}, print, declared=card.variables
+        card, Path(sys.executable), {"offline": True}, print, declared=card.about.variables
     ) as process:
         message = process.next_message(30.0)
     seen = message["seen"]
@@ -123,5 +124,5 @@ def test_a_card_whose_variables_are_no_names_is_refused(tmp_path):
         'name = "odd"\ntitle = "t"\nversion = "1"\nlicence = "none"\ntasks = ["coco"]\n'
         "variables = [1]\n"
     )
-    with pytest.raises(Exception, match="HF_TOKEN"):
+    with pytest.raises(CatalogError, match=r"expected str, got int at \$\.variables\[0\]"):
         read_card(folder / "card.toml")

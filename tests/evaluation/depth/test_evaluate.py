@@ -437,8 +437,6 @@ def test_numbers_that_float64_cannot_square_are_holes(
 def test_a_card_of_another_protocol_is_refused() -> None:
     card = depth_protocol().card
     alignment = {**card.values["alignment"], "solver": "median"}
-    other = type(card)(
-        task=card.task, version="2", sha256="", values={**card.values, "alignment": alignment}
-    )
+    other = type(card)(task=card.task, sha256="", values={**card.values, "alignment": alignment})
     with pytest.raises(CatalogError, match=r"alignment\.solver"):
         depth_protocol(other)
