@@ -13,7 +13,8 @@ RUN apt-get update \
  && apt-get install -y --no-install-recommends bubblewrap $(python /tmp/system_libraries.py --packages) \
  && rm -rf /var/lib/apt/lists/* /tmp/system_libraries.py
 COPY --from=build /wheels /wheels
-RUN pip install --no-cache-dir "$(ls /wheels/legoworld-*.whl)[draco,exr,url,examples]" \
+COPY constraints/python-3.11.txt /wheels/
+RUN pip install --no-cache-dir -c /wheels/python-3.11.txt "$(ls /wheels/legoworld-*.whl)[draco,exr,url,examples]" \
  && pip install --no-cache-dir --no-deps lvis==0.5.3 \
  && rm -rf /wheels
 RUN useradd --create-home legoworld

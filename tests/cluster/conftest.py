@@ -1,4 +1,4 @@
-"""A cluster for the tests of a module."""
+"""A cluster for all tests of this folder."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def two_nodes() -> Iterator[Any]:
     """A cluster of two nodes on this machine: each with one CPU and processes of its own."""
     ray = pytest.importorskip("ray")

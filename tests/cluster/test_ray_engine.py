@@ -15,7 +15,11 @@ from legoworld.running.engines import Job, run_ray
 
 pytest.importorskip("ray")
 
-pytestmark = [pytest.mark.blender, pytest.mark.filterwarnings("default")]
+pytestmark = [
+    pytest.mark.cluster,
+    pytest.mark.blender,
+    pytest.mark.filterwarnings("default"),
+]
 
 SCENES = """
 for i in range(6):

@@ -13,7 +13,7 @@ from legoworld.running.tasks import Crew, results_of
 
 ray = pytest.importorskip("ray")
 
-pytestmark = pytest.mark.filterwarnings("default")
+pytestmark = [pytest.mark.cluster, pytest.mark.filterwarnings("default")]
 
 RAY = ("--engine", "ray", "--workers", 2)
 

@@ -34,7 +34,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
     return folder
 
 
-@pytest.fixture(params=["memory", "s3"])
+@pytest.fixture(params=["memory", pytest.param("s3", marks=pytest.mark.cluster)])
 def bucket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The URL of an empty place of each kind."""
     if request.param == "memory":
