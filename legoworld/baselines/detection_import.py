@@ -42,6 +42,7 @@ from legoworld.baselines.results_file import (
     with_our_categories,
 )
 from legoworld.evaluation.box_formats import BoxFormatError
+from legoworld.evaluation.prediction_columns import columns_of
 from legoworld.evaluation.predictions import Predictions, PredictionsInvalidError, check_results
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
@@ -91,7 +92,8 @@ def import_detections(
     }
 
     def record(image: TrackImage) -> Record:
-        own = Predictions(entries=tuple(groups.get(image.id, ())), warnings=(), n_dropped_empty=0)
+        entries = columns_of(groups.get(image.id, ()))
+        own = Predictions(entries=entries, warnings=(), n_dropped_empty=0)
         return detection_record(image, own, {"source": {"file": source.path.name}})
 
     with run_folder.locked(request.run):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -32,6 +33,11 @@ def check_box_values(
     entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
 ) -> dict[str, int]:
     """BoxFormatError for a box no format explains: not four numbers, or of negative extent."""
+    boxes = [e["bbox"] for e in entries]
+    if set(map(type, boxes)) <= {list} and set(map(len, boxes)) <= {4}:
+        values = finite_floats(itertools.chain.from_iterable(boxes))
+        if values is not None and (values.reshape(-1, 4)[:, 2:] >= 0).all():
+            return {}
     for entry in entries:
         box = entry["bbox"]
         if not isinstance(box, list) or len(box) != 4 or not all(map(is_finite, box)):
@@ -77,9 +83,9 @@ def _arrays(
     entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(n, 4) boxes and the (n, 2) sizes of their images."""
-    boxes = np.array([e["bbox"] for e in entries], np.float64)
-    sizes = np.array([sizes_wh[e["image_id"]] for e in entries], np.float64)
-    return boxes, sizes
+    numbers = list(itertools.chain.from_iterable(e["bbox"] for e in entries))
+    sizes = list(itertools.chain.from_iterable(sizes_wh[e["image_id"]] for e in entries))
+    return np.array(numbers, np.float64).reshape(-1, 4), np.array(sizes, np.float64).reshape(-1, 2)
 
 
 def _outside(
@@ -122,3 +128,15 @@ def is_finite(value: Any) -> bool:
     if not isinstance(value, int | float) or isinstance(value, bool):
         return False
     return abs(value) <= sys.float_info.max  # math.isfinite raises for an integer of 400 digits
+
+
+def finite_floats(values: Iterable[Any]) -> NDArray[np.float64] | None:
+    """(n,) JSON values as float64; None where any is of another type, or none a float can hold."""
+    found = list(values)
+    if not set(map(type, found)) <= {int, float}:
+        return None
+    try:
+        array = np.array(found, np.float64)
+    except OverflowError:  # an integer of 400 digits
+        return None
+    return array if np.isfinite(array).all() else None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from legoworld.evaluation.prediction_columns import PredictionColumns
 
 
 def rank_in_group(sorted_groups: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -20,11 +20,11 @@ def rank_in_group(sorted_groups: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def without_empty(
-    entries: Sequence[dict[str, Any]],
+    entries: PredictionColumns,
     empty: NDArray[np.bool_],
     cap: int | None,
     warnings: Counter[str],
-) -> list[dict[str, Any]]:
+) -> PredictionColumns:
     """The entries that have a pixel, and that lvis keeps beside those that have none.
 
     lvis counts masks without a pixel among an image's first `cap` and drops them afterwards: what
@@ -32,8 +32,7 @@ def without_empty(
     """
     kept = ~empty
     if cap is not None:
-        image = np.array([e["image_id"] for e in entries], np.int64)
-        score = np.array([e["score"] for e in entries], np.float64)
+        image, score = entries.image_id, np.array(entries.score, np.float64)
         crowded = np.isin(image, image[empty])
         by_rank = np.lexsort((np.arange(len(entries)), -score, image))
         within = np.empty(len(entries), bool)
@@ -42,4 +41,4 @@ def without_empty(
         if pushed.any():
             warnings["masks lost to the cap beside masks without a pixel"] = int(pushed.sum())
         kept &= ~pushed
-    return [entry for entry, keep in zip(entries, kept.tolist(), strict=True) if keep]
+    return entries.take(np.flatnonzero(kept))

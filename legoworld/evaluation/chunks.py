@@ -5,6 +5,7 @@ A chunk is what a worker is sent: columns as arrays, and the shapes of its image
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, TypeVar, overload
@@ -85,7 +86,8 @@ class Chunks(Sequence[Chunk]):
         true = slice(self._first_truth[first], self._first_truth[end])
         detections = _cut(self._problem.detections, mine, first)
         truths = _cut(self._problem.truths, true, first)
-        entries = [self._predictions.entries[k] for k in detections.entry]
+        shape = self._predictions.entries.shape
+        shapes = [shape[k] for k in detections.entry.tolist()]
         annotations = [self._truth.annotations[k] for k in truths.annotation]
         boxes = self._problem.protocol.iou_type == "bbox"
         return Chunk(
@@ -95,9 +97,9 @@ class Chunks(Sequence[Chunk]):
             first_detection=self._first_detection[first : end + 1] - mine.start,
             first_truth=self._first_truth[first : end + 1] - true.start,
             sizes_hw=tuple((i["height"], i["width"]) for i in self._truth.images[first:end]),
-            boxes=_boxes(entries if boxes else ()),
-            true_boxes=_boxes(annotations if boxes else ()),
-            masks=() if boxes else tuple(e["segmentation"]["counts"] for e in entries),
+            boxes=_boxes(shapes if boxes else ()),
+            true_boxes=_boxes([a["bbox"] for a in annotations] if boxes else ()),
+            masks=() if boxes else tuple(shapes),
             true_masks=() if boxes else tuple(a["segmentation"] for a in annotations),
         )
 
@@ -115,5 +117,6 @@ def _cut(columns: Columns, some: slice, first_image: int) -> Columns:
     return replace(columns, **{**cut, "image": cut["image"] - first_image})
 
 
-def _boxes(entries: Sequence[dict[str, Any]]) -> Floats:
-    return np.array([e["bbox"] for e in entries], np.float64).reshape(-1, 4)
+def _boxes(boxes: Sequence[Sequence[float]]) -> Floats:
+    numbers = list(itertools.chain.from_iterable(boxes))
+    return np.array(numbers, np.float64).reshape(-1, 4)

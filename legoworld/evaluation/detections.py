@@ -130,10 +130,8 @@ def _inputs(run: Run, truth_path: Path, origins: Origins) -> list[InputFile]:
 
 def _kept_equal(predictions: Predictions, own: Score) -> Predictions:
     """What the cap kept by the predictions' own scores, none ranked above another."""
-    kept = sorted(own.problem.detections.entry.tolist())
-    return with_equal_confidence(
-        replace(predictions, entries=tuple(predictions.entries[k] for k in kept))
-    )
+    kept = np.sort(own.problem.detections.entry)
+    return with_equal_confidence(replace(predictions, entries=predictions.entries.take(kept)))
 
 
 def _summary(

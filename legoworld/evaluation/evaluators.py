@@ -64,8 +64,8 @@ def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> O
         true = new()
         true.dataset = truth.document()
         true.createIndex()
-        if predictions.entries:
-            found = true.loadRes(predictions.results())
+        if len(predictions.entries):
+            found = true.loadRes(list(predictions.entries))
         else:  # loadRes cannot read an empty list
             found = new()
             found.dataset = {**truth.document(), "annotations": []}
@@ -91,7 +91,7 @@ def _lvis(truth: Truth, predictions: Predictions) -> OfficialScores:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), lvis_package.quiet():
         true = lvis_package.dataset(package, truth.document())
-        found = lvis_package.results(package, true, predictions.results())
+        found = lvis_package.results(package, true, list(predictions.entries))
         evaluation = package.LVISEval(true, found, "segm")
         evaluation.params.img_ids = [i["id"] for i in truth.images]
         evaluation.run()
@@ -109,13 +109,16 @@ def _hotcoco(truth: Truth, predictions: Predictions, protocol: DetectionProtocol
     import hotcoco
 
     true = hotcoco.COCO(truth.document())
-    results = list(predictions.entries)  # it copies what it reads
+    results = list(predictions.entries)
     if not results:
         found = hotcoco.COCO({**truth.document(), "annotations": []})
     elif protocol.federated:
-        found = hotcoco.LVISResults(true, results, max_dets=protocol.per_image_cap)
+        found = hotcoco.LVISResults(
+            true, list(predictions.entries), max_dets=protocol.per_image_cap
+        )
     else:
         found = true.load_res(results)
+    del results  # it has copied what it read, and evaluates in gigabytes
     evaluation: Any = hotcoco.COCOeval(
         true, found, protocol.iou_type, lvis_style=protocol.federated
     )

@@ -27,6 +27,7 @@ from legoworld.evaluation.folder import (
 )
 from legoworld.evaluation.input_hash import hash_and_size, without_of
 from legoworld.evaluation.matched_metrics import matched_document
+from legoworld.evaluation.prediction_columns import columns_of
 from legoworld.evaluation.prediction_order import in_order
 from legoworld.evaluation.predictions import sha256_of_entries
 from legoworld.evaluation.protocols import detection_protocol
@@ -214,8 +215,8 @@ def _export_sha256(predictions: list[Row], *, equal: bool) -> str:
     keys = ("image_id", "category_id", "bbox", "segmentation", "score")
     entries = [{k: shown[k] for k in keys if k in shown} for shown in predictions]
     if equal:
-        entries = [{**entry, "score": EQUAL_CONFIDENCE} for entry in entries]
-        entries = in_order(entries, "canonical")
+        alike = columns_of([{**entry, "score": EQUAL_CONFIDENCE} for entry in entries])
+        return sha256_of_entries(in_order(alike, "canonical"))
     return sha256_of_entries(entries)
 
 

@@ -22,6 +22,7 @@ _FUNCTIONS: Final = (
     "lw_ordered",
     "lw_overlap_masks",
     "lw_pair",
+    "lw_random_orders",
     "lw_resample",
 )
 

@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.box_formats import check_box_format, is_finite
+from legoworld.evaluation.box_formats import check_box_format, finite_floats, is_finite
 from legoworld.evaluation.caps import without_empty
 from legoworld.evaluation.masks import compressed, covers, measured, rle_problem
-from legoworld.evaluation.prediction_order import PredictionOrder, in_order, order_of
+from legoworld.evaluation.prediction_columns import PredictionColumns
+from legoworld.evaluation.prediction_order import (
+    PredictionOrder,
+    in_order,
+    order_of,
+    places_in_order,
+)
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.evaluation.truth import Truth
@@ -47,20 +53,10 @@ class Predictions:
     warnings: counted repairs. n_dropped_empty: masks without a pixel, dropped as lvis does.
     """
 
-    entries: tuple[dict[str, Any], ...]
+    entries: PredictionColumns
     warnings: tuple[str, ...]
     n_dropped_empty: int
     order: PredictionOrder = "canonical"
-
-    def results(self) -> list[dict[str, Any]]:
-        """A list an evaluator may write into: nothing in it is shared."""
-        return [
-            {
-                k: list(v) if isinstance(v, list) else dict(v) if isinstance(v, dict) else v
-                for k, v in entry.items()
-            }
-            for entry in self.entries
-        ]
 
     @property
     def sha256(self) -> str:
@@ -75,11 +71,10 @@ class Predictions:
     @property
     def equally_confident(self) -> bool:
         """Whether no entry is ranked above another, and their order is canonical."""
-        if len({e["score"] for e in self.entries}) > 1:
+        if len(set(self.entries.score)) > 1:
             return False
-        return self.order == "canonical" or list(self.entries) == in_order(
-            self.entries, "canonical"
-        )
+        places = places_in_order(self.entries, "canonical")
+        return self.order == "canonical" or bool((np.diff(places) == 1).all())
 
 
 def check_predictions(
@@ -120,30 +115,39 @@ def check_results(
     PredictionsInvalidError names the first offender and how many there are.
     """
     payload = "bbox" if protocol.iou_type == "bbox" else "segmentation"
-    _check_keys(entries, payload)
+    if not _sound(entries, payload):
+        _check_keys(entries, payload)
     _check_ids(entries, status_by_image, vocabulary)
     warnings: Counter[str] = Counter()
-    n_empty = 0
     if payload == "bbox":
         warnings.update(check_boxes(entries, sizes_wh))
-        kept = in_order(map(_box_entry, entries), order)
+        shape = [e["bbox"] for e in entries]
     else:
-        kept = [_mask_entry(e, sizes_wh[e["image_id"]], warnings) for e in entries]
-        kept = in_order(kept, order)
-        areas = _areas(kept, sizes_wh)
+        shape = [_counts(e, sizes_wh[e["image_id"]], warnings) for e in entries]
+    kept = in_order(
+        PredictionColumns(
+            image_id=np.array([e["image_id"] for e in entries], np.int64),
+            category_id=np.array([e["category_id"] for e in entries], np.int64),
+            score=tuple(e["score"] for e in entries),
+            shape=tuple(shape),
+            sizes_wh=None if payload == "bbox" else sizes_wh,
+        ),
+        order,
+    )
+    n_empty = 0
+    if payload != "bbox":
+        empty = _areas(kept, sizes_wh) == 0
         boxed = sum("bbox" in e for e in entries)
         if boxed:  # both evaluators would take the box's area for the mask's
             warnings["masks with a bbox, which was left out"] = boxed
-        n_empty = int((areas == 0).sum())
-        if n_empty and protocol.federated:
-            kept = without_empty(kept, areas == 0, protocol.per_image_cap, warnings)
-        elif n_empty:
-            warnings["masks without a pixel, scored as pycocotools does: they match nothing"] = (
-                n_empty
-            )
-            n_empty = 0
+        if empty.any() and protocol.federated:
+            n_empty = int(empty.sum())
+            kept = without_empty(kept, empty, protocol.per_image_cap, warnings)
+        elif empty.any():
+            what = "masks without a pixel, scored as pycocotools does: they match nothing"
+            warnings[what] = int(empty.sum())
     return Predictions(
-        entries=tuple(kept),
+        entries=kept,
         warnings=tuple(f"{count} {what}" for what, count in sorted(warnings.items())),
         n_dropped_empty=n_empty,
         order=order,
@@ -163,10 +167,11 @@ def with_equal_confidence(predictions: Predictions) -> Predictions:
 
     Files mostly list higher scores first: in their own order the ranking would still be there.
     """
-    entries = [{**e, "score": EQUAL_CONFIDENCE} for e in predictions.entries]
+    score = (EQUAL_CONFIDENCE,) * len(predictions.entries)
+    entries = replace(predictions.entries, score=score)
     if predictions.order != "canonical":
         entries = in_order(entries, "canonical")
-    return replace(predictions, entries=tuple(entries), order="canonical")
+    return replace(predictions, entries=entries, order="canonical")
 
 
 def _refuse(
@@ -179,6 +184,15 @@ def _refuse(
             expected=expected,
             next_step=next_step,
         )
+
+
+def _sound(entries: Sequence[Any], payload: str) -> bool:
+    """Whether `_check_keys` surely finds nothing, without a call for each entry."""
+    keys = {"image_id", "category_id", "score", payload}
+    if not set(map(type, entries)) <= {dict} or not all(map(keys.issubset, entries)):
+        return False
+    ids = {type(e[key]) for key in ("image_id", "category_id") for e in entries}
+    return ids <= {int} and finite_floats([e["score"] for e in entries]) is not None
 
 
 def _check_keys(entries: Sequence[Any], payload: str) -> None:
@@ -273,45 +287,31 @@ def _mapping_hint(found: set[int], known: set[int]) -> str:
     )
 
 
-def _box_entry(entry: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "image_id": entry["image_id"],
-        "category_id": entry["category_id"],
-        "bbox": list(entry["bbox"]),
-        "score": entry["score"],
-    }
-
-
-def _mask_entry(
-    entry: dict[str, Any], size_wh: tuple[int, int], warnings: Counter[str]
-) -> dict[str, Any]:
+def _counts(entry: dict[str, Any], size_wh: tuple[int, int], warnings: Counter[str]) -> str:
+    """The compressed counts of an entry's mask."""
     mask = entry["segmentation"]
     problem = rle_problem(mask, size_wh)
     if problem:
         raise _unusable_mask(entry, problem)
-    counts = mask["counts"]
-    if isinstance(counts, list):
-        warnings["masks with uncompressed RLE, compressed before scoring"] += 1
-        counts = compressed(mask, (size_wh[1], size_wh[0]))["counts"].decode("ascii")
-    return {
-        "image_id": entry["image_id"],
-        "category_id": entry["category_id"],
-        "segmentation": {"size": [size_wh[1], size_wh[0]], "counts": counts},
-        "score": entry["score"],
-    }
+    counts: str | list[int] = mask["counts"]
+    if isinstance(counts, str):
+        return counts
+    warnings["masks with uncompressed RLE, compressed before scoring"] += 1
+    text: str = compressed(mask, (size_wh[1], size_wh[0]))["counts"].decode("ascii")
+    return text
 
 
 def _areas(
-    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
+    entries: PredictionColumns, sizes_wh: Mapping[int, tuple[int, int]]
 ) -> NDArray[np.float64]:
     """(n,) pixels of every mask, once its run lengths add up to its image.
 
     pycocotools never asks, and reads on behind the end of counts that do not.
     """
-    covered, areas = measured([e["segmentation"]["counts"] for e in entries])
+    covered, areas = measured(entries.shape)
     pixels = {image_id: width * height for image_id, (width, height) in sizes_wh.items()}
-    for index in np.flatnonzero(covered != [pixels[e["image_id"]] for e in entries])[:1]:
-        entry = entries[index]
+    for index in np.flatnonzero(covered != [pixels[i] for i in entries.image_id.tolist()])[:1]:
+        entry = entries[int(index)]
         raise _unusable_mask(entry, covers(int(covered[index]), sizes_wh[entry["image_id"]]))
     return areas
 

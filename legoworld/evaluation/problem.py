@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.caps import rank_in_group
+from legoworld.evaluation.prediction_columns import PredictionColumns
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.truth import Truth
@@ -116,15 +116,15 @@ def _truths(
 
 def _detections(
     truth: Truth,
-    entries: Sequence[dict[str, Any]],
+    entries: PredictionColumns,
     image_ids: Ints,
     category_ids: Ints,
     truths: TrueInstances,
     protocol: DetectionProtocol,
 ) -> tuple[Detections, int]:
-    image = _positions(image_ids, [e["image_id"] for e in entries])
-    category = _positions(category_ids, [e["category_id"] for e in entries])
-    score = np.array([e["score"] for e in entries], np.float64)
+    image = _positions(image_ids, entries.image_id)
+    category = _positions(category_ids, entries.category_id)
+    score = np.array(entries.score, np.float64)
     place = np.arange(len(entries))
     kept = np.ones(len(entries), bool)
     if protocol.per_image_cap is not None:

@@ -22,9 +22,9 @@ _OUTCOMES = {FALSE_POSITIVE: "fp", TRUE_POSITIVE: "tp", IGNORED: "ignored"}
 def per_image_rows(run: Run, predictions: Predictions, score: Score) -> list[Row]:
     """One row for every attempted image, ascending id."""
     problem, table = score.problem, score.table
-    position = {int(i): k for k, i in enumerate(problem.image_ids)}
     n = len(problem.image_ids)
-    n_predictions = np.bincount([position[e["image_id"]] for e in predictions.entries], minlength=n)
+    predicted = np.searchsorted(problem.image_ids, predictions.entries.image_id)
+    n_predictions = np.bincount(predicted, minlength=n)
     n_kept = np.bincount(problem.detections.image, minlength=n)
     n_unverified = np.bincount(problem.detections.image[~problem.detections.verified], minlength=n)
     n_ignored = np.bincount(problem.truths.image[problem.truths.ignored], minlength=n)

@@ -16,21 +16,18 @@ from legoworld.evaluation.accumulation import (
     category_slices,
     first_reached,
     mean_precision,
-    segments,
     truths_per_category,
 )
 from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.compiled import bits_of, ordered_precision
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.problem import Floats, Ints
+from legoworld.evaluation.random_orders import random_orders
 from legoworld.records.evaluation_summary import Ties
 
 #: Elements of one block of random orders, to bound memory: part of what a seed means.
 _BLOCK_ELEMENTS: Final = 1 << 21
-#: So few keys are as quickly sorted by argsort.
-_FEW_KEYS: Final = 8
 
-Counts = NDArray[np.int32]
 Steps = NDArray[np.uint8]
 
 
@@ -68,6 +65,13 @@ class _Ranking:
     plain_in: Ints
 
     @property
+    def runs(self) -> tuple[Ints, Ints, Ints]:
+        """Where each run that has special detections begins among them, and its plain ones."""
+        start = np.flatnonzero(np.diff(self.group, prepend=-1))
+        group = self.group[start]
+        return np.append(start, len(self.group)), self.plain_in[group], self.plain_before[group]
+
+    @property
     def tied(self) -> bool:
         """Whether any order is open: a run of several detections, not all alike."""
         sizes = np.bincount(self.group, minlength=len(self.plain_in))
@@ -80,10 +84,15 @@ def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
     bounds = np.zeros(2)
     scored = np.flatnonzero(n_truths)
     slices = category_slices(table)
-    for k in scored:
+
+    def bounds_of(k: int) -> Floats:
         rows = slices[k]
         ranking = _ranking(table.state[0, :, rows], table.score[rows])
-        bounds += _bounds(ranking, first_reached(int(n_truths[k])))
+        return _bounds(ranking, first_reached(int(n_truths[k])))
+
+    with category_threads() as pool:
+        for found in pool.map(bounds_of, scored.tolist()):
+            bounds += found
     n = len(scored)
     aps = order_aps(table, draws=draws, seed=seed)
     worst, best = bounds / n if n else (np.nan, np.nan)
@@ -94,12 +103,7 @@ def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
         best=float(best),
         draws=draws,
         seed=seed,
-        n_tied=sum(
-            run.stop - run.start
-            for k in scored
-            for run in segments(table.score[slices[k]])
-            if run.stop - run.start > 1
-        ),
+        n_tied=sum(_n_tied(table.score[slices[k]]) for k in scored),
     )
 
 
@@ -121,6 +125,13 @@ def order_aps(table: MatchTable, *, draws: int, seed: int) -> Floats:
         for values in pool.map(sampled, scored):
             total += values
     return total / len(scored) if scored else np.full(draws, np.nan)
+
+
+def _n_tied(sorted_scores: Floats) -> int:
+    """How many stand in runs of several equal ones."""
+    edges = np.flatnonzero(np.diff(sorted_scores, prepend=np.nan, append=np.nan) != 0)
+    sizes = np.diff(edges)
+    return int(sizes[sizes > 1].sum())
 
 
 def _ranking(state: NDArray[np.uint8], score: Floats) -> _Ranking:
@@ -154,46 +165,9 @@ def _sampled(ranking: _Ranking, n_truths: int, draws: int, random: np.random.Gen
     values = np.empty(draws)
     for start in range(0, draws, block):
         n = min(block, draws - start)
-        order, plain = _random_order(ranking, n, random)
+        order, plain = random_orders(*ranking.runs, n, random)
         values[start : start + n] = ordered_precision(is_true, is_ignored, order, plain, n_truths)
     return values
-
-
-def _random_order(ranking: _Ranking, n: int, random: np.random.Generator) -> tuple[Counts, Counts]:
-    """n random orders of the special detections, and the plain false positives above each.
-
-    Both (n, S). Within a run of equal scores, every order of its special and plain detections is
-    equally likely: the gaps between the special ones share out the plain ones as a symmetric
-    Dirichlet-multinomial with parameter 1, which is uniform over all ways to share them out.
-    """
-    size = len(ranking.group)
-    order = np.repeat(np.arange(size, dtype=np.int32)[None], n, axis=0)
-    plain = np.repeat(ranking.plain_before[ranking.group].astype(np.int32)[None], n, axis=0)
-    for run in segments(ranking.group.astype(np.float64)):
-        n_special = run.stop - run.start
-        n_plain = int(ranking.plain_in[ranking.group[run.start]])
-        if n_special > 1:
-            order[:, run] = run.start + _sorting(random.random((n_special, n), np.float32))
-        if n_plain:
-            gaps = random.standard_exponential((n, n_special + 1))
-            shares = random.multinomial(n_plain, gaps / gaps.sum(axis=1, keepdims=True))
-            plain[:, run] += np.cumsum(shares[:, :-1], axis=1, dtype=np.int32)
-    return order, plain
-
-
-def _sorting(keys: NDArray[np.float32]) -> NDArray[np.int64]:
-    """np.argsort(keys, axis=0, kind="stable").T of keys in 0..1, several times as fast.
-
-    keys: (S, n). The bits of such numbers rise with them, and with the place behind them there
-    are no two equal ones, so that any sort of plain integers will do.
-    """
-    if len(keys) < _FEW_KEYS:
-        return np.argsort(keys, axis=0, kind="stable").T
-    bits = np.ascontiguousarray(keys.T).view(np.uint32).astype(np.int64) << 32
-    bits |= np.arange(len(keys))
-    bits.sort(axis=1)
-    bits &= (1 << 32) - 1
-    return bits
 
 
 def _bounds(ranking: _Ranking, steps: Steps) -> Floats:

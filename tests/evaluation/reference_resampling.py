@@ -13,6 +13,7 @@ from legoworld.evaluation.accumulation import (
     category_slices,
     first_reached,
     mean_precision,
+    segments,
 )
 from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
 from legoworld.evaluation.matches import matches_of
@@ -93,3 +94,20 @@ def pair_metrics(problem, truth, predictions, samples, *, class_aware):
     matches = matches_of(problem, truth, predictions)
     pairs = matches.aware if class_aware else matches.agnostic
     return matched_metrics(matched_counts(problem, pairs), samples)
+
+
+def random_orders(ranking, n, random):
+    """As legoworld.evaluation.random_orders.random_orders, of ties' own ranking."""
+    order = np.repeat(np.arange(len(ranking.group))[None], n, axis=0)
+    plain = np.repeat(ranking.plain_before[ranking.group][None], n, axis=0)
+    for run in segments(ranking.group.astype(np.float64)):
+        n_special = run.stop - run.start
+        n_plain = int(ranking.plain_in[ranking.group[run.start]])
+        if n_special > 1:
+            keys = random.random((n_special, n), np.float32)
+            order[:, run] = run.start + np.argsort(keys, axis=0, kind="stable").T
+        if n_plain:
+            gaps = random.standard_exponential((n, n_special + 1))
+            shares = random.multinomial(n_plain, gaps / gaps.sum(axis=1, keepdims=True))
+            plain[:, run] += np.cumsum(shares[:, :-1], axis=1)
+    return order, plain

@@ -17,6 +17,7 @@ from evaluation.official import direct, evaluate
 
 from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.evaluators import EvaluatorDisagreesError, run_evaluator
+from legoworld.evaluation.prediction_columns import columns_of
 from legoworld.evaluation.prediction_order import canonical_key
 from legoworld.evaluation.scoring import check_agreement, frequencies_of
 from legoworld.evaluation.text import official_lines
@@ -126,6 +127,6 @@ def test_the_official_lines_of_the_reference_sample(real_data, tmp_path):
         entries = json.loads(path.read_text(encoding="utf-8"))
         task = {"bbox": "coco", "segm": "coco-masks"}[iou_type]
         protocol, read, predictions = checked(tmp_path / iou_type, task, document, [])
-        own = replace(predictions, entries=tuple(entries))
+        own = replace(predictions, entries=columns_of(entries))
         scores = run_evaluator(read, own, protocol, "official")
         assert [round(x, 3) for x in scores.official] == expected

@@ -19,7 +19,8 @@ from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.compiled import bits_of, ordered_precision
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.ties import _random_order, _ranking, _sorting, order_aps, tie_orders
+from legoworld.evaluation.random_orders import random_orders
+from legoworld.evaluation.ties import _ranking, order_aps, tie_orders
 
 COCO = detection_protocol("coco")
 
@@ -168,12 +169,24 @@ def ap_of(table):
     return metric_value(COCO.metrics[0], accumulate(table, COCO))
 
 
-@pytest.mark.parametrize("n_keys", [1, 2, 7, 8, 40, 3000])
-def test_sorting_is_stable_where_keys_are_equal(n_keys):
-    keys = np.random.default_rng(0).random((n_keys, 60), np.float32)
-    keys[:, 1::2] = np.round(keys[:, 1::2] * 3) / 3  # many equal ones, 0 and 1 among them
-    expected = np.argsort(keys, axis=0, kind="stable")
-    np.testing.assert_array_equal(_sorting(keys), expected.T)
+@pytest.mark.parametrize("many", [1, 3, 9, 150, 1000])
+def test_random_orders_are_those_of_numpy_to_the_last_bit(many):
+    """Runs of one to many detections, among none to many plain ones; drawn in two blocks."""
+    random = np.random.default_rng(many)
+    sizes = random.integers(1, many + 1, 12)
+    states = np.zeros((10, 40 * int(sizes.sum())), np.uint8)
+    scores = np.repeat(np.arange(12, 0, -1.0), 40 * sizes)
+    special = random.random(len(scores)) < random.choice([0.01, 0.2, 1.0], 12).repeat(40 * sizes)
+    states[:, special] = random.integers(0, 3, (10, int(special.sum())))
+    ranking = _ranking(states, scores)
+    assert ranking.tied
+    pair = [np.random.default_rng(9) for _ in range(2)]
+    for n in (7, 60):
+        order, plain = random_orders(*ranking.runs, n, pair[0])
+        expected = reference_resampling.random_orders(ranking, n, pair[1])
+        np.testing.assert_array_equal(order, expected[0])
+        np.testing.assert_array_equal(plain, expected[1])
+    assert pair[0].random() == pair[1].random()
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -182,7 +195,7 @@ def test_the_compiled_orders_are_the_plain_formulation_to_the_last_bit(name):
     n_truths = int(table.n_truths[0, 0])
     ranking = _ranking(table.state[0], table.score)
     random = np.random.default_rng(4)
-    order, plain = _random_order(ranking, 40, random)
+    order, plain = random_orders(*ranking.runs, 40, random)
     expected = reference_resampling.average_precision_in_orders(ranking, order, plain, n_truths)
     found = ordered_precision(
         bits_of(ranking.true), bits_of(~(ranking.true | ranking.false)), order, plain, n_truths

@@ -1,0 +1,85 @@
+"""Checked predictions as columns: a dict for each would be most of the memory of a score."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictionColumns(Sequence[dict[str, Any]]):
+    """A results list that makes an entry each time it is asked for; nothing in it is shared.
+
+    image_id, category_id: (n,); score: (n,) as given, integers left as they are; shape: (n,)
+    boxes as given, or compressed counts; sizes_wh: of the images, None where shapes are boxes.
+    """
+
+    image_id: Ints
+    category_id: Ints
+    score: tuple[float, ...]
+    shape: tuple[Any, ...]
+    sizes_wh: Mapping[int, tuple[int, int]] | None
+
+    def take(self, places: Ints) -> PredictionColumns:
+        """The predictions at these places, in their order."""
+        chosen = places.tolist()
+        return PredictionColumns(
+            image_id=self.image_id[places],
+            category_id=self.category_id[places],
+            score=tuple(self.score[k] for k in chosen),
+            shape=tuple(self.shape[k] for k in chosen),
+            sizes_wh=self.sizes_wh,
+        )
+
+    def __len__(self) -> int:
+        return len(self.score)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        ids = self.image_id.tolist(), self.category_id.tolist()
+        yield from map(self._entry, *ids, self.shape, self.score)
+
+    @overload
+    def __getitem__(self, index: int) -> dict[str, Any]: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[dict[str, Any]]: ...
+    def __getitem__(self, index: Any) -> Any:
+        """The prediction at a place."""
+        assert isinstance(index, int)
+        ids = int(self.image_id[index]), int(self.category_id[index])
+        return self._entry(*ids, self.shape[index], self.score[index])
+
+    def _entry(self, image_id: int, category_id: int, shape: Any, score: float) -> dict[str, Any]:
+        if self.sizes_wh is None:
+            return {
+                "image_id": image_id,
+                "category_id": category_id,
+                "bbox": list(shape),
+                "score": score,
+            }
+        width, height = self.sizes_wh[image_id]
+        return {
+            "image_id": image_id,
+            "category_id": category_id,
+            "segmentation": {"size": [height, width], "counts": shape},
+            "score": score,
+        }
+
+
+def columns_of(entries: Sequence[Mapping[str, Any]]) -> PredictionColumns:
+    """The columns of checked entries: all of boxes, or all of compressed masks."""
+    boxes = not entries or "bbox" in entries[0]
+    masks = [] if boxes else [e["segmentation"] for e in entries]
+    sizes = zip((e["image_id"] for e in entries), (m["size"] for m in masks), strict=False)
+    return PredictionColumns(
+        image_id=np.array([e["image_id"] for e in entries], np.int64),
+        category_id=np.array([e["category_id"] for e in entries], np.int64),
+        score=tuple(e["score"] for e in entries),
+        shape=tuple(e["bbox"] for e in entries) if boxes else tuple(m["counts"] for m in masks),
+        sizes_wh=None if boxes else {image: (w, h) for image, (h, w) in sizes},
+    )

@@ -1,0 +1,62 @@
+"""Columns of predictions: arrays give the order that the entries' own keys give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from legoworld.evaluation.box_formats import finite_floats, is_finite
+from legoworld.evaluation.prediction_columns import columns_of
+from legoworld.evaluation.prediction_order import canonical_key, in_order
+
+
+def entries(kind, random, n=300):
+    """Few images, categories, shapes and scores, so that every key is tied; integers and floats."""
+    whole = [(2**53) + k for k in range(3)]
+    numbers = {"boxes": [0, 0.0, -0.0, 1, 1.5], "huge": [*whole, 2.0**53, 7]}
+    found = []
+    for _ in range(n):
+        image_id, category_id, score = random.integers(1, 4, 3).tolist()
+        entry = {"image_id": image_id, "category_id": category_id}
+        entry["score"] = [1, 0.5, 1.0][score - 1]
+        if kind == "masks":
+            counts = "".join(random.choice(["0", "Z", "o", "a"], random.integers(1, 4)))
+            entry["segmentation"] = {"size": [4, 5], "counts": counts}
+        else:
+            picked = random.integers(0, len(numbers[kind]), 4).tolist()
+            entry["bbox"] = [numbers[kind][k] for k in picked]
+        found.append(entry)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["boxes", "masks", "huge"])
+def test_ordered_by_arrays_as_by_keys(kind):
+    given = entries(kind, np.random.default_rng(3))
+    found = list(in_order(columns_of(given), "canonical"))
+    assert repr(found) == repr(sorted(map(plain, given), key=canonical_key))
+    found = list(in_order(columns_of(given), "given"))
+    assert repr(found) == repr(sorted(map(plain, given), key=lambda e: e["image_id"]))
+
+
+def plain(entry):
+    """The keys in the order that columns give them."""
+    payload = "bbox" if "bbox" in entry else "segmentation"
+    return {key: entry[key] for key in ("image_id", "category_id", payload, "score")}
+
+
+def test_entries_share_nothing():
+    columns = columns_of(entries("boxes", np.random.default_rng(0), 3))
+    columns[0]["bbox"].append(5)
+    next(iter(columns))["bbox"].clear()
+    assert [len(e["bbox"]) for e in columns] == [4, 4, 4]
+    masks = columns_of(entries("masks", np.random.default_rng(0), 3))
+    masks[1]["segmentation"]["size"].clear()
+    assert [e["segmentation"]["size"] for e in masks] == [[4, 5]] * 3
+
+
+def test_floats_are_found_where_each_value_is_one():
+    values = [0, 1.5, -3, 1e308, 10**400, float("nan"), float("inf"), True, "1", None, [1]]
+    for value in values:
+        found = finite_floats([2, value])
+        assert (found is not None) == is_finite(value), value
+    assert finite_floats([]).shape == (0,)
