@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -125,15 +124,6 @@ def mean_precision(n_true: Counts, n_all: Counts, steps: NDArray[np.uint8]) -> F
     np.add.accumulate(envelope, axis=1, out=envelope)
     values: Floats = envelope[:, -1] / len(RECALL_THRESHOLDS)
     return values
-
-
-def segments(sorted_values: Floats) -> Iterator[slice]:
-    """Runs of equal values."""
-    edges = np.flatnonzero(np.diff(sorted_values)) + 1
-    bounds = [0, *edges.tolist(), len(sorted_values)]
-    for start, stop in itertools.pairwise(bounds):
-        if stop > start:
-            yield slice(start, stop)
 
 
 def _precision_at_recalls(

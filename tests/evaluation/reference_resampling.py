@@ -13,7 +13,6 @@ from legoworld.evaluation.accumulation import (
     category_slices,
     first_reached,
     mean_precision,
-    segments,
 )
 from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
 from legoworld.evaluation.matches import matches_of
@@ -96,11 +95,17 @@ def pair_metrics(problem, truth, predictions, samples, *, class_aware):
     return matched_metrics(matched_counts(problem, pairs), samples)
 
 
+def segments(values):
+    """Runs of equal values."""
+    bounds = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
+    return [slice(*pair) for pair in itertools.pairwise(bounds) if pair[0] < pair[1]]
+
+
 def random_orders(ranking, n, random):
     """As legoworld.evaluation.random_orders.random_orders, of ties' own ranking."""
     order = np.repeat(np.arange(len(ranking.group))[None], n, axis=0)
     plain = np.repeat(ranking.plain_before[ranking.group][None], n, axis=0)
-    for run in segments(ranking.group.astype(np.float64)):
+    for run in segments(ranking.group):
         n_special = run.stop - run.start
         n_plain = int(ranking.plain_in[ranking.group[run.start]])
         if n_special > 1:

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from evaluation.chunk_cases import best_pairs
 from evaluation.detection_runs import (
     box_mask,
     checked,
