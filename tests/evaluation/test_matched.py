@@ -6,7 +6,6 @@ import itertools
 
 import numpy as np
 import pytest
-from evaluation.chunk_cases import best_pairs
 from evaluation.detection_runs import (
     box_mask,
     checked,
