@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
+import re
 from dataclasses import dataclass
 from typing import Any, Final
 
-Message = dict[str, Any]
+from legoworld.records.base import RecordError, decode, nested_beyond, to_record
+from legoworld.records.baseline_messages import Message
 
 #: A nested mask is 6 levels deep; records put three more around an answer.
 MOST_LEVELS: Final = 32
 #: COCO's and LVIS's ids and counts fit; a longer integer would not fit NumPy's or a float.
 _LARGEST_INTEGER: Final = 2**63 - 1
+_MAY_BE_LONGER: Final = re.compile(r"[\[:, -]\d{19}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,53 +37,29 @@ def read_line(line: str) -> Message | Unreadable | None:
     if not line.startswith("{") or not line.endswith("\n"):
         return None
     try:
-        message = json.loads(line)
+        document = decode(dict[str, Any], line)
+        if nested_beyond(MOST_LEVELS, document):
+            raise RecordError(f"JSON nested more than {MOST_LEVELS} levels deep")
+        if _MAY_BE_LONGER.search(line):
+            json.loads(line, parse_int=_refuse_longer)
+        return to_record(Message, document)
+    except RecordError as error:
+        return _unreadable(line, str(error))
+
+
+def _refuse_longer(text: str) -> int:
+    if abs(int(text)) > _LARGEST_INTEGER:
+        raise RecordError("an integer of more than 64 bits")
+    return 0
+
+
+def _unreadable(line: str, reason: str) -> Unreadable | None:
+    """A line that is no message; None where it is no JSON either."""
+    try:
+        said = json.loads(line)
     except RecursionError:
-        return Unreadable(image_id=None, reason="JSON nested too deep to be read")
+        return Unreadable(image_id=None, reason=reason)
     except ValueError:
         return None
-    if not isinstance(message, dict):
-        return None
-    problem = _problem(message)
-    if problem is None:
-        return message
-    image_id = message.get("image_id")
-    return Unreadable(image_id=image_id if type(image_id) is int else None, reason=problem)
-
-
-def _problem(message: Message) -> str | None:
-    """What in a message no file of a run could hold; None where nothing is wrong."""
-    level: list[Any] = [message]
-    for _ in range(MOST_LEVELS):
-        for value in level:
-            wrong = _wrong_value(value)
-            if wrong:
-                return wrong
-        level = [inner for value in level for inner in _inside(value)]
-        if not level:
-            return None
-    return f"JSON nested more than {MOST_LEVELS} levels deep"
-
-
-def _inside(value: Any) -> list[Any]:
-    if isinstance(value, dict):
-        return [*value, *value.values()]
-    return value if isinstance(value, list) else []
-
-
-def _wrong_value(value: Any) -> str | None:
-    if isinstance(value, str):
-        return None if _is_unicode(value) else "a text with a lone surrogate"
-    if isinstance(value, float) and not math.isfinite(value):
-        return f"the number {value}, which is not JSON compliant"
-    if isinstance(value, int) and abs(value) > _LARGEST_INTEGER:
-        return "an integer of more than 64 bits"
-    return None
-
-
-def _is_unicode(text: str) -> bool:
-    try:
-        text.encode("utf-8")
-    except UnicodeEncodeError:
-        return False
-    return True
+    image_id = said.get("image_id")
+    return Unreadable(image_id=image_id if type(image_id) is int else None, reason=reason)

@@ -22,6 +22,7 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.readouts.depth import depth_file
+from legoworld.records.baseline_run import PhotoEntry
 from legoworld.running import run_folder
 from legoworld.track import TrackImage
 from legoworld.track_making import find_photo
@@ -111,7 +112,7 @@ def _intact(
         for i in images
         if i.id in by_id
         and i.id in photos
-        and is_intact(by_id[i.id], run, {"photo_sha256": sha256_of_file(photos[i.id])})
+        and is_intact(by_id[i.id], run, PhotoEntry(photo_sha256=sha256_of_file(photos[i.id])))
     }
 
 

@@ -18,9 +18,11 @@ from types import TracebackType
 from typing import IO, Final, Self
 
 from legoworld import exit_codes
-from legoworld.baselines.answers import Message, Unreadable, read_line
+from legoworld.baselines.answers import Unreadable, read_line
 from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import LegoWorldError, one_line
+from legoworld.records.base import as_json
+from legoworld.records.baseline_messages import ChildRequest, Message
 from legoworld.scene.scratch import ScratchFolder
 from legoworld.workers.environment import ChildKind, child_environment
 
@@ -55,7 +57,7 @@ class BaselineProcess:
         self,
         card: BaselineCard,
         python: Path,
-        request: Message,
+        request: ChildRequest,
         log: Callable[[str], None],
         *,
         declared: Sequence[str] = (),
@@ -74,7 +76,7 @@ class BaselineProcess:
                 encoding="utf-8",
                 errors="replace",
                 start_new_session=True,  # Ctrl-C is for the command, which ends the whole group
-                env=_environment(card, self._home.path, declared, offline=bool(request["offline"])),
+                env=_environment(card, self._home.path, declared, offline=request.offline),
                 pass_fds=(self._home.owner_fd,),
             )
         except OSError as error:
@@ -99,7 +101,7 @@ class BaselineProcess:
             reader.start()
         # The pipe stays open: its end is how the process learns that legoworld is gone.
         with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(json.dumps(request) + "\n")
+            self._process.stdin.write(json.dumps(as_json(request)) + "\n")
             self._process.stdin.flush()
 
     def __enter__(self) -> Self:

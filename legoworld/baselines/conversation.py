@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from legoworld.baselines.answers import Message, Unreadable
+from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.child import BaselineFailedError, BaselineProcess, TooSlowError
 from legoworld.baselines.records import (
     AnswerInvalidError,
@@ -21,6 +21,8 @@ from legoworld.baselines.records import (
 from legoworld.baselines.request import BaselineRequest, child_request
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
+from legoworld.records.baseline_messages import Message
+from legoworld.records.baseline_run import PhotoEntry
 from legoworld.track import TrackImage
 
 Photos = Mapping[int, Path]
@@ -107,17 +109,16 @@ class Conversation:
                 return
             if isinstance(message, Unreadable):
                 yield from self._unusable(message, working)
-            elif "done" in message:
+            elif message.done:
                 silent = AnswerInvalidError(
                     "the baseline gave no answer for the image", expected="one line per image"
                 )
                 yield from self._fail(list(self._pending), silent)
                 return
-            elif "working_on" in message:
-                working = self._waited_for(message["working_on"])
-            else:
-                for image_id in self._waited_for([message.get("image_id")]):
-                    yield self._answered(image_id, message)
+            elif message.working_on is not None:
+                working = self._waited_for(message.working_on)
+            elif message.image_id in self._pending:
+                yield self._answered(message.image_id, message)
             working = [i for i in working if i in self._pending]
 
     def _hello(self, process: BaselineProcess) -> None:
@@ -136,21 +137,20 @@ class Conversation:
                 found=message.reason,
                 expected='{"provenance": {...}}',
             )
-        reason = message.get("refused")
-        if isinstance(reason, dict):
+        if message.refused is not None:
             raise BaselineRefusedError(
-                f"{name}: {reason.get('message')}",
-                found=str(reason.get("found") or ""),
-                expected=str(reason.get("expected") or ""),
-                next_step=str(reason.get("next_step") or ""),
+                f"{name}: {message.refused.message}",
+                found=message.refused.found or "",
+                expected=message.refused.expected or "",
+                next_step=message.refused.next_step or "",
             )
-        environment = message.get("environment", {})
-        if not isinstance(message.get("provenance"), dict) or not isinstance(environment, dict):
+        if message.provenance is None:
             raise BaselineFailedError(
                 f"the baseline {name} does not say what it runs",
-                found=f"a first line with {', '.join(sorted(message)) or 'nothing'}",
+                found="a first line without a provenance",
                 expected='{"provenance": {...}, "environment": {...}}',
             )
+        environment = message.environment
         self._environment = environment
         if self._request.device == "cpu" and "gpu" in environment and not self._told:
             self._told = True
@@ -158,12 +158,11 @@ class Conversation:
                 f"running on the CPU although torch sees a GPU ({environment['gpu']}): pass "
                 "--device cuda or --device auto"
             )
-        self._begin(message["provenance"])
+        self._begin(message.provenance)
 
-    def _waited_for(self, image_ids: Any) -> list[int]:
+    def _waited_for(self, image_ids: Sequence[int]) -> list[int]:
         """Those of the ids a process wrote down that still have no record."""
-        ids = image_ids if isinstance(image_ids, list) else []
-        return list(dict.fromkeys(i for i in ids if type(i) is int and i in self._pending))
+        return list(dict.fromkeys(i for i in image_ids if i in self._pending))
 
     def _answered(self, image_id: int, message: Message) -> Record:
         image = self._pending.pop(image_id)
@@ -177,7 +176,7 @@ class Conversation:
                 expected="photos that stay for as long as the run",
             )
             return failed_record(image, gone)
-        source = {"photo_sha256": photo_sha256, "environment": self._environment}
+        source = PhotoEntry(photo_sha256=photo_sha256, environment=self._environment)
         return answered_record(image, message, self._request.rules, source)
 
     def _unusable(self, line: Unreadable, working: list[int]) -> Iterator[Record]:

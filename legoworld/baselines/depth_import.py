@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
+from msgspec.structs import replace
+
 from legoworld.baselines.baseline_import import (
     ImportRequest,
     import_configuration,
@@ -30,6 +32,7 @@ from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.pictures import SUFFIXES
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.readouts.depth import depth_file
+from legoworld.records.baseline_run import ImportedFrom, PhotoEntry, ReadArray
 from legoworld.running import run_folder
 from legoworld.running.disk import check_disk
 from legoworld.track import TrackImage
@@ -90,29 +93,28 @@ def _depth_records(
             match = _existing(matches, image)
             file = match.path.relative_to(source.folder).as_posix()
             digest = sha256_of_file(match.path)
-            entry = {"source": {"file": file, "sha256": digest, "matched_by": match.how}}
+            entry = PhotoEntry(source=ImportedFrom(file=file, sha256=digest, matched_by=match.how))
             if image.id in earlier and is_intact(earlier[image.id], request.run, entry):
                 yield earlier[image.id]
                 continue
             array = planar_depth(match.path, source, image)
             write_array(request.run / depth_file(image.scene), array)
-            yield _with_reading(depth_record(image, request.run, entry), array)
+            yield _depth_record(image, request, entry, array)
         except LegoWorldError as error:
             yield failed_record(image, error)
 
 
-def _with_reading(record: Record, array: DepthArray) -> Record:
+def _depth_record(
+    image: TrackImage, request: ImportRequest, entry: PhotoEntry, array: DepthArray
+) -> Record:
     """The record with what of the file was read, and a warning where it is less than float32."""
     stored = array.stored
     assert stored is not None
-    scene = {
-        **record["scene"],
-        "read": {"array": stored.array, "dtype": stored.dtype, "shape": list(stored.shape)},
-    }
-    row = record["row"]
+    read = ReadArray(array=stored.array, dtype=stored.dtype, shape=tuple(stored.shape))
+    record = depth_record(image, request.run, replace(entry, read=read))
     if stored.dtype == "float16":
-        row = {**row, "warnings": [*row["warnings"], _FLOAT16]}
-    return {**record, "scene": scene, "row": row}
+        record["row"]["warnings"].append(_FLOAT16)
+    return record
 
 
 def _notice_names(matches: Matches, notice: Say) -> None:

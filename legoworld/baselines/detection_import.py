@@ -46,6 +46,7 @@ from legoworld.evaluation.prediction_columns import columns_of
 from legoworld.evaluation.predictions import Predictions, PredictionsInvalidError, check_results
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.records.baseline_run import ImportedFrom, PhotoEntry
 from legoworld.running import run_folder
 from legoworld.track import TrackImage
 from legoworld.wording import counted
@@ -94,7 +95,7 @@ def import_detections(
     def record(image: TrackImage) -> Record:
         entries = columns_of(groups.get(image.id, ()))
         own = Predictions(entries=entries, warnings=(), n_dropped_empty=0)
-        return detection_record(image, own, {"source": {"file": source.path.name}})
+        return detection_record(image, own, PhotoEntry(source=ImportedFrom(file=source.path.name)))
 
     with run_folder.locked(request.run):
         configuration = import_configuration(request, images, imported)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +18,9 @@ from legoworld.evaluation.predictions import Predictions, check_results
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.readouts.depth import depth_file
+from legoworld.records.base import as_json, canonical, to_record
+from legoworld.records.baseline_messages import DepthSaid, Message
+from legoworld.records.baseline_run import PhotoEntry
 from legoworld.track import TrackImage
 from legoworld.vocabulary import Vocabulary
 
@@ -86,40 +88,24 @@ def failed_record(image: TrackImage, error: LegoWorldError) -> Record:
 
 
 def answered_record(
-    image: TrackImage, answer: Mapping[str, Any], rules: AnswerRules, source: dict[str, Any]
+    image: TrackImage, answer: Message, rules: AnswerRules, source: PhotoEntry
 ) -> Record:
     """A child's answer as a record; one that `evaluate` would refuse is that image's failure."""
     try:
-        if "failed" in answer:
-            raise ImageFailedError(str(answer["failed"]))
-        counts = _counts(answer)
+        if answer.failed is not None:
+            raise ImageFailedError(answer.failed)
         if rules.protocol is None:
-            depth = answer.get("depth")
             record = depth_record(image, rules.run, source)
-            _check_depth_answer(depth, record["row"])
+            _check_depth_answer(answer.depth, record["row"])
         else:
             record = detection_record(image, _checked(image, answer, rules), source)
     except LegoWorldError as error:
         return failed_record(image, error)
-    record["row"]["counts"] = counts
+    record["row"]["counts"] = answer.counts or {}
     return record
 
 
-def _counts(answer: Mapping[str, Any]) -> dict[str, Any]:
-    """What the baseline counted; summary.json adds these up over the images."""
-    counts = answer.get("counts")
-    if counts is None:
-        return {}
-    if not isinstance(counts, dict) or any(type(n) is not int for n in counts.values()):
-        raise AnswerInvalidError(
-            "the baseline's counts cannot be used",
-            found=repr(counts)[:80],
-            expected='{"what": whole number}',
-        )
-    return counts
-
-
-def detection_record(image: TrackImage, predictions: Predictions, source: dict[str, Any]) -> Record:
+def detection_record(image: TrackImage, predictions: Predictions, source: PhotoEntry) -> Record:
     """The record of one image's checked boxes or masks. source: its run.json entry."""
     entries = list(predictions.entries)
     row = _ok_row(image) | {
@@ -128,10 +114,10 @@ def detection_record(image: TrackImage, predictions: Predictions, source: dict[s
         "empty_masks_dropped": predictions.n_dropped_empty,
         "warnings": list(predictions.warnings),
     }
-    return {"row": row, "predictions": entries, "scene": source}
+    return {"row": row, "predictions": entries, "scene": as_json(source)}
 
 
-def depth_record(image: TrackImage, run: Path, source: dict[str, Any]) -> Record:
+def depth_record(image: TrackImage, run: Path, source: PhotoEntry) -> Record:
     """The record of one image's depth file in the run, read back and checked.
 
     LegoWorldError when it is absent, unlabelled, or cannot be scored.
@@ -155,7 +141,7 @@ def depth_record(image: TrackImage, run: Path, source: dict[str, Any]) -> Record
         },
         "warnings": [],
     }
-    return {"row": row, "predictions": [], "scene": source}
+    return {"row": row, "predictions": [], "scene": as_json(source)}
 
 
 def predicted_px(array: DepthArray, image: TrackImage) -> int:
@@ -176,12 +162,12 @@ def predicted_px(array: DepthArray, image: TrackImage) -> int:
     return int(predicted.sum())
 
 
-def is_intact(record: Record, run: Path, source: Mapping[str, Any]) -> bool:
+def is_intact(record: Record, run: Path, source: PhotoEntry) -> bool:
     """Whether a stored record is a result, whole, of this same source (its hashes)."""
     row, stored = record["row"], record["scene"]
     if row["status"] != "ok" or stored is None:
         return False
-    if any(stored.get(key) != value for key, value in source.items()):
+    if any(stored.get(key) != value for key, value in as_json(source).items()):
         return False
     if "depth" not in row:
         return bool(row["predictions_sha256"] == predictions_sha256(record["predictions"]))
@@ -195,17 +181,18 @@ def predictions_sha256(entries: list[dict[str, Any]]) -> str:
     return sha256_of_text(canonical_json(named))
 
 
-def _checked(image: TrackImage, answer: Mapping[str, Any], rules: AnswerRules) -> Predictions:
-    entries = answer.get("predictions")
-    if not isinstance(entries, list):
+def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predictions:
+    if answer.predictions is None:
         raise AnswerInvalidError(
-            "the baseline gave no list of predictions", found=f"keys {sorted(answer)[:6]}"
+            "the baseline gave no predictions",
+            found="an answer without them",
+            expected='"predictions", a list',
         )
     assert rules.protocol is not None
     assert rules.vocabulary is not None
     assert image.size_wh is not None
     return check_results(
-        entries,
+        answer.predictions,
         status_by_image={image.id: "ok"},
         sizes_wh={image.id: image.size_wh},
         vocabulary=rules.vocabulary,
@@ -215,15 +202,14 @@ def _checked(image: TrackImage, answer: Mapping[str, Any], rules: AnswerRules) -
     )
 
 
-def _check_depth_answer(said: Any, row: dict[str, Any]) -> None:
+def _check_depth_answer(said: DepthSaid | None, row: dict[str, Any]) -> None:
     """The file that was written is the one the child spoke of."""
-    found = {**row["depth"], "size_wh": row["rendered_wh"]}
-    keys = ("sha256", "size_wh", "space", "unit")
-    if not isinstance(said, dict) or any(said.get(key) != found[key] for key in keys):
+    found = to_record(DepthSaid, {**row["depth"], "size_wh": row["rendered_wh"]})
+    if said != found:
         raise AnswerInvalidError(
             "the depth file is not the one the baseline spoke of",
-            found=canonical_json({key: found[key] for key in keys}),
-            expected=repr(said)[:300],
+            found=canonical(found),
+            expected=canonical(said) if said else "a word about the file",
         )
 
 

@@ -18,6 +18,11 @@ from legoworld.evaluation.prediction_order import ORDER
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.tasks import Protocol
+from legoworld.records.baseline_messages import (
+    ChildRequest,
+    RequestedCategory,
+    RequestedImage,
+)
 from legoworld.records.cards import OptionValue
 from legoworld.track import Track, TrackImage
 
@@ -126,36 +131,36 @@ def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> 
 
 def child_request(
     request: BaselineRequest, images: Sequence[tuple[TrackImage, Path, int]]
-) -> dict[str, Any]:
+) -> ChildRequest:
     """The one request a process is sent. images: with the photo's path and the batch's number."""
     vocabulary, weights = request.protocol.vocabulary, Path(request.weights)
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "task": request.protocol.task.name,
-        "images": [_image_record(*found) for found in images],
-        "categories": [
-            {"id": c.id, "name": c.name, "synonyms": list(c.synonyms)}
+    return ChildRequest(
+        schema_version=SCHEMA_VERSION,
+        task=request.protocol.task.name,
+        images=tuple(_requested(*found) for found in images),
+        categories=tuple(
+            RequestedCategory(id=c.id, name=c.name, synonyms=c.synonyms)
             for c in (vocabulary.categories if vocabulary else ())
-        ],
-        "label_map": request.labels,
-        "weights": str(weights.resolve()) if weights.exists() else request.weights,
-        "device": request.device,
-        "dtype": request.dtype,
-        "batch_size": request.batch_size,
-        "offline": request.offline,
-        "options": dict(request.options),
-        "prompts": prompts_of_request(request.prompts),
-        "output": str(request.run.resolve()),
-    }
+        ),
+        label_map=request.labels,
+        weights=str(weights.resolve()) if weights.exists() else request.weights,
+        device=request.device,
+        dtype=request.dtype,
+        batch_size=request.batch_size,
+        offline=request.offline,
+        options=dict(request.options),
+        prompts=prompts_of_request(request.prompts),
+        output=str(request.run.resolve()),
+    )
 
 
-def _image_record(image: TrackImage, path: Path, batch: int) -> dict[str, Any]:
+def _requested(image: TrackImage, path: Path, batch: int) -> RequestedImage:
     assert image.size_wh is not None
-    return {
-        "image_id": image.id,
-        "file_name": image.file_name,
-        "path": str(path.resolve()),
-        "width": image.size_wh[0],
-        "height": image.size_wh[1],
-        "batch": batch,
-    }
+    return RequestedImage(
+        image_id=image.id,
+        file_name=image.file_name,
+        path=str(path.resolve()),
+        width=image.size_wh[0],
+        height=image.size_wh[1],
+        batch=batch,
+    )

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import sha256_of_file
+from legoworld.records.base import RecordError, decode
+from legoworld.records.lvis import VerifiedTruth
 from legoworld.track import TrackImage
 
 WHAT = "each image's positive and negative categories, as prompts"
@@ -39,16 +39,16 @@ def read_truth_prompts(
             expected="--task lvis and a baseline whose card says prompts_from_truth = true",
         )
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        negative = {i["id"]: set(i["neg_category_ids"]) for i in document["images"]}
-        verified: dict[int, set[int]] = {image.id: negative[image.id] for image in images}
-        for annotation in document["annotations"]:
-            if annotation["image_id"] in verified:
-                verified[annotation["image_id"]].add(annotation["category_id"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        truth = decode(VerifiedTruth, path.read_bytes())
+        negative = {image.id: set(image.neg_category_ids) for image in truth.images}
+        verified = {image.id: negative[image.id] for image in images}
+        for annotation in truth.annotations:
+            if annotation.image_id in verified:
+                verified[annotation.image_id].add(annotation.category_id)
+    except (OSError, RecordError, KeyError) as error:
         raise CatalogError(
             f"{path.name} cannot give prompts",
-            found=f"{type(error).__name__}: {error}",
+            found=f"no image {error}" if isinstance(error, KeyError) else str(error),
             expected="LVIS annotations with neg_category_ids, of every image of the track",
         ) from error
     return TruthPrompts(
@@ -57,7 +57,7 @@ def read_truth_prompts(
     )
 
 
-def prompts_of_request(prompts: TruthPrompts | None) -> dict[str, Any] | None:
+def prompts_of_request(prompts: TruthPrompts | None) -> dict[str, list[int]] | None:
     """The request's "prompts": JSON keys are texts."""
     if prompts is None:
         return None

@@ -28,6 +28,7 @@ __all__ = [
 _T = TypeVar("_T")
 #: Made once for each type: making one takes as long as reading a small file.
 _DECODERS: Final[dict[Any, msgspec.json.Decoder[Any]]] = {}
+_CONTAINERS: Final = frozenset((dict, list))
 _AT: Final = re.compile(r" - at `(?:key in )?([^`]*)`$")
 
 
@@ -80,14 +81,15 @@ def decode_lines(kind: type[_T], data: bytes) -> list[_T]:
 
 def nested_beyond(levels: int, value: object) -> bool:
     """Whether lists and objects of a JSON value are nested more than `levels` deep."""
-    level: list[Any] = [value]
-    for _ in range(levels + 1):
-        level = [found for found in level if isinstance(found, dict | list)]
-        if not level:
-            return False
-        inside = (found.values() if isinstance(found, dict) else found for found in level)
-        level = [found for values in inside for found in values]
-    return True
+    level: list[Any] = [value] if type(value) in _CONTAINERS else []
+    for _ in range(levels):
+        inside: list[Any] = []
+        for found in level:
+            values = found.values() if isinstance(found, dict) else found
+            if not _CONTAINERS.isdisjoint(map(type, values)):  # most hold numbers alone
+                inside += [inner for inner in values if type(inner) in _CONTAINERS]
+        level = inside
+    return bool(level)
 
 
 def to_record(kind: type[_T], value: Any) -> _T:

@@ -11,6 +11,7 @@ import pytest
 from legoworld.baselines.cards import read_card
 from legoworld.baselines.child import BaselineProcess
 from legoworld.errors import CatalogError
+from legoworld.records.baseline_messages import ChildRequest
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.workers.environment import ChildKind, child_environment, passed
 
@@ -78,18 +79,22 @@ def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypa
     folder.mkdir()
     (folder / "run.py").write_text(
         "import json, os, sys\njson.loads(sys.stdin.readline())\n"
-        "print(json.dumps({'seen': dict(os.environ)}), flush=True)\n"
+        "print(json.dumps({'provenance': dict(os.environ)}), flush=True)\n"
     )
     (folder / "card.toml").write_text(
         'name = "curious"\ntitle = "Looks around"\nversion = "1"\nlicence = "none"\n'
         'tasks = ["coco"]\nvariables = ["HF_TOKEN"]\n'
     )
     card = read_card(folder / "card.toml")
+    request = ChildRequest(
+        schema_version=1, task="coco", images=(), categories=(), label_map={}, weights="", dtype="",
+        device="cpu", batch_size=1, offline=True, options={}, prompts=None, output=str(tmp_path),
+    )  # fmt: skip
     with BaselineProcess(
-        card, Path(sys.executable), {"offline": True}, print, declared=card.about.variables
+        card, Path(sys.executable), request, print, declared=card.about.variables
     ) as process:
         message = process.next_message(30.0)
-    seen = message["seen"]
+    seen = message.provenance
     assert seen["HF_TOKEN"] == "hidden-2"
     assert not (set(SECRETS) - {"HF_TOKEN"}) & set(seen)
     assert seen["HOME"] != os.environ["HOME"]

@@ -1,0 +1,87 @@
+"""What legoworld and a baseline's process say to each other, one line of JSON each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec import field
+
+from legoworld.records.base import Record
+from legoworld.records.cards import OptionValue
+
+
+class RequestedImage(Record, frozen=True, kw_only=True):
+    """One photo. path: absolute; batch: those of one number are predicted together."""
+
+    image_id: int
+    file_name: str
+    path: str
+    width: int
+    height: int
+    batch: int
+
+
+class RequestedCategory(Record, frozen=True, kw_only=True):
+    """One category of the vocabulary."""
+
+    id: int
+    name: str
+    synonyms: tuple[str, ...]
+
+
+class ChildRequest(Record, frozen=True, kw_only=True):
+    """The one request a process is sent.
+
+    label_map: their names to ours, null to leave out; prompts: category ids by image id.
+    """
+
+    schema_version: int
+    task: str
+    images: tuple[RequestedImage, ...]
+    categories: tuple[RequestedCategory, ...]
+    label_map: dict[str, str | None]
+    weights: str
+    device: str
+    dtype: str
+    batch_size: int
+    offline: bool
+    options: dict[str, OptionValue | None]
+    prompts: dict[str, list[int]] | None
+    output: str
+
+
+class Refusal(Record, frozen=True, kw_only=True):
+    """Why nothing can be run as asked; the parts of an error."""
+
+    message: str
+    found: str | None = None
+    expected: str | None = None
+    next_step: str | None = None
+
+
+class DepthSaid(Record, frozen=True, kw_only=True):
+    """What a process says of a depth file that it wrote."""
+
+    sha256: str
+    size_wh: tuple[int, int]
+    space: str
+    unit: str | None
+
+
+class Message(Record, frozen=True, kw_only=True):
+    """One line of a process: its beginning or refusal, what it works on, an answer, or its end.
+
+    provenance: of the model, once it is loaded; environment: of the machine; predictions, depth or
+    failed: of the image; counts: what was counted on the way, by its name.
+    """
+
+    provenance: dict[str, Any] | None = None
+    environment: dict[str, Any] = field(default_factory=dict)
+    refused: Refusal | None = None
+    working_on: tuple[int, ...] | None = None
+    image_id: int | None = None
+    predictions: list[dict[str, Any]] | None = None
+    depth: DepthSaid | None = None
+    failed: str | None = None
+    counts: dict[str, int] | None = None
+    done: bool = False
