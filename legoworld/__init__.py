@@ -1,3 +1,68 @@
-"""legoworld reads COCO boxes, LVIS masks and depth out of a frozen Blender scene."""
+"""legoworld reads COCO boxes, LVIS masks and depth out of frozen Blender scenes, and scores them.
+
+The names below are the Python API; docs/python.md shows them at work. Each is imported when it is
+first used, so that `import legoworld` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from legoworld.api.comparison import Comparison, compare
+    from legoworld.api.evaluation import Evaluation, evaluate
+    from legoworld.api.listening import Listener
+    from legoworld.api.reader import Reader, Reading
+    from legoworld.api.readout import Run, readout
+    from legoworld.api.scenes import Scene, SceneView, open_scene
+    from legoworld.errors import LegoWorldError
+
+_HOMES = {
+    "Comparison": "legoworld.api.comparison",
+    "Evaluation": "legoworld.api.evaluation",
+    "LegoWorldError": "legoworld.errors",
+    "Listener": "legoworld.api.listening",
+    "Reader": "legoworld.api.reader",
+    "Reading": "legoworld.api.reader",
+    "Run": "legoworld.api.readout",
+    "Scene": "legoworld.api.scenes",
+    "SceneView": "legoworld.api.scenes",
+    "compare": "legoworld.api.comparison",
+    "evaluate": "legoworld.api.evaluation",
+    "open_scene": "legoworld.api.scenes",
+    "readout": "legoworld.api.readout",
+}
+
+__all__ = [
+    "Comparison",
+    "Evaluation",
+    "LegoWorldError",
+    "Listener",
+    "Reader",
+    "Reading",
+    "Run",
+    "Scene",
+    "SceneView",
+    "__version__",
+    "compare",
+    "evaluate",
+    "open_scene",
+    "readout",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import a name of the API when it is first asked for."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'legoworld' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """The API's names, imported or not."""
+    return sorted({*globals(), *__all__})

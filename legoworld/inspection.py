@@ -40,6 +40,7 @@ class Inspection:
     """
 
     scene: ReadScene
+    grouping: Grouping
     view: View
     entries: tuple[InstanceRow, ...]
     warnings: tuple[str, ...]
@@ -48,31 +49,54 @@ class Inspection:
     not_rendered: tuple[tuple[str, str], ...]  # labelled owners without any surface: name, label
 
 
-def inspect_scene(
+@dataclass(frozen=True, kw_only=True)
+class OpenScene:
+    """A scene that was read, before labels are resolved.
+
+    warnings: what is said of its files where they are not those that were frozen.
+    """
+
+    folder: SceneFolder
+    scene: ReadScene
+    warnings: tuple[str, ...]
+
+
+def open_scene(
     folder: SceneFolder,
+    *,
+    source: Source,
+    blender: BlenderProcess,
+    cache: SnapshotCache | None,
+    require_frozen: bool = False,
+    allow_changed: bool = False,
+) -> OpenScene:
+    """Read one scene; raises its verdict.
+
+    allow_changed: take a scene that is not the one its frozen.json vouches for, with a warning.
+    """
+    files, changed = _files(folder, require_frozen=require_frozen, allow_changed=allow_changed)
+    scene = read_scene(folder, source=source, blender=blender, cache=cache, files=files)
+    return OpenScene(folder=folder, scene=scene, warnings=tuple(changed))
+
+
+def look(
+    opened: OpenScene,
     *,
     size_wh: tuple[int, int] | None,
     vocabulary: Vocabulary | None,
     override_property: str | None,
-    source: Source,
-    blender: BlenderProcess,
-    cache: SnapshotCache | None,
-    allow_changed: bool = False,
+    threads: int | None = None,
 ) -> Inspection:
-    """Read one scene at a size (its own when None); raises the scene's verdict.
-
-    allow_changed: look at a scene that is not the one its frozen.json vouches for, with a warning.
-    """
-    files, changed = _files(folder, allow_changed=allow_changed)
-    scene = read_scene(folder, source=source, blender=blender, cache=cache, files=files)
+    """What the camera of a scene sees at a size, its own when None. Raises LabelsInvalidError."""
+    scene = opened.scene
     labels = resolve_labels(
-        scene.snapshot, read_labels_file(folder.file(LABELS)), vocabulary, override_property
+        scene.snapshot, read_labels_file(opened.folder.file(LABELS)), vocabulary, override_property
     )
     grouping = group(scene.snapshot, labels)
     size = size_wh or scene.snapshot.render.size_wh
-    seen = view(scene.snapshot, grouping, size)
+    seen = view(scene.snapshot, grouping, size, threads=threads)
     warnings = [
-        *changed,
+        *opened.warnings,
         *scene.files.warnings,
         *scene.snapshot.warnings,
         *grouping.warnings,
@@ -85,6 +109,7 @@ def inspect_scene(
         )
     return Inspection(
         scene=scene,
+        grouping=grouping,
         view=seen,
         entries=instance_entries(scene, grouping, seen),
         warnings=tuple(warnings),
@@ -97,10 +122,12 @@ def inspect_scene(
     )
 
 
-def _files(folder: SceneFolder, *, allow_changed: bool) -> tuple[FrozenFiles, list[str]]:
+def _files(
+    folder: SceneFolder, *, require_frozen: bool, allow_changed: bool
+) -> tuple[FrozenFiles, list[str]]:
     """The scene's files as they are, and a warning where they are not those that were frozen."""
     try:
-        return checked_artefacts(folder, require_frozen=False), []
+        return checked_artefacts(folder, require_frozen=require_frozen), []
     except SceneChangedError as error:
         if not allow_changed:
             raise SceneChangedError(

@@ -10,7 +10,7 @@ from typing import Any, Final
 from legoworld.errors import UsageError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.detections import evaluate_detections
-from legoworld.inspection import inspect_scene, write_inspection
+from legoworld.inspection import look, open_scene, write_inspection
 from legoworld.pictures import read_photo
 from legoworld.readouts.tasks import Protocol, protocol
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
@@ -170,20 +170,23 @@ def _read(
     return result.rows[0]
 
 
-def _look(request: PhotoRequest, scene: Path, reading: Protocol, look: Path) -> None:
+def _look(request: PhotoRequest, scene: Path, reading: Protocol, folder: Path) -> None:
     """The outlines over the photo, from the snapshot that the readout left in the cache."""
     height, width = read_photo(request.photo).shape[:2]
     with BlenderProcess(request.limits) as blender:
-        inspection = inspect_scene(
+        opened = open_scene(
             find_scene(scene.resolve().parent, scene.resolve().name),
-            size_wh=(width, height),
-            vocabulary=reading.vocabulary,
-            override_property=reading.override_property,
             source=request.source,
             blender=blender,
             cache=request.cache,
         )
-    write_inspection(inspection, look, request.photo)
+    inspection = look(
+        opened,
+        size_wh=(width, height),
+        vocabulary=reading.vocabulary,
+        override_property=reading.override_property,
+    )
+    write_inspection(inspection, folder, request.photo)
 
 
 def _evaluate(request: PhotoRequest, run: Path, output: Path) -> DetectionSummary | DepthSummary:

@@ -11,12 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import NO_INSTANCE
-from legoworld.inspection import Inspection, inspect_scene
+from legoworld.inspection import Inspection
 from legoworld.records.instances import InstanceRow
-from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import SceneFolder
-from legoworld.vocabulary import Vocabulary
 
 #: Instances of both sources agree from this mask IoU on.
 SAME_IOU: Final = 0.999
@@ -75,27 +71,11 @@ class SourceComparison:
         return not (self.disagreeing or one_sided or relabelled)
 
 
-def compare_sources(
-    folder: SceneFolder,
-    *,
-    size_wh: tuple[int, int] | None,
-    vocabulary: Vocabulary | None,
-    override_property: str | None,
-    blender: BlenderProcess,
-    cache: SnapshotCache | None,
-) -> SourceComparison:
-    """Read both sources at one size, scene.blend's own when None; raises either one's verdict.
+def compare_sources(blend: Inspection, glb: Inspection) -> SourceComparison:
+    """Where two views of one size disagree, of a folder's scene.blend and of its scene.glb.
 
     Instances are matched by name; several of one name by the largest overlap first.
     """
-    blend = inspect_scene(
-        folder, size_wh=size_wh, vocabulary=vocabulary, override_property=override_property,
-        source="blend", blender=blender, cache=cache,
-    )  # fmt: skip
-    glb = inspect_scene(
-        folder, size_wh=blend.view.size_wh, vocabulary=vocabulary,
-        override_property=override_property, source="glb", blender=blender, cache=cache,
-    )  # fmt: skip
     partner = _partners(blend, glb)
     pairs = [_pair(blend.entries[i], glb.entries[j], overlap) for i, j, overlap in partner]
     seen = [pair for pair in pairs if pair.blend_area_px or pair.glb_area_px]

@@ -35,7 +35,7 @@ ROOMS = [
     ("depth_folder_tracks", "eth3d_tracks", "coco_export", "track_making"),
     ("baselines", "comparison"),
     ("report",),
-    ("one_photo",),
+    ("one_photo", "api"),
     ("commands",),
     ("cli", "__main__", "terminal"),
 ]

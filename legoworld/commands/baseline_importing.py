@@ -206,6 +206,6 @@ def _depth_source(
 def _import_depth(request: ImportRequest, source: DepthSource, *, quiet: bool) -> BaselineResult:
     from legoworld.baselines.depth_import import import_depth
 
-    total = len(request.track.images)
-    with shown_progress(total, "image", quiet=quiet, lines=True) as shown:
-        return import_depth(request, source, progress=shown.row, notice=shown.say)
+    with shown_progress("image", quiet=quiet, lines=True) as shown:
+        shown.total(len(request.track.images))
+        return import_depth(request, source, progress=shown.row, notice=shown.notice)

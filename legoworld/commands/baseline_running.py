@@ -154,12 +154,13 @@ def run_command(
         pass_variables=variables,
     )
     total = len(selected_images(images, image_ids, limit))
-    with shown_progress(total, "image", quiet=quiet, lines=True) as shown:
+    with shown_progress("image", quiet=quiet, lines=True) as shown:
+        shown.total(total)
         result = run_baseline(
             request,
             progress=shown.row,
-            notice=shown.say,
-            log=shown.say if verbose and not quiet else lambda _line: None,
+            notice=shown.notice,
+            log=shown.notice if verbose and not quiet else lambda _line: None,
             kept=shown.kept,
         )
     return baseline_output.show(result, output, as_json=as_json, verbose=verbose)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from legoworld.commands import options
 from legoworld.commands.comparison_text import coverage_text, headline_text, notes_text
 
 if TYPE_CHECKING:
-    from legoworld.comparison.thresholds import Tripped
+    from legoworld.api.comparison import Comparison
 
 
 @click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
@@ -78,53 +77,41 @@ def command(
       legoworld compare evals/scene evals/dino -o comparisons/coco --fail-below AP=-0.3
       legoworld compare --join comparisons/coco comparisons/eth3d -o comparisons/all
     """
+    from legoworld.api.comparison import Comparison, compare
+    from legoworld.api.listening import Listener
+
     if joining:
         if draws is not None or seed is not None or thresholds or allow_truth_prompts:
             raise click.UsageError("--join takes comparisons as they are: only -o goes with it")
         from legoworld.comparison.making import make_joined
 
         joined = make_joined(evaluations, output, overwrite=overwrite)
-        _show(joined, [], output, as_json=as_json, verbose=verbose)
-        return 0
-    from legoworld.comparison.document import Settings
-    from legoworld.comparison.making import make_comparison
-
-    document, below = make_comparison(
+        _show(Comparison(folder=output, document=joined, below=()), as_json, verbose)
+        return exit_codes.DONE
+    found = compare(
         evaluations,
         output,
-        Settings(
-            draws=2000 if draws is None else draws,
-            seed=seed or 0,
-            allow_truth_prompts=allow_truth_prompts,
-        ),
-        thresholds=thresholds,
+        draws=2000 if draws is None else draws,
+        seed=seed or 0,
+        fail_below=thresholds,
+        allow_truth_prompts=allow_truth_prompts,
         overwrite=overwrite,
-        notice=options.notifier(quiet or not (verbose or options.on_terminal())),
+        listener=Listener(notice=options.notifier(quiet or not (verbose or options.on_terminal()))),
     )
-    _show(document, below, output, as_json=as_json, verbose=verbose)
-    for one in below:
+    _show(found, as_json, verbose)
+    for one in found.below:
         click.echo(f"legoworld: below its threshold: {one}", err=True)
-    return exit_codes.BELOW if below else exit_codes.DONE
+    return exit_codes.BELOW if found.below else exit_codes.DONE
 
 
-def _show(
-    document: dict[str, Any],
-    below: Sequence[Tripped],
-    output: Path,
-    *,
-    as_json: bool,
-    verbose: bool,
-) -> None:
-    if as_json:
-        tripped = [str(one) for one in below]
-        options.print_json(
-            {"folder": str(output), "comparison": document, "below_threshold": tripped}
-        )
-        return
+def _show(found: Comparison, as_json: bool, verbose: bool) -> None:
     from legoworld.commands.comparison_short import short_comparison
 
-    click.echo(_tables(document) if verbose else short_comparison(document))
-    click.echo(f"\n-> {output}")
+    if as_json:
+        options.print_json(found.to_dict())
+        return
+    click.echo(_tables(found.document) if verbose else short_comparison(found.document))
+    click.echo(f"\n-> {found.folder}")
 
 
 def _tables(document: dict[str, Any]) -> str:

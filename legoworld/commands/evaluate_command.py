@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from legoworld import exit_codes
+from legoworld.api.listening import Listener
 from legoworld.commands import options
 from legoworld.commands.evaluation_short import of_eth3d, short_depth, short_detections
-from legoworld.commands.places import PlaceType, read_from, written_whole
+from legoworld.commands.places import PlaceType
 from legoworld.places import Place
 
 if TYPE_CHECKING:
     from legoworld.evaluation.evaluators import EvaluatorKind
-    from legoworld.evaluation.origins import Origins
     from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
-    from legoworld.running.tasks import Crew
 
 
 @click.command("evaluate", context_settings={"help_option_names": ["-h", "--help"]})
@@ -71,7 +70,7 @@ def command(
     truth: Path,
     output: Place,
     evaluator: EvaluatorKind | None,
-    camera_model: str | None,
+    camera_model: Literal["none", "dataset"] | None,
     draws: int,
     seed: int,
     workers: int | None,
@@ -95,119 +94,79 @@ def command(
       legoworld evaluate runs/depth --truth eth3d -o evals/depth
       legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
     """
-    from legoworld.evaluation.folder import EVIDENCE
-    from legoworld.evaluation.origins import Origins
-    from legoworld.running.tasks import Crew
+    from legoworld.api.evaluation import evaluate
 
-    request = _Request(
-        truth=truth,
-        evaluator=evaluator,
-        camera_model=camera_model,
-        draws=draws,
-        seed=seed,
-        overwrite=overwrite,
-        crew=Crew(engine=engine, workers=workers or options.engine_cores(engine)),
-        origins=Origins(
-            run_url=run if isinstance(run, str) else None,
-            output_url=output if isinstance(output, str) else None,
-        ),
-    )
-    with read_from(run) as run_folder, written_whole(output, last=EVIDENCE) as folder:
-        summary, text = _evaluated(request, run_folder, folder, quiet=quiet, verbose=verbose)
+    with _listening(quiet=quiet, verbose=verbose) as listener:
+        found = evaluate(
+            run,
+            output,
+            truth=truth,
+            evaluator=evaluator,
+            camera_model=camera_model,
+            draws=draws,
+            seed=seed,
+            workers=workers,
+            engine=engine,
+            overwrite=overwrite,
+            listener=listener,
+        )
     if as_json:
-        options.print_json({"evaluation": str(output), "summary": summary})
+        options.print_json(found.to_dict())
+    elif verbose:
+        click.echo(f"{_text(found.summary)}\n\n-> {found.folder}")
     else:
-        click.echo(f"{text}\n\n-> {output}" if verbose else f"{text}\n-> {output}")
-    return 0
+        click.echo(f"{_short(found.summary)}\n-> {found.folder}")
+    return exit_codes.DONE
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Request:
-    """What is asked for, besides the folders that are read and written."""
+def _short(summary: DetectionSummary | DepthSummary) -> str:
+    from legoworld.records.evaluation_summary import DepthSummary
 
-    truth: Path
-    evaluator: EvaluatorKind | None
-    camera_model: str | None
-    draws: int
-    seed: int
-    overwrite: bool
-    crew: Crew
-    origins: Origins
+    if isinstance(summary, DepthSummary):
+        return short_depth(summary)
+    return short_detections(summary)
 
 
-def _evaluated(
-    request: _Request, run: Path, output: Path, *, quiet: bool, verbose: bool
-) -> tuple[DetectionSummary | DepthSummary, str]:
-    """The summary, and what is printed of it."""
-    from legoworld.evaluation.run import read_run
-
-    found = read_run(run)
-    if found.task == "eth3d":
-        if request.evaluator is not None:
-            raise click.UsageError("--evaluator is for boxes and masks: depth has one evaluator")
-        with _bar(len(found.images), shown=not quiet and options.on_terminal()) as step:
-            summary = _depth(request, run, output, step)
-        return summary, _depth_text(summary) if verbose else short_depth(summary)
-    if request.camera_model is not None:
-        raise click.UsageError("--camera-model is for depth: boxes and masks are not warped")
-    from legoworld.evaluation.detections import evaluate_detections
+def _text(summary: DetectionSummary | DepthSummary) -> str:
+    """Every metric with its interval and what it is over."""
     from legoworld.evaluation.protocols import detection_protocol
     from legoworld.evaluation.text import evaluation_text
+    from legoworld.records.evaluation_summary import DepthSummary
 
-    evaluation = evaluate_detections(
-        run,
-        request.truth,
-        output,
-        evaluator=request.evaluator,
-        draws=request.draws,
-        seed=request.seed,
-        overwrite=request.overwrite,
-        notice=options.notifier(quiet or not (verbose or options.on_terminal())),
-        warn=options.notifier(quiet),
-        crew=request.crew,
-        origins=request.origins,
-    )
-    if not verbose:
-        return evaluation.summary, short_detections(evaluation.summary)
-    protocol = detection_protocol(found.task)
-    return evaluation.summary, evaluation_text(evaluation.summary, protocol, options.table)
-
-
-def _depth(
-    request: _Request, run: Path, output: Path, step: Callable[[dict[str, Any]], None] | None
-) -> DepthSummary:
-    from legoworld.evaluation.depth.evaluate import evaluate_depth
-
-    return evaluate_depth(
-        run,
-        request.truth,
-        output,
-        camera_model=request.camera_model or "none",
-        draws=request.draws,
-        seed=request.seed,
-        overwrite=request.overwrite,
-        progress=step,
-        crew=request.crew,
-        origins=request.origins,
-    )
+    if isinstance(summary, DepthSummary):
+        return _depth_text(summary)
+    return evaluation_text(summary, detection_protocol(summary.task), options.table)
 
 
 @contextmanager
-def _bar(n_images: int, *, shown: bool) -> Iterator[Callable[[dict[str, Any]], None] | None]:
-    """Told of each image's row, a bar on standard error with the images that got no score."""
-    if not shown:
-        yield None
+def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
+    """Notices on a terminal or with -v; images that are scored one by one as a bar there."""
+    on_terminal = options.on_terminal()
+    notice, warn = options.notifier(quiet or not (verbose or on_terminal)), options.notifier(quiet)
+    if quiet or not on_terminal:
+        yield Listener(notice=notice, warn=warn)
         return
-    failed = 0
-    with click.progressbar(length=n_images, label="scoring", file=sys.stderr, show_pos=True) as bar:
+    images = failed = 0
+    with ExitStack() as stack:
+        bar: Any = None
 
-        def step(row: dict[str, Any]) -> None:
-            nonlocal failed
-            failed += "metrics" not in row
+        def total(n: int) -> None:
+            nonlocal images
+            images = n
+
+        def row(done: dict[str, Any]) -> None:
+            nonlocal bar, failed
+            if bar is None:  # only depth scores image by image
+                bar = stack.enter_context(
+                    click.progressbar(
+                        length=images, label="scoring", file=sys.stderr, show_pos=True
+                    )
+                )
+            failed += "metrics" not in done
             bar.label = f"scoring, {failed} without a score" if failed else "scoring"
             bar.update(1)
 
-        yield step
+        yield Listener(total=total, row=row, notice=notice, warn=warn)
 
 
 def _depth_text(summary: DepthSummary) -> str:

@@ -59,6 +59,7 @@ def command(
       legoworld execute scene.py -o scenes/coffee --time-limit 600
       legoworld execute scene.py -o scenes/room --input textures --sandbox bubblewrap
     """
+    from legoworld.api.settings import limits_of
     from legoworld.scene.execution import execute
     from legoworld.workers.sandbox import protections
 
@@ -72,7 +73,7 @@ def command(
     result = execute(
         program,
         output,
-        limits=options.chosen_limits(time_limit, memory_limit),
+        limits=limits_of(time_limit, memory_limit),
         picture=not no_picture,
         sandbox=sandbox,
         inputs=inputs,

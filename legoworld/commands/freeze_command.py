@@ -44,14 +44,15 @@ def command(
       legoworld freeze scenes
       legoworld freeze scenes/000000000139 --json
     """
+    from legoworld.api.settings import engine_cores, limits_of, snapshot_cache
     from legoworld.running.freeze_run import freeze_scenes
 
     rows = freeze_scenes(
         scenes,
         engine=engine,
-        workers=workers or options.engine_cores(engine),
-        cache=options.chosen_cache(cache, no_cache),
-        limits=options.chosen_limits(time_limit, memory_limit),
+        workers=workers or engine_cores(engine),
+        cache=snapshot_cache(options.cache_choice(cache, no_cache)),
+        limits=limits_of(time_limit, memory_limit),
     )
     bad = [row for row in rows if row.status != "ok"]
     if as_json:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
-from legoworld.commands import options
-from legoworld.commands.places import PlaceType, read_from
+from legoworld import exit_codes
+from legoworld.commands import options, sources
+from legoworld.commands.places import PlaceType
 from legoworld.commands.wording import outside_the_vocabulary
 from legoworld.places import Place
 from legoworld.wording import counted
 
 if TYPE_CHECKING:
-    from legoworld.inspection import Inspection
+    from legoworld.api.scenes import SceneView
 
 
 @click.command("inspect", context_settings={"help_option_names": ["-h", "--help"]})
@@ -79,9 +80,8 @@ def command(
       legoworld inspect scenes/coffee --compare-sources --track track.json
       legoworld inspect s3://bucket/scenes/coffee --size 1200x800 --task lvis --json
     """
-    from legoworld.inspection import inspect_scene, write_inspection
-    from legoworld.scene.blender_process import BlenderProcess
-    from legoworld.scene.folder import find_scene
+    from legoworld.api.folders import read_from
+    from legoworld.api.scenes import open_scene
 
     if compare_sources and allow_changed:
         raise click.UsageError("--allow-changed does not go with --compare-sources: freeze first")
@@ -93,49 +93,37 @@ def command(
 
         height, width = read_photo(photo).shape[:2]
         size_wh = (width, height)
-    reading = options.protocol_of(task, track, default=None)
-    with (
-        read_from(scene) as here,
-        BlenderProcess(options.chosen_limits(time_limit, memory_limit)) as blender,
-    ):
-        folder = find_scene(here.resolve().parent, here.resolve().name)
-        if compare_sources:
-            from legoworld.commands import sources
-            from legoworld.source_comparison import compare_sources as compared
 
-            found = compared(
-                folder,
-                size_wh=size_wh,
-                vocabulary=reading.vocabulary if reading else None,
-                override_property=reading.override_property if reading else None,
-                blender=blender,
-                cache=options.chosen_cache(cache, no_cache),
-            )
-            if output is not None:
-                write_inspection(found.blend, output / "blend", photo)
-                write_inspection(found.glb, output / "glb", photo)
-            if as_json:
-                options.print_json(sources.document(found))
-            else:
-                sources.show(found, quiet=quiet, verbose=verbose)
-            return 0 if found.faithful else 1
-        inspection = inspect_scene(
+    def look(
+        folder: Path, file: Literal["blend", "glb"], size: tuple[int, int] | None
+    ) -> SceneView:
+        opened = open_scene(
             folder,
-            size_wh=size_wh,
-            vocabulary=reading.vocabulary if reading else None,
-            override_property=reading.override_property if reading else None,
-            source=source,
-            blender=blender,
-            cache=options.chosen_cache(cache, no_cache),
+            source=file,
+            cache=options.cache_choice(cache, no_cache),
             allow_changed=allow_changed,
+            time_limit_s=time_limit,
+            memory_limit_gib=memory_limit,
         )
-    if output is not None:
-        write_inspection(inspection, output, photo)
+        return opened.view(task=task, track=track, size_wh=size)
+
+    with read_from(scene) as here:
+        if compare_sources:
+            blend = look(here, "blend", size_wh)
+            glb = look(here, "glb", blend.size_wh)
+            if output is not None:
+                blend.save(output / "blend", photo)
+                glb.save(output / "glb", photo)
+            found = blend.compared_with(glb)
+            return sources.show(found, as_json=as_json, quiet=quiet, verbose=verbose)
+        view = look(here, source, size_wh)
+        if output is not None:
+            view.save(output, photo)
     if as_json:
-        options.print_json(_document(inspection))
+        options.print_json(view.to_dict())
     else:
-        _print(inspection, output, quiet=quiet, verbose=verbose)
-    return 0
+        _print(view, output, quiet=quiet, verbose=verbose)
+    return exit_codes.DONE
 
 
 def _refuse_a_folder_of_scenes(scene: Place) -> None:
@@ -152,22 +140,8 @@ def _refuse_a_folder_of_scenes(scene: Place) -> None:
         )
 
 
-def _document(inspection: Inspection) -> dict[str, Any]:
-    from legoworld.records.base import as_json
-
-    return {
-        "instances": as_json(inspection.entries),
-        "size_wh": list(inspection.view.size_wh),
-        "warnings": list(inspection.warnings),
-        "outside_vocabulary": inspection.outside_vocabulary,
-        "nearest": inspection.nearest,
-        "not_rendered": [list(owner) for owner in inspection.not_rendered],
-        "snapshot_sha256": inspection.scene.snapshot_sha256,
-    }
-
-
-def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose: bool) -> None:
-    entries = sorted(inspection.entries, key=lambda e: (not e.labelled, -e.area_px))
+def _print(view: SceneView, output: Path | None, *, quiet: bool, verbose: bool) -> None:
+    entries = sorted(view.instances, key=lambda e: (not e.labelled, -e.area_px))
     shown = entries if verbose else entries[:40]
     rows = [
         (
@@ -184,21 +158,21 @@ def _print(inspection: Inspection, output: Path | None, *, quiet: bool, verbose:
     click.echo(options.table(header, rows))
     if len(shown) < len(entries):
         click.echo(f"... and {len(entries) - len(shown)} more (-v lists them)")
-    snapshot, camera = inspection.scene.snapshot, inspection.scene.snapshot.camera
+    camera, render = view.camera, view.render
     labelled = sum(e.labelled for e in entries)
-    width, height = inspection.view.size_wh
+    width, height = view.size_wh
     click.echo(
         f"\n{counted(len(entries), 'instance', 'instances')} ({labelled} labelled), "
-        f"{counted(snapshot.n_triangles, 'triangle', 'triangles')}; "
+        f"{counted(view.n_triangles, 'triangle', 'triangles')}; "
         f"camera {camera.name!r} {camera.type} {camera.lens_mm:g} mm; {width}x{height}; "
-        f"1 unit = {snapshot.render.unit_scale:g} m; frame {snapshot.render.frame}"
+        f"1 unit = {render.unit_scale:g} m; frame {render.frame}"
     )
-    for name, count in inspection.outside_vocabulary.items():
-        click.echo(outside_the_vocabulary(name, count, inspection.nearest[name]))
-    for name, label in inspection.not_rendered:
+    for name, count in view.outside_vocabulary.items():
+        click.echo(outside_the_vocabulary(name, count, view.nearest[name]))
+    for name, label in view.not_rendered:
         click.echo(f"{name!r}, labelled {label!r}, has no surface that renders")
     if not quiet:
-        for warning in inspection.warnings:
+        for warning in view.warnings:
             click.echo(f"warning: {warning}", err=True)
     if output is not None:
         click.echo(f"-> {output}")

@@ -42,7 +42,11 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
       legoworld list schema --task coco --track track.json
     """
     if kind == "schema":
-        return _schema(options.protocol_of(task, track, default="coco"), as_json=as_json)
+        from legoworld.api.settings import protocol_of
+
+        reading = protocol_of(task if task or track else "coco", track)
+        assert reading is not None
+        return _schema(reading, as_json=as_json)
     options.refuse_given(["track"], f"is for schema, not for {kind}")
     cards = _cards(kind, task)
     if as_json:

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 import click
 
 from legoworld.commands import options
-from legoworld.commands.places import PlaceType, read_from, written_at
+from legoworld.commands.places import PlaceType
 from legoworld.places import Place
 
 
@@ -40,6 +40,7 @@ def command(
       legoworld merge shards/* -o run --images-per-file 1000
       legoworld merge s3://bucket/shards/1 s3://bucket/shards/2 -o run
     """
+    from legoworld.api.folders import read_from, written_at
     from legoworld.running.merging import merge_shards
 
     with ExitStack() as stack:

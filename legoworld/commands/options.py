@@ -12,7 +12,6 @@ import click
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import escaped
-from legoworld.processors import usable_cores
 from legoworld.wording import did_you_mean
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -129,38 +128,9 @@ def output_options(command: F) -> F:
     )(command)
 
 
-def chosen_cache(cache: Path | None, no_cache: bool) -> Any:
-    """The SnapshotCache that --cache and --no-cache ask for; None for --no-cache, which wins."""
-    from legoworld.scene.cache import SnapshotCache, default_cache_folder
-
-    return None if no_cache else SnapshotCache(cache or default_cache_folder())
-
-
-def chosen_limits(time_limit_s: float, memory_limit_gib: float) -> Any:
-    """The Limits that --time-limit and --memory-limit ask for."""
-    from legoworld.scene.blender_process import Limits
-
-    return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
-
-
-def protocol_of(task: str | None, track: Path | None, *, default: str | None) -> Any:
-    """The Protocol of --task in the vocabulary of --track, which may name the task, too.
-
-    None where neither says a task and there is no default; click.UsageError where they disagree.
-    """
-    from legoworld.readouts.tasks import protocol
-    from legoworld.track import load_track, serves
-
-    if track is None:
-        chosen = task or default
-        return protocol(chosen, None) if chosen else None
-    images = load_track(track)
-    chosen = task or images.made_for
-    if chosen is None:
-        raise click.UsageError(f"--track {track.name} does not say its task: pass --task")
-    if not serves(images, chosen):
-        raise click.UsageError(f"the track is made for {images.made_for}, not for {chosen}")
-    return protocol(str(chosen), images.vocabulary)
+def cache_choice(cache: Path | None, no_cache: bool) -> bool | Path:
+    """What --cache and --no-cache ask for, as the Python API takes it; --no-cache wins."""
+    return False if no_cache else cache or True
 
 
 def refuse_given(names: Sequence[str], why: str) -> None:
@@ -211,15 +181,6 @@ def notifier(quiet: bool) -> Callable[[str], None]:
             click.echo(text, err=True)
 
     return notice
-
-
-def engine_cores(engine: str) -> int:
-    """CPU cores an engine may use."""
-    if engine == "local":
-        return usable_cores()
-    from legoworld.running.engines import cluster_cores
-
-    return cluster_cores()
 
 
 def on_terminal() -> bool:

@@ -6,39 +6,27 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, Final
 
+from legoworld.api.listening import Listener
 from legoworld.commands import options
 
 #: Seconds between two lines of progress in a log.
 _LINE_S: Final = 30.0
 
 
-def _nothing(_told: Any) -> None:
-    """Without a terminal nothing is shown."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Progress:
-    """What a run tells while it works.
-
-    row: of an image that was done now; kept: how many images an earlier run had done; say: a line.
-    """
-
-    row: Callable[[dict[str, Any]], None]
-    kept: Callable[[int], None]
-    say: Callable[[str], None]
-
-
 class LineProgress:
     """Says how far a run is, for a log: at the first image, then at most once in `_LINE_S`."""
 
-    def __init__(self, total: int, say: Callable[[str], None], clock: Callable[[], float]) -> None:
-        self._total, self._say, self._clock = total, say, clock
-        self._done = self._failed = self._kept = 0
+    def __init__(self, say: Callable[[str], None], clock: Callable[[], float]) -> None:
+        self._say, self._clock = say, clock
+        self._total = self._done = self._failed = self._kept = 0
         self._start = clock()
         self._next = self._start
+
+    def total(self, n: int) -> None:
+        """How many images there are."""
+        self._total = n
 
     def kept(self, n: int) -> None:
         """Count what an earlier run has predicted; the pace is of this one's."""
@@ -58,25 +46,27 @@ class LineProgress:
 
 
 @contextmanager
-def shown_progress(
-    total: int, unit: str, *, quiet: bool, lines: bool = False
-) -> Iterator[Progress]:
+def shown_progress(unit: str, *, quiet: bool, lines: bool = False) -> Iterator[Listener]:
     """A bar on standard error where that is a terminal; it begins at what is done already.
 
     lines: whether there is a line now and then where it is none.
     """
+    say = options.notifier(quiet)
     if lines and not quiet and not options.on_terminal():
-        say = options.notifier(quiet)
-        counter = LineProgress(total, say, time.monotonic)
-        yield Progress(row=counter, kept=counter.kept, say=say)
+        counter = LineProgress(say, time.monotonic)
+        yield Listener(total=counter.total, row=counter, kept=counter.kept, notice=say, warn=say)
         return
     if quiet or not options.on_terminal():
-        yield Progress(row=_nothing, kept=_nothing, say=options.notifier(quiet))
+        yield Listener(notice=say, warn=say)
         return
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=unit, leave=False) as bar:
+    with tqdm(total=None, unit=unit, leave=False) as bar:
         failed = 0
+
+        def total(n: int) -> None:
+            bar.total = n
+            bar.refresh()
 
         def row(done: dict[str, Any]) -> None:
             nonlocal failed
@@ -90,4 +80,7 @@ def shown_progress(
             bar.start_t = bar.last_print_t = time.time()
             bar.refresh()
 
-        yield Progress(row=row, kept=kept, say=lambda text: bar.write(text, file=sys.stderr))
+        def write(text: str) -> None:
+            bar.write(text, file=sys.stderr)
+
+        yield Listener(total=total, row=row, kept=kept, notice=write, warn=write)

@@ -10,12 +10,11 @@ import click
 
 from legoworld.commands import options
 from legoworld.commands.wording import outside_the_vocabulary
-from legoworld.places import Place
 from legoworld.scene_names import Stranger, lower_top
 from legoworld.wording import counted
 
 if TYPE_CHECKING:
-    from legoworld.running.readout_run import RunResult
+    from legoworld.api.readout import Run
 
 Row = dict[str, Any]
 #: Lines of one sort without -v.
@@ -23,9 +22,7 @@ _SHORT: Final = 3
 
 
 def show_run(
-    result: RunResult,
-    output: Place,
-    found: Sequence[Stranger],
+    result: Run,
     *,
     quiet: bool,
     verbose: bool,
@@ -35,14 +32,14 @@ def show_run(
         _table(result.rows)
     for line in failure_lines(result.rows, verbose=verbose):
         click.echo(line)
-    _limited(stranger_lines(found, verbose=verbose), "folders", verbose=True)
+    _limited(stranger_lines(result.strangers, verbose=verbose), "folders", verbose=True)
     _limited(_label_lines(result), "labels outside the vocabulary", verbose=verbose)
     for line in unlabelled_lines(result):
         click.echo(line)
     if not quiet:
         for line in warning_lines(result.rows, verbose=verbose):
             click.echo(line, err=True)
-    click.echo(f"{_counts(result.summary)} -> {output}")
+    click.echo(f"{_counts(result.summary)} -> {result.folder}")
 
 
 def failure_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
@@ -103,7 +100,7 @@ def stranger_lines(found: Sequence[Stranger], *, verbose: bool) -> list[str]:
     return [f"{folders} no image of the track: {', '.join(names)}{more}"]
 
 
-def unlabelled_lines(result: RunResult) -> list[str]:
+def unlabelled_lines(result: Run) -> list[str]:
     """How many scenes have no label at all: nothing can be exported of them."""
     bare = [
         row
@@ -145,7 +142,7 @@ def _failure(row: Row, more: int = 0) -> str:
     return f"{row['status']}: {row['file_name']} (image {row['image_id']}){others}: {row['reason']}"
 
 
-def _label_lines(result: RunResult) -> list[str]:
+def _label_lines(result: Run) -> list[str]:
     unmatched: dict[str, int] = result.summary.get("unmatched_labels", {})
     ordered = sorted(unmatched.items(), key=lambda item: (-item[1], item[0]))
     return [outside_the_vocabulary(name, n, _nearest(result, name)) for name, n in ordered]
@@ -182,7 +179,7 @@ def _exported(row: Row) -> tuple[object, object]:
     return row["n_predictions"], len(row["unexported"])
 
 
-def _nearest(result: RunResult, label: str) -> list[str]:
+def _nearest(result: Run, label: str) -> list[str]:
     for row in result.rows:
         for unmatched in row.get("unmatched", ()):
             if unmatched["label"] == label:

@@ -83,8 +83,8 @@ def command(
       legoworld score scenes/coffee --photo coffee.png --truth truth_lvis.json --task lvis -o look
       legoworld score scenes/000000000139 --photo 139.jpg --image 139 --truth instances.json
     """
+    from legoworld.api.settings import limits_of, snapshot_cache
     from legoworld.one_photo import PhotoRequest, score_photo
-    from legoworld.scene.cache import SnapshotCache
     from legoworld.scene.scratch import scratch_folder
 
     if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend"):
@@ -94,7 +94,7 @@ def command(
         )
     with scratch_folder("legoworld-score-") as scratch:
         folder = output or scratch / "score"
-        kept = options.chosen_cache(cache, no_cache) or SnapshotCache(scratch / "snapshots")
+        kept = options.cache_choice(cache, no_cache) or scratch / "snapshots"
         found = score_photo(
             PhotoRequest(
                 program_or_scene=program_or_scene,
@@ -103,8 +103,8 @@ def command(
                 task=task,
                 image=image,
                 source=source,
-                cache=kept,
-                limits=options.chosen_limits(time_limit, memory_limit),
+                cache=snapshot_cache(kept),
+                limits=limits_of(time_limit, memory_limit),
             ),
             folder,
             options.notifier(quiet or not (verbose or options.on_terminal())),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from legoworld import exit_codes
 from legoworld.commands import options
 
 if TYPE_CHECKING:
@@ -38,8 +39,16 @@ def document(found: SourceComparison) -> dict[str, Any]:
     }
 
 
-def show(found: SourceComparison, *, quiet: bool, verbose: bool) -> None:
-    """Print the table of shared instances, worst first, and what else differs."""
+def show(found: SourceComparison, *, as_json: bool, quiet: bool, verbose: bool) -> int:
+    """Print the table of shared instances, worst first, and what else differs; the exit code."""
+    if as_json:
+        options.print_json(document(found))
+    else:
+        _print(found, quiet=quiet, verbose=verbose)
+    return exit_codes.DONE if found.faithful else exit_codes.INCOMPLETE
+
+
+def _print(found: SourceComparison, *, quiet: bool, verbose: bool) -> None:
     pairs = found.pairs if verbose else found.pairs[: max(40, found.disagreeing)]
     rows = [
         (pair.name, _category(pair), pair.blend_area_px, pair.glb_area_px, f"{pair.iou:.5f}")

@@ -163,13 +163,14 @@ def test_the_bar_begins_at_what_is_done_and_ends_full(monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr("tqdm.std.tqdm.monitor_interval", 0)
-    with progress.shown_progress(10, "scene", quiet=False) as shown:
+    with progress.shown_progress("scene", quiet=False) as shown:
+        shown.total(10)
         shown.kept(7)
         assert "7/10" in terminal.getvalue()
         for number in (8, 9):
             shown.row(row(number))
         shown.row(row(10, "missing", "no"))
-        shown.say("a notice")
+        shown.notice("a notice")
     last = terminal.getvalue()
     assert "10/10" in last
     assert "failed=1" in last
@@ -179,14 +180,14 @@ def test_the_bar_begins_at_what_is_done_and_ends_full(monkeypatch):
 def test_without_a_terminal_or_quiet_there_is_no_bar(monkeypatch):
     silent = io.StringIO()
     monkeypatch.setattr(sys, "stderr", silent)
-    with progress.shown_progress(2, "scene", quiet=False) as shown:
+    with progress.shown_progress("scene", quiet=False) as shown:
         shown.kept(1)
         shown.row(row(1))
     assert silent.getvalue() == ""
     monkeypatch.setattr(sys, "stderr", Terminal())
-    with progress.shown_progress(2, "scene", quiet=True) as shown:
+    with progress.shown_progress("scene", quiet=True) as shown:
         shown.row(row(1))
-        shown.say("nothing")
+        shown.notice("nothing")
     assert sys.stderr.getvalue() == ""
 
 

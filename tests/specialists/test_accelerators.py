@@ -143,7 +143,8 @@ def test_a_label_map_that_would_change_nothing_is_refused(track, photos, weights
 
 def test_progress_in_lines():
     now, said = [0.0], []
-    step = LineProgress(100, said.append, lambda: now[0])
+    step = LineProgress(said.append, lambda: now[0])
+    step.total(100)
     for number in range(1, 101):
         now[0] = number * 1.0
         step({"status": "ok" if number != 50 else "failed"})

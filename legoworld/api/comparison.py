@@ -1,0 +1,103 @@
+"""`compare`: evaluations side by side, over the same images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legoworld.api.evaluation import Evaluation
+from legoworld.api.listening import SILENT, Listener
+from legoworld.comparison.document import Settings
+from legoworld.comparison.making import make_comparison
+from legoworld.comparison.thresholds import Tripped
+from legoworld.errors import UsageError
+from legoworld.records.base import as_json
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A comparison folder. document: of comparison.json; below: thresholds that do not hold."""
+
+    folder: Path
+    document: dict[str, Any]
+    below: tuple[Tripped, ...]
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """A row of plain values for each metric and baseline: `pandas.DataFrame(x.table)`.
+
+        images: "attempted", "scored" or "paired"; difference: scene minus baseline, with the ends
+        of its 95 % bootstrap interval.
+        """
+        rows = []
+        for pair in self.document["pairs"]:
+            for row in pair["rows"]:
+                difference = row["difference"]
+                interval = difference["interval"] or {}
+                rows.append(
+                    {
+                        "scene": pair["scene"],
+                        "baseline": pair["baseline"],
+                        "metric": row["metric"],
+                        "policy": row["policy"],
+                        "images": row["images"],
+                        "better": row["better"],
+                        "scene_value": row["scene"]["value"],
+                        "baseline_value": row["baseline"]["value"],
+                        "difference": difference["value"],
+                        "low": interval.get("low"),
+                        "high": interval.get("high"),
+                    }
+                )
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `legoworld compare --json` prints."""
+        return {
+            "folder": str(self.folder),
+            "comparison": self.document,
+            "below_threshold": [str(one) for one in self.below],
+        }
+
+
+def compare(
+    evaluations: Sequence[Evaluation | str | Path],
+    output: str | Path,
+    *,
+    draws: int = 2000,
+    seed: int = 0,
+    fail_below: Sequence[str] = (),
+    allow_truth_prompts: bool = False,
+    overwrite: bool = False,
+    listener: Listener = SILENT,
+) -> Comparison:
+    """Put the first evaluation, the scene's, beside each of the others, and write the folder.
+
+    draws, seed: bootstrap samples, which both sides share. fail_below: "METRIC=DELTA" texts, the
+    least gain of the scene; those that do not hold are `Comparison.below`. allow_truth_prompts:
+    take a baseline that was prompted with truth. overwrite: replace another comparison.
+
+    Raises UsageError or IncomparableError (another truth, track, card, evaluator or version)
+    before anything is written.
+    """
+    document, below = make_comparison(
+        [_folder(one) for one in evaluations],
+        Path(output),
+        Settings(draws=draws, seed=seed, allow_truth_prompts=allow_truth_prompts),
+        thresholds=fail_below,
+        overwrite=overwrite,
+        notice=listener.notice,
+    )
+    return Comparison(folder=Path(output), document=as_json(document), below=tuple(below))
+
+
+def _folder(evaluation: Evaluation | str | Path) -> Path:
+    place = evaluation.folder if isinstance(evaluation, Evaluation) else Path(evaluation)
+    if isinstance(place, Path):
+        return place
+    raise UsageError(
+        "an evaluation at a URL cannot be compared", found=place, expected="a folder",
+        next_step="copy the evaluation here first",
+    )  # fmt: skip

@@ -1,0 +1,170 @@
+"""`evaluate`: a run and private ground truth to numbers with their denominators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from legoworld.api.folders import place_of, read_from, written_whole
+from legoworld.api.listening import SILENT, Listener
+from legoworld.api.settings import engine_cores
+from legoworld.errors import UsageError
+from legoworld.evaluation.depth.evaluate import evaluate_depth
+from legoworld.evaluation.detections import evaluate_detections
+from legoworld.evaluation.evaluators import EvaluatorKind
+from legoworld.evaluation.folder import EVIDENCE, PER_IMAGE, read_rows, read_summary
+from legoworld.evaluation.origins import Origins
+from legoworld.evaluation.run import read_run
+from legoworld.places import Place
+from legoworld.records.base import as_json
+from legoworld.records.evaluation_summary import (
+    Coverage,
+    DepthSummary,
+    DetectionSummary,
+    Interval,
+    Means,
+    Values,
+)
+from legoworld.running.engines import EngineName
+from legoworld.running.tasks import Crew
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """An evaluation folder. summary: of summary.json; a number that is undefined is None."""
+
+    folder: Place
+    summary: DetectionSummary | DepthSummary
+
+    @classmethod
+    def open(cls, folder: str | Path) -> Evaluation:
+        """An evaluation that was written before. EvaluationFolderError for any other folder."""
+        place = place_of(folder)
+        with read_from(place) as here:
+            return cls(folder=place, summary=read_summary(here))
+
+    @property
+    def task(self) -> str:
+        """The task that was evaluated."""
+        return self.summary.task
+
+    @property
+    def metrics(self) -> Values | Means:
+        """Each metric's value, in fractions; of depth a dict by hole policy."""
+        return self.summary.metrics
+
+    @property
+    def coverage(self) -> Coverage:
+        """The denominators: images attempted, scored, with truth, and by status."""
+        return self.summary.coverage
+
+    @property
+    def table(self) -> list[dict[str, str | int | float | None]]:
+        """A row of plain values for each metric: `pandas.DataFrame(evaluation.table)`.
+
+        low, high: the 95 % bootstrap interval, None where there is none.
+        """
+        rows: list[dict[str, str | int | float | None]] = []
+        for name, policy, value, interval in self._values():
+            rows.append(
+                {
+                    "task": self.task,
+                    "metric": name,
+                    "policy": policy,
+                    "value": value,
+                    "low": interval.low if interval else None,
+                    "high": interval.high if interval else None,
+                    "attempted": self.coverage.attempted,
+                    "scored": self.coverage.scored,
+                }
+            )
+        return rows
+
+    def per_image(self) -> list[dict[str, Any]]:
+        """The rows of per_image.jsonl, by image id."""
+        with read_from(self.folder) as here:
+            return [as_json(row) for row in read_rows(here / PER_IMAGE)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `legoworld evaluate --json` prints."""
+        return {"evaluation": str(self.folder), "summary": as_json(self.summary)}
+
+    def _values(self) -> Iterator[tuple[str, str | None, float | None, Interval | None]]:
+        summary = self.summary
+        if isinstance(summary, DepthSummary):
+            for name, by_policy in summary.metrics.items():
+                for policy, value in by_policy.items():
+                    yield name, policy, value, summary.intervals[name][policy]
+        else:
+            for name, value in summary.metrics.items():
+                yield name, None, value, summary.intervals.get(name)
+
+
+def evaluate(
+    run: str | Path,
+    output: str | Path,
+    *,
+    truth: str | Path,
+    evaluator: EvaluatorKind | None = None,
+    camera_model: Literal["none", "dataset"] | None = None,
+    draws: int = 2000,
+    seed: int = 0,
+    workers: int | None = None,
+    engine: EngineName = "local",
+    overwrite: bool = False,
+    listener: Listener = SILENT,
+) -> Evaluation:
+    """Score a run against ground truth and write the evaluation folder, which holds truth.
+
+    run, output: folders or their URLs. truth: the dataset's own annotations, COCO or LVIS JSON, or
+    ETH3D's folder. evaluator: "official" (pycocotools, lvis) or "fast" (hotcoco), None for the
+    official one where it is installed. camera_model: depth only, "dataset" warps a scene's pinhole
+    depth through the dataset's camera. draws, seed: tie orders and bootstrap samples. workers,
+    engine: change no byte of the result. overwrite: replace another evaluation in the folder.
+
+    Raises a LegoWorldError before anything is written: UsageError, TruthInvalidError,
+    PredictionsInvalidError, RunUnusableError and others.
+    """
+    source, written = place_of(run), place_of(output)
+    crew = Crew(engine=engine, workers=workers or engine_cores(engine))
+    origins = Origins(
+        run_url=source if isinstance(source, str) else None,
+        output_url=written if isinstance(written, str) else None,
+    )
+    with read_from(source) as here, written_whole(written, last=EVIDENCE) as folder:
+        found = read_run(here)
+        listener.total(len(found.images))
+        if found.task == "eth3d":
+            if evaluator is not None:
+                raise UsageError("--evaluator is for boxes and masks: depth has one evaluator")
+            summary: DetectionSummary | DepthSummary = evaluate_depth(
+                here,
+                Path(truth),
+                folder,
+                camera_model=camera_model or "none",
+                draws=draws,
+                seed=seed,
+                overwrite=overwrite,
+                progress=listener.row,
+                crew=crew,
+                origins=origins,
+            )
+        else:
+            if camera_model is not None:
+                raise UsageError("--camera-model is for depth: boxes and masks are not warped")
+            summary = evaluate_detections(
+                here,
+                Path(truth),
+                folder,
+                evaluator=evaluator,
+                draws=draws,
+                seed=seed,
+                overwrite=overwrite,
+                notice=listener.notice,
+                warn=listener.warn,
+                crew=crew,
+                origins=origins,
+            ).summary
+    return Evaluation(folder=written, summary=summary)

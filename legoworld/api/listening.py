@@ -1,0 +1,31 @@
+"""What a long call tells while it works."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+def _nothing(_told: Any) -> None:
+    """Nobody listens."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listener:
+    """Functions that are called as the work goes on; each may be left out.
+
+    total: how many images there are, before the first; kept: how many an earlier run has done;
+    row: the row of an image that is done; notice: what is being done; warn: what the reader of the
+    results must know.
+    """
+
+    total: Callable[[int], None] = _nothing
+    kept: Callable[[int], None] = _nothing
+    row: Callable[[dict[str, Any]], None] = _nothing
+    notice: Callable[[str], None] = _nothing
+    warn: Callable[[str], None] = _nothing
+
+
+#: Nobody listens.
+SILENT = Listener()

@@ -1,0 +1,175 @@
+"""`readout`: scenes to a run folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from legoworld.api.folders import place_of, written_at
+from legoworld.api.listening import SILENT, Listener
+from legoworld.api.settings import (
+    MEMORY_LIMIT_GIB,
+    TIME_LIMIT_S,
+    Cache,
+    engine_cores,
+    limits_of,
+    refuse_other_task,
+    snapshot_cache,
+    track_of,
+)
+from legoworld.errors import CatalogError, UsageError
+from legoworld.places import Place
+from legoworld.readouts.tasks import protocol
+from legoworld.records.base import as_json
+from legoworld.running.engines import EngineName
+from legoworld.running.image_record import ImageOptions
+from legoworld.running.readout_run import RunRequest, run_readout, shard_images
+from legoworld.running.run_folder import RUN
+from legoworld.scene.folder import BLEND, GLB, Source
+from legoworld.scene_names import Stranger, strangers
+from legoworld.track import Track, track_of_folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """A run folder that was written. rows: of per_image.jsonl, by image id.
+
+    strangers: scene folders that match no image of the track.
+    """
+
+    folder: Place
+    rows: tuple[dict[str, Any], ...]
+    summary: dict[str, Any]
+    strangers: tuple[Stranger, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every image was read."""
+        return all(row["status"] == "ok" for row in self.rows)
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """A row of plain values for each image: `pandas.DataFrame(run.table)`."""
+        keys = ("image_id", "file_name", "scene", "status", "code", "reason", "n_predictions")
+        return [{key: row.get(key) for key in keys} for row in map(as_json, self.rows)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `legoworld readout --json` prints."""
+        return {
+            "run": str(self.folder),
+            "summary": as_json(self.summary),
+            "rows": as_json(self.rows),
+            "unmatched_folders": [asdict(stranger) for stranger in self.strangers],
+        }
+
+
+def readout(
+    scenes: str | Path,
+    output: str | Path,
+    *,
+    task: str,
+    track: Track | str | Path | None = None,
+    source: Source = "blend",
+    workers: int | None = None,
+    engine: EngineName = "local",
+    cache: Cache = True,
+    require_frozen: bool = False,
+    limit: int | None = None,
+    image_ids: Sequence[int] = (),
+    shard: tuple[int, int] | None = None,
+    images_per_file: int | None = None,
+    max_side: int | None = None,
+    overwrite: bool = False,
+    fail_fast: bool = False,
+    time_limit_s: float = TIME_LIMIT_S,
+    memory_limit_gib: float = MEMORY_LIMIT_GIB,
+    listener: Listener = SILENT,
+) -> Run:
+    """Read labels out of scenes into a run folder; the same call again resumes.
+
+    scenes, output: folders or their URLs. task: "coco", "coco-masks", "lvis" or "eth3d". track:
+    the images; without one every scene folder is an image. source: the file of a scene that is
+    read. workers: Blender processes, None for one a core. limit: only the first images; image_ids:
+    only these; shard: (i, n), only every n-th from the i-th on. images_per_file: divide the
+    predictions into files. max_side: depth only, render smaller. overwrite: delete an earlier run
+    first. fail_fast: stop at the first scene that cannot be read. The limits are of each Blender
+    process. No result depends on workers, engine, cache, shard or limits.
+
+    A scene that cannot be read is a row with its status and reason. Raises UsageError,
+    CatalogError, ConfigurationMismatchError (another run is in the folder), OutputFullError or
+    KernelBuildError before anything is read.
+    """
+    place, written = place_of(scenes), place_of(output)
+    if max_side is not None and task != "eth3d":
+        raise UsageError(
+            "--max-side is for depth: boxes and masks are read at the image's own size",
+        )
+    if images_per_file is not None and task == "eth3d":
+        raise UsageError(
+            "--images-per-file is for boxes and masks: depth has a file an image already",
+        )
+    images = track_of(track) if track is not None else track_of_folder(place)
+    refuse_other_task(images, task)
+    _refuse_output_in_a_scene(written, place)
+    request = RunRequest(
+        image_options=ImageOptions(
+            scenes=place if isinstance(place, str) else place.absolute(),
+            run=Path(),
+            protocol=protocol(task, images.vocabulary),
+            source=source,
+            cache=snapshot_cache(cache),
+            require_frozen=require_frozen,
+            max_side=max_side,
+            threads=1,
+        ),
+        track=images,
+        engine=engine,
+        workers=workers or engine_cores(engine),
+        limits=limits_of(time_limit_s, memory_limit_gib),
+        overwrite=overwrite,
+        limit=limit,
+        image_ids=tuple(image_ids),
+        shard=shard,
+        fail_fast=fail_fast,
+        images_per_file=images_per_file,
+    )
+    with written_at(written, last=RUN, overwrite=overwrite) as folder:
+        here = replace(request.image_options, run=folder.absolute())
+        request = replace(request, image_options=here)
+        listener.total(len(shard_images(request)))
+        result = run_readout(
+            request, progress=listener.row, notice=listener.notice, kept=listener.kept
+        )
+    unmatched = _strangers(place, images) if track is not None and shard is None else []
+    return Run(folder=written, rows=result.rows, summary=result.summary, strangers=tuple(unmatched))
+
+
+def _strangers(scenes: Place, track: Track) -> list[Stranger]:
+    """Scene folders that match no image of a track; of a folder of this machine only."""
+    if not isinstance(scenes, Path):
+        return []
+    try:
+        folders = {image.scene for image in track_of_folder(scenes).images}
+    except CatalogError:
+        return []  # no scene at all: every row of the run says so
+    known = [image.scene for image in track.images]
+    return strangers(folders, known, [name for name in known if name not in folders])
+
+
+def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:
+    """UsageError when a folder is, or is below, a scene folder of SCENES."""
+    if not isinstance(output, Path) or not isinstance(scenes, Path):
+        return
+    top, below = scenes.resolve(), output.resolve()
+    around = [p for p in (below, *below.parents) if p.is_relative_to(top)]
+    if any((p / name).is_file() for p in around for name in (BLEND, GLB)):
+        raise UsageError(f"-o {output} lies in a scene, which a readout never writes into")
+
+
+def default_output(scenes: str | Path, task: str) -> Path:
+    """The run folder of a command without -o: legoworld-runs/<name of SCENES>-<task>."""
+    place = place_of(scenes)
+    name = place.resolve().name if isinstance(place, Path) else PurePosixPath(place).name
+    return Path("legoworld-runs") / f"{name or 'scenes'}-{task}"

@@ -1,0 +1,301 @@
+"""One scene in a notebook or a program: open it, look at it, draw it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld import pictures
+from legoworld.api.settings import (
+    MEMORY_LIMIT_GIB,
+    TIME_LIMIT_S,
+    Cache,
+    limits_of,
+    protocol_of,
+    snapshot_cache,
+)
+from legoworld.errors import UsageError
+from legoworld.inspection import Inspection, OpenScene, look, write_inspection
+from legoworld.inspection import open_scene as read_folder
+from legoworld.readouts.tasks import Protocol
+from legoworld.records.base import as_json
+from legoworld.records.instances import InstanceRow
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.folder import Source, find_scene
+from legoworld.scene.snapshot import RenderSettings, SceneCamera
+from legoworld.source_comparison import SourceComparison, compare_sources
+from legoworld.track import Track
+from legoworld.visibility.projection import Projection
+
+Photo = str | Path | NDArray[np.uint8]
+
+
+def open_scene(
+    folder: str | Path,
+    *,
+    source: Source = "blend",
+    cache: Cache = True,
+    require_frozen: bool = False,
+    allow_changed: bool = False,
+    time_limit_s: float = TIME_LIMIT_S,
+    memory_limit_gib: float = MEMORY_LIMIT_GIB,
+) -> Scene:
+    """Read a scene folder (with scene.blend or scene.glb), by Blender unless it is in the cache.
+
+    source: the file that is read. cache: a folder of snapshots, True for the user's own, False for
+    none. require_frozen: refuse a scene without frozen.json. allow_changed: take one whose files
+    are not those that were frozen, with a warning. The limits are of the Blender process.
+
+    Raises the scene's verdict, a LegoWorldError: SceneMissingError, SceneInvalidError (and the
+    errors under it), SceneChangedError, WorkerTimeoutError, WorkerMemoryError, WorkerCrashedError.
+    """
+    path = Path(folder).resolve()
+    with BlenderProcess(limits_of(time_limit_s, memory_limit_gib)) as blender:
+        opened = read_folder(
+            find_scene(path.parent, path.name),
+            source=source,
+            blender=blender,
+            cache=snapshot_cache(cache),
+            require_frozen=require_frozen,
+            allow_changed=allow_changed,
+        )
+    return Scene(opened)
+
+
+class Scene:
+    """A scene in memory: geometry, placements, labels' owners and the active camera."""
+
+    def __init__(self, opened: OpenScene) -> None:
+        self._opened = opened
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self._opened.folder.name
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """Width and height in pixels of the scene's own render settings."""
+        return self._opened.scene.snapshot.render.size_wh
+
+    @property
+    def snapshot_sha256(self) -> str:
+        """Hash of everything that was read: equal scenes have equal hashes."""
+        return self._opened.scene.snapshot_sha256
+
+    def view(
+        self,
+        *,
+        task: str | None = None,
+        track: Track | str | Path | None = None,
+        size_wh: tuple[int, int] | None = None,
+    ) -> SceneView:
+        """What the active camera sees.
+
+        task: the vocabulary labels are resolved in ("coco", "coco-masks", "lvis"); without it and
+        without a track every label counts as it is written. track: a track whose vocabulary (and
+        task, where it records one) is taken. size_wh: width and height in pixels, the scene's own
+        when None.
+
+        Raises LabelsInvalidError for a labels.json that cannot be used, UsageError for a task that
+        does not exist.
+        """
+        return self.view_by(protocol_of(task, track), size_wh)
+
+    def view_by(
+        self, protocol: Protocol | None, size_wh: tuple[int, int] | None, threads: int | None = None
+    ) -> SceneView:
+        """`view` under a protocol that was loaded before; threads: of the kernel, None for all."""
+        inspection = look(
+            self._opened,
+            size_wh=size_wh,
+            vocabulary=protocol.vocabulary if protocol else None,
+            override_property=protocol.override_property if protocol else None,
+            threads=threads,
+        )
+        return SceneView(inspection, protocol)
+
+    def __repr__(self) -> str:
+        width, height = self.size_wh
+        triangles = self._opened.scene.snapshot.n_triangles
+        return f"<Scene {self.name!r}: {triangles:,} triangles, {width}x{height}>"
+
+
+class SceneView:
+    """One picture of a scene: who is at each pixel, how far away, and all instances.
+
+    instances: every instance of the scene, seen or not, by id.
+    """
+
+    def __init__(self, inspection: Inspection, protocol: Protocol | None) -> None:
+        self._inspection = inspection
+        self._protocol = protocol
+        self.instances: tuple[InstanceRow, ...] = inspection.entries
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self._inspection.view.size_wh
+
+    @property
+    def instance(self) -> NDArray[np.int32]:
+        """(H, W) int32: the id of the instance at each pixel, -1 where nothing is hit."""
+        return self._inspection.view.buffers.instance
+
+    @property
+    def depth_z_m(self) -> NDArray[np.float32]:
+        """(H, W) float32: planar depth in metres along the optical axis, +inf for no hit."""
+        return self._inspection.view.buffers.depth_z_m
+
+    @property
+    def projection(self) -> Projection:
+        """The camera's intrinsics in pixels, pixel centres at .5; see `Projection`."""
+        return self._inspection.view.projection
+
+    @property
+    def camera(self) -> SceneCamera:
+        """The active camera: its name, pose and lens."""
+        return self._inspection.scene.snapshot.camera
+
+    @property
+    def render(self) -> RenderSettings:
+        """The scene's render settings: size, pixel aspect, unit scale, frame."""
+        return self._inspection.scene.snapshot.render
+
+    @property
+    def n_triangles(self) -> int:
+        """Triangles of the scene's meshes, each counted once however often it is placed."""
+        return self._inspection.scene.snapshot.n_triangles
+
+    @property
+    def outside_vocabulary(self) -> dict[str, int]:
+        """Labels that the vocabulary does not have, and how many instances carry each."""
+        return self._inspection.outside_vocabulary
+
+    @property
+    def nearest(self) -> dict[str, list[str]]:
+        """For each label outside the vocabulary the category names most like it."""
+        return self._inspection.nearest
+
+    @property
+    def not_rendered(self) -> tuple[tuple[str, str], ...]:
+        """Name and label of labelled objects and collections without a surface that renders."""
+        return self._inspection.not_rendered
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the picture must know, in words."""
+        return self._inspection.warnings
+
+    @property
+    def labelled(self) -> tuple[InstanceRow, ...]:
+        """The instances of a category with at least one visible pixel: what a task exports."""
+        return tuple(i for i in self.instances if i.labelled and i.area_px)
+
+    def mask(self, instance_id: int) -> NDArray[np.bool_]:
+        """(H, W) bool: the visible pixels of an instance. UsageError for an id of none."""
+        if not 0 <= instance_id < len(self.instances):
+            raise UsageError(
+                "the scene has no such instance",
+                found=repr(instance_id),
+                expected=f"an id of 0 to {len(self.instances) - 1}",
+            )
+        return np.asarray(self.instance == instance_id)
+
+    def masks(self) -> NDArray[np.bool_]:
+        """(N, H, W) bool: the visible masks of `labelled`, in that order; none overlap."""
+        ids = np.array([i.id for i in self.labelled], np.int32)
+        return np.asarray(self.instance[None] == ids[:, None, None])
+
+    def boxes_xywh_px(self) -> NDArray[np.int64]:
+        """(N, 4) int64: x, y, width, height of the masks of `labelled`, at pixel edges."""
+        return np.array([i.bbox_xywh_px for i in self.labelled], np.int64).reshape(-1, 4)
+
+    def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
+        """The task's export for this picture: COCO or LVIS results of one image.
+
+        UsageError without a task, and for depth, which is `depth_z_m`.
+        """
+        protocol = self._protocol
+        if protocol is None or protocol.task.predict is None:
+            raise UsageError(
+                "only a view of a task with boxes or masks has predictions",
+                found=f"task {protocol.task.name}" if protocol else "a view without a task",
+                expected="view(task='coco'), 'coco-masks' or 'lvis'",
+            )
+        inspection = self._inspection
+        exports = protocol.task.predict(image_id, inspection.grouping.instances, inspection.view)
+        return [prediction for prediction, _ in exports]
+
+    def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
+        """(H, W, 3) uint8 RGB: outlines, boxes and names over a photo of the same size.
+
+        photo: a file or an (H, W, 3) uint8 RGB array; without one each instance has its colour.
+        UsageError for a photo of another size.
+        """
+        if photo is None:
+            ground = pictures.instance_picture(self.instance)
+        else:
+            ground = photo if isinstance(photo, np.ndarray) else pictures.read_photo(Path(photo))
+        if ground.shape != (*self.instance.shape, 3):
+            raise UsageError(
+                "the photo has another size than the view",
+                found="x".join(map(str, ground.shape[1::-1])),
+                expected="x".join(map(str, self.size_wh)),
+                next_step="pass its width and height to view(size_wh=...)",
+            )
+        return pictures.overlay(ground, self.instance, self.instances)
+
+    def depth_picture(self) -> NDArray[np.uint8]:
+        """(H, W, 3) uint8 RGB: inverse depth in colours, near is red, no hit dark grey."""
+        return pictures.depth_picture(self.depth_z_m)
+
+    @cached_property
+    def table(self) -> list[dict[str, Any]]:
+        """A row of plain values for each instance: `pandas.DataFrame(view.table)`."""
+        rows = []
+        for instance in self.instances:
+            x, y, w, h = instance.bbox_xywh_px
+            row = as_json(instance) | {"objects": ", ".join(instance.objects)}
+            del row["bbox_xywh_px"]
+            rows.append(row | {"x_px": x, "y_px": y, "width_px": w, "height_px": h})
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `legoworld inspect --json` prints of the scene."""
+        return {
+            "instances": as_json(self.instances),
+            "size_wh": list(self.size_wh),
+            "warnings": list(self.warnings),
+            "outside_vocabulary": self.outside_vocabulary,
+            "nearest": self.nearest,
+            "not_rendered": [list(owner) for owner in self.not_rendered],
+            "snapshot_sha256": self._inspection.scene.snapshot_sha256,
+        }
+
+    def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
+        """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
+
+        LegoWorldError for a photo of another size.
+        """
+        write_inspection(self._inspection, Path(folder), None if photo is None else Path(photo))
+
+    def compared_with(self, other: SceneView) -> SourceComparison:
+        """Where this view (of scene.blend) and another one (of scene.glb) disagree."""
+        return compare_sources(self._inspection, other._inspection)
+
+    def __iter__(self) -> Iterator[InstanceRow]:
+        """The instances, by id."""
+        return iter(self.instances)
+
+    def __repr__(self) -> str:
+        width, height = self.size_wh
+        return (
+            f"<SceneView {width}x{height}: {len(self.instances)} instances, "
+            f"{len(self.labelled)} labelled and visible>"
+        )

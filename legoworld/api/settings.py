@@ -1,0 +1,72 @@
+"""What several calls take: a cache, limits of a Blender process, a task's protocol."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from legoworld.errors import UsageError
+from legoworld.processors import usable_cores
+from legoworld.readouts.tasks import Protocol, protocol
+from legoworld.running.engines import EngineName, cluster_cores
+from legoworld.scene.blender_process import Limits
+from legoworld.scene.cache import SnapshotCache, default_cache_folder
+from legoworld.track import Track, load_track, serves
+
+#: A folder of snapshots; True for the user's own (or $LEGOWORLD_CACHE), False for none.
+Cache = bool | str | Path
+
+TIME_LIMIT_S: Final = 120.0
+MEMORY_LIMIT_GIB: Final = 8.0
+
+
+def snapshot_cache(cache: Cache) -> SnapshotCache | None:
+    """The SnapshotCache that an argument means."""
+    if cache is False:
+        return None
+    return SnapshotCache(default_cache_folder() if cache is True else Path(cache))
+
+
+def limits_of(time_limit_s: float, memory_limit_gib: float) -> Limits:
+    """Limits of a Blender process. UsageError for what is not above 0."""
+    if not (time_limit_s > 0 and memory_limit_gib > 0):
+        raise UsageError(
+            "a limit of a Blender process cannot be used",
+            found=f"{time_limit_s:g} s, {memory_limit_gib:g} GiB",
+            expected="numbers above 0",
+        )
+    return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
+
+
+def engine_cores(engine: EngineName) -> int:
+    """CPU cores an engine may use."""
+    return usable_cores() if engine == "local" else cluster_cores()
+
+
+def track_of(track: Track | str | Path) -> Track:
+    """A track, read where it is a path. Raises CatalogError."""
+    return track if isinstance(track, Track) else load_track(Path(track))
+
+
+def protocol_of(task: str | None, track: Track | str | Path | None) -> Protocol | None:
+    """The protocol of a task in a track's vocabulary; the track may name the task, too.
+
+    None without either. UsageError for a track that does not say its task, or is made for another.
+    """
+    if track is None:
+        return None if task is None else protocol(task, None)
+    images = track_of(track)
+    chosen = task or images.made_for
+    if chosen is None:
+        raise UsageError("the track does not say its task", next_step="pass --task")
+    refuse_other_task(images, chosen)
+    return protocol(chosen, images.vocabulary)
+
+
+def refuse_other_task(track: Track, task: str) -> None:
+    """UsageError for a track that is made for another task."""
+    if not serves(track, task):
+        raise UsageError(
+            f"the track is made for {track.made_for}, not for {task}",
+            next_step=f"make one with `legoworld track make --task {task}`",
+        )
