@@ -9,10 +9,7 @@ from typing import Any, Literal
 
 from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
-from legoworld.api.settings import engine_cores
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.detections import evaluate_detections
 from legoworld.evaluation.evaluators import EvaluatorKind
 from legoworld.evaluation.folder import EVIDENCE, PER_IMAGE, read_rows, read_summary
 from legoworld.evaluation.origins import Origins
@@ -27,7 +24,7 @@ from legoworld.records.evaluation_summary import (
     Means,
     Values,
 )
-from legoworld.running.engines import EngineName
+from legoworld.running.engines import EngineName, engine_cores
 from legoworld.running.tasks import Crew
 
 
@@ -139,6 +136,8 @@ def evaluate(
         if found.task == "eth3d":
             if evaluator is not None:
                 raise UsageError("--evaluator is for boxes and masks: depth has one evaluator")
+            from legoworld.evaluation.depth.evaluate import evaluate_depth
+
             summary: DetectionSummary | DepthSummary = evaluate_depth(
                 here,
                 Path(truth),
@@ -154,6 +153,8 @@ def evaluate(
         else:
             if camera_model is not None:
                 raise UsageError("--camera-model is for depth: boxes and masks are not warped")
+            from legoworld.evaluation.detections import evaluate_detections
+
             summary = evaluate_detections(
                 here,
                 Path(truth),

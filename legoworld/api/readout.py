@@ -13,7 +13,6 @@ from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
     Cache,
-    engine_cores,
     limits_of,
     refuse_other_task,
     snapshot_cache,
@@ -23,7 +22,7 @@ from legoworld.errors import CatalogError, UsageError
 from legoworld.places import Place
 from legoworld.readouts.tasks import protocol
 from legoworld.records.base import as_json
-from legoworld.running.engines import EngineName
+from legoworld.running.engines import EngineName, engine_cores
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout, shard_images
 from legoworld.running.run_folder import RUN

@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.errors import UsageError
-from legoworld.processors import usable_cores
 from legoworld.readouts.tasks import Protocol, protocol
-from legoworld.running.engines import EngineName, cluster_cores
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import SnapshotCache, default_cache_folder
 from legoworld.track import Track, load_track, serves
@@ -38,11 +36,6 @@ def limits_of(time_limit_s: float, memory_limit_gib: float) -> Limits:
     return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
 
 
-def engine_cores(engine: EngineName) -> int:
-    """CPU cores an engine may use."""
-    return usable_cores() if engine == "local" else cluster_cores()
-
-
 def track_of(track: Track | str | Path) -> Track:
     """A track, read where it is a path. Raises CatalogError."""
     return track if isinstance(track, Track) else load_track(Path(track))
@@ -58,7 +51,7 @@ def protocol_of(task: str | None, track: Track | str | Path | None) -> Protocol 
     images = track_of(track)
     chosen = task or images.made_for
     if chosen is None:
-        raise UsageError("the track does not say its task", next_step="pass --task")
+        raise UsageError("the track does not say its task", next_step="pass the task beside it")
     refuse_other_task(images, chosen)
     return protocol(chosen, images.vocabulary)
 

@@ -44,7 +44,8 @@ def command(
       legoworld freeze scenes
       legoworld freeze scenes/000000000139 --json
     """
-    from legoworld.api.settings import engine_cores, limits_of, snapshot_cache
+    from legoworld.api.settings import limits_of, snapshot_cache
+    from legoworld.running.engines import engine_cores
     from legoworld.running.freeze_run import freeze_scenes
 
     rows = freeze_scenes(

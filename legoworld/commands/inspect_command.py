@@ -82,6 +82,7 @@ def command(
     """
     from legoworld.api.folders import read_from
     from legoworld.api.scenes import open_scene
+    from legoworld.api.settings import protocol_of
 
     if compare_sources and allow_changed:
         raise click.UsageError("--allow-changed does not go with --compare-sources: freeze first")
@@ -93,6 +94,7 @@ def command(
 
         height, width = read_photo(photo).shape[:2]
         size_wh = (width, height)
+    reading = protocol_of(task, track)  # refused before a scene is opened for it
 
     def look(
         folder: Path, file: Literal["blend", "glb"], size: tuple[int, int] | None
@@ -105,7 +107,7 @@ def command(
             time_limit_s=time_limit,
             memory_limit_gib=memory_limit,
         )
-        return opened.view(task=task, track=track, size_wh=size)
+        return opened.view_by(reading, size)
 
     with read_from(scene) as here:
         if compare_sources:

@@ -18,6 +18,7 @@ from typing import Any, Final, Generic, Literal, Protocol, TypeVar
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, WorkerCrashedError
+from legoworld.processors import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -160,8 +161,10 @@ def machine_lost(what: str) -> WorkerCrashedError:
     )
 
 
-def cluster_cores() -> int:
-    """CPUs of the Ray cluster."""
+def engine_cores(engine: EngineName) -> int:
+    """CPU cores an engine may use: this process's, or all of the Ray cluster's."""
+    if engine == "local":
+        return usable_cores()
     return int(_started_ray().cluster_resources().get("CPU", 1))
 
 

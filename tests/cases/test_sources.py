@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.folder import SceneFolder
-from legoworld.source_comparison import SourceComparison, compare_sources
+from legoworld import open_scene
+from legoworld.source_comparison import SourceComparison
 
 pytestmark = pytest.mark.blender
 
@@ -38,15 +37,9 @@ bpy.ops.export_scene.gltf(
 def compared(build_scenes, tmp_path_factory: pytest.TempPathFactory) -> SourceComparison:
     folder = tmp_path_factory.mktemp("both")
     build_scenes(SCENE, folder)
-    with BlenderProcess(Limits(time_s=60)) as blender:
-        return compare_sources(
-            SceneFolder(path=folder / "both", name="both"),
-            size_wh=(320, 240),
-            blender=blender,
-            cache=None,
-            vocabulary=None,
-            override_property=None,
-        )
+    views = [open_scene(folder / "both", source=file, cache=False) for file in ("blend", "glb")]
+    blend, glb = (scene.view(size_wh=(320, 240)) for scene in views)
+    return blend.compared_with(glb)
 
 
 def test_row_32_blend_and_glb_show_the_same_masks(compared: SourceComparison):

@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 from legoworld import cli
+from legoworld.api.scenes import Scene
+from legoworld.inspection import open_scene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import SceneFolder
-from legoworld.source_comparison import SourceComparison, compare_sources
+from legoworld.source_comparison import SourceComparison
 
 EXPORT = """
 def export(name, **more):
@@ -176,10 +178,13 @@ def blender():
 
 
 def compared(path: Path, blender, size_wh=None) -> SourceComparison:
-    return compare_sources(
-        SceneFolder(path=path, name=path.name), size_wh=size_wh, vocabulary=None,
-        override_property=None, blender=blender, cache=None,
-    )  # fmt: skip
+    folder = SceneFolder(path=path, name=path.name)
+    blend, glb = (
+        Scene(open_scene(folder, source=file, blender=blender, cache=None))
+        for file in ("blend", "glb")
+    )
+    view = blend.view(size_wh=size_wh)
+    return view.compared_with(glb.view(size_wh=view.size_wh))
 
 
 @pytest.mark.blender
