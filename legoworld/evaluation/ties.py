@@ -45,8 +45,16 @@ class TieResult:
 
     def document(self) -> Ties:
         """As summary.json holds it; None where AP is undefined."""
-        undefined = dict.fromkeys(("expected", "sd", "worst", "best"))
-        return Ties(**self.__dict__ | (undefined if np.isnan(self.expected) else {}))
+        defined = not np.isnan(self.expected)
+        return Ties(
+            expected=self.expected if defined else None,
+            sd=self.sd if defined else None,
+            worst=self.worst if defined else None,
+            best=self.best if defined else None,
+            draws=self.draws,
+            seed=self.seed,
+            n_tied=self.n_tied,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

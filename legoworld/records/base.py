@@ -19,6 +19,7 @@ __all__ = [
     "as_json",
     "canonical",
     "decode",
+    "decode_any",
     "decode_lines",
     "nested_beyond",
     "readable",
@@ -62,6 +63,13 @@ def decode(kind: type[_T], data: bytes | str) -> _T:
         raise RecordError(_malformed(data)) from error
     except RecursionError as error:
         raise RecordError("lists or objects are nested too deeply") from error
+
+
+def decode_any(data: bytes | str) -> object:
+    """JSON text as a value of whatever type. RecordError for what is not JSON."""
+    kind: Any = Any
+    value: object = decode(kind, data)
+    return value
 
 
 def decode_lines(kind: type[_T], data: bytes) -> list[_T]:

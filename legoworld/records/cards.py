@@ -66,8 +66,8 @@ class BaselineCardFile(Head, frozen=True, kw_only=True):
     dtype_on_cuda: what the original computes in on a GPU, `--dtype auto`.
     """
 
-    licence: Text
-    tasks: Annotated[tuple[TaskName, ...], Meta(min_length=1)]
+    licence: Text  # pyright: ignore[reportGeneralTypeIssues]  required here, and by keyword
+    tasks: Annotated[tuple[TaskName, ...], Meta(min_length=1)]  # pyright: ignore[reportGeneralTypeIssues]
     options: dict[str, BaselineOption] = field(default_factory=dict)
     prompts_from_truth: bool = False
     variables: tuple[Text, ...] = ()

@@ -14,11 +14,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError
 from legoworld.files import kind_of_file, refused_by_machine
-from legoworld.records.base import RecordError, decode, nested_beyond, to_record
+from legoworld.records.base import RecordError, decode_any, nested_beyond, to_record
 from legoworld.scene.folder import EXECUTION, FROZEN, LABELS, PROVENANCE
 
 #: The side files, and how many bytes each may have.
@@ -57,7 +57,7 @@ def read_side_file(folder: Path, name: str, kind: type[T]) -> SideFile[T] | None
         return None
     try:
         # Whole at first: what a type ignores is checked, too.
-        document: object = decode(Any, data)
+        document = decode_any(data)
         if nested_beyond(NESTING_LIMIT, document):
             raise RecordError(f"lists or objects are nested beyond {NESTING_LIMIT} levels")
         value = to_record(kind, document)

@@ -1,0 +1,64 @@
+"""Writes docs/schemas from the types of legoworld/records; --check says if they are current."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from legoworld import exit_codes
+from legoworld.files import readable_json
+from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+from legoworld.records.execution import ExecutionFile
+from legoworld.records.frozen import FrozenFile
+from legoworld.records.instances import InstancesFile
+from legoworld.records.labels import LabelsFile
+from legoworld.records.track import TrackFile
+
+FOLDER = Path(__file__).with_name("schemas")
+
+#: The public formats: the name in docs/schemas, and the type of a file, or of a line of it.
+FORMATS: dict[str, Any] = {
+    "execution": ExecutionFile,
+    "evaluation-summary-depth": DepthSummary,
+    "evaluation-summary-detection": DetectionSummary,
+    "frozen": FrozenFile,
+    "instances": InstancesFile,
+    "labels": LabelsFile,
+    "track": TrackFile,
+}
+
+
+def rendered() -> dict[str, str]:
+    """The text of each schema by its file's name: JSON Schema 2020-12, self-contained."""
+    texts = {}
+    for name, kind in FORMATS.items():
+        (schema,), parts = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
+        document = {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": name,
+            **schema,
+            "$defs": parts,
+        }
+        texts[f"{name}.schema.json"] = readable_json(document)
+    return texts
+
+
+def main() -> int:
+    """Write the schemas; with --check return 1 when one is not current."""
+    texts = rendered()
+    present = {p.name: p.read_text(encoding="utf-8") for p in FOLDER.glob("*.json")}
+    if "--check" in sys.argv[1:]:
+        return exit_codes.DONE if present == texts else exit_codes.INCOMPLETE
+    FOLDER.mkdir(exist_ok=True)
+    for stale in present.keys() - texts.keys():
+        (FOLDER / stale).unlink()
+    for name, text in texts.items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+    return exit_codes.DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())
