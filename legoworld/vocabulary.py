@@ -14,6 +14,8 @@ from legoworld.records.base import RecordError, to_record
 from legoworld.records.track import CategoryInfo
 from legoworld.repeats import repeated
 
+#: Labels whose match is remembered, at most: a scene may bring any number.
+_REMEMBERED: Final = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class Category:
@@ -22,6 +24,10 @@ class Category:
     id: int
     name: str
     synonyms: tuple[str, ...] = ()
+
+
+#: Stands for what was not looked up before, where None is an answer.
+_UNASKED: Final = Category(id=-1, name="")
 
 
 @dataclass(frozen=True)
@@ -39,8 +45,15 @@ class Vocabulary:
 
         A synonym that several categories have names none of them; nor does such a bare word.
         """
-        key = normal_name(text)
-        return self._by_name.get(key) or self._by_synonym.get(key) or self._by_bare_word.get(key)
+        found = self._matched.get(text, _UNASKED)
+        if found is _UNASKED:
+            key = normal_name(text)
+            found = (
+                self._by_name.get(key) or self._by_synonym.get(key) or self._by_bare_word.get(key)
+            )
+            if len(self._matched) < _REMEMBERED:
+                self._matched[text] = found
+        return found
 
     def candidates(self, text: str) -> list[str]:
         """The names of all categories that a bare word may mean; none without `bare_words`."""
@@ -70,6 +83,11 @@ class Vocabulary:
     def sha256(self) -> str:
         """Hash of the ids and names, for comparing runs."""
         return sha256_of_text(canonical_json([[c.id, c.name] for c in self.categories]))
+
+    @cached_property
+    def _matched(self) -> dict[str, Category | None]:
+        """What labels were matched to: a batch meets the same ones in scene after scene."""
+        return {}
 
     @cached_property
     def _near(self) -> dict[tuple[str, int], list[str]]:

@@ -90,21 +90,21 @@ class ColumnRuns:
         self._height, self._width = instance.shape
         flat = instance.T.ravel()
         first = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1))
-        length = np.diff(first, append=flat.size)
         ids = flat[first]
         order = np.argsort(ids, kind="stable")
-        self._ids, self._first, self._length = ids[order], first[order], length[order]
+        self._ids, self._first = ids[order], first[order]
+        self._end = np.append(first[1:], flat.size)[order]
 
     def rle(self, instance_id: int) -> dict[str, Any]:
         """Compressed RLE of one instance, byte for byte as pycocotools encodes its mask."""
         from pycocotools import mask as coco_mask
 
         low, high = np.searchsorted(self._ids, (instance_id, instance_id + 1))
-        first, length = self._first[low:high], self._length[low:high]
+        first, end = self._first[low:high], self._end[low:high]
         counts = np.empty(2 * len(first) + 1, np.uint32)  # the type the encoder works with
-        end = first + length
-        counts[0:-1:2] = first - np.concatenate(([0], end[:-1]))[: len(first)]
-        counts[1::2] = length
+        counts[0:-1:2][:1] = first[:1]
+        counts[2:-1:2] = first[1:] - end[:-1]
+        counts[1::2] = end - first
         counts[-1] = self._height * self._width - (end[-1] if len(end) else 0)
         if counts[-1] == 0:
             counts = counts[:-1]

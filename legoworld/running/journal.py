@@ -9,8 +9,10 @@ from __future__ import annotations
 import json
 import os
 import zlib
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -19,7 +21,18 @@ from legoworld.files import canonical_json, sync_folder
 
 JOURNAL: Final = "journal.jsonl"
 
+#: Canonical JSON has its keys in order, so a record's line begins with its predictions.
+_BEFORE_PREDICTIONS: Final = b'{"predictions":['
+
 Record = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """Where a record's predictions are: its line's offset, and the bytes of each of them."""
+
+    line: int
+    sizes: array[int]
 
 
 class UnwritableRecordError(SceneInvalidError):
@@ -41,11 +54,11 @@ def journal(folder: Path) -> Iterator[IO[bytes]]:
 def append(stream: IO[bytes], record: Record) -> Record:
     """Put one record on disk before the next image is reported done.
 
-    Returns it with the place in the journal instead of its predictions, for `finish`. Raises
-    UnwritableRecordError for one that no JSON file can hold.
+    Returns it with the places of its predictions in the journal instead of them, for `finish`.
+    Raises UnwritableRecordError for one that no JSON file can hold.
     """
-    kept = {"row": record["row"], "scene": record["scene"], "journal_at": stream.tell()}
-    line = _line_of(record)
+    line, places = _line_of(record, stream.tell())
+    kept = {"row": record["row"], "scene": record["scene"], "journal_at": places}
     try:
         while line:
             line = line[stream.write(line) :]
@@ -68,20 +81,29 @@ def journal_records(folder: Path) -> tuple[list[Record], int]:
     return good, len(found) - len(good)
 
 
-def predictions_at(folder: Path, places: Sequence[int]) -> Iterator[list[dict[str, Any]]]:
-    """The predictions of the records at these places of the journal."""
+def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]]:
+    """The predictions of the records at these places of the journal, as canonical JSON each.
+
+    They are cut out of the line: reading it as JSON and writing that again would give the same.
+    """
     with (folder / JOURNAL).open("rb") as stream:
         for place in places:
-            stream.seek(place)
-            record = _record_in(stream.readline())
-            if record is None:
+            stream.seek(place.line)
+            data = _data_of(stream.readline())
+            if data is None:
                 raise OSError(f"{JOURNAL} was changed while the run was writing it")
-            yield record["predictions"]
+            at, texts = len(_BEFORE_PREDICTIONS), []
+            for size in place.sizes:
+                texts.append(data[at : at + size].decode("utf-8"))
+                at += size + 1  # the comma
+            yield texts
 
 
-def _line_of(record: Record) -> bytes:
+def _line_of(record: Record, at: int) -> tuple[bytes, Places]:
+    """The line of a record that is put at this place, and where its predictions are."""
     try:
-        data = canonical_json(record).encode("utf-8")
+        predictions = [canonical_json(p).encode("utf-8") for p in record["predictions"]]
+        rest = canonical_json({"row": record["row"], "scene": record["scene"]}).encode("utf-8")
     except (ValueError, TypeError, RecursionError) as error:
         raise UnwritableRecordError(
             "what was read of the scene cannot be written as JSON",
@@ -89,16 +111,23 @@ def _line_of(record: Record) -> bytes:
             expected="text in Unicode and finite numbers",
             next_step="correct the names and properties of the scene",
         ) from error
-    return data + b"\t%08x\n" % zlib.crc32(data)
+    data = b"".join((_BEFORE_PREDICTIONS, b",".join(predictions), b"],", rest[1:]))
+    sizes = array("Q", map(len, predictions))
+    return data + b"\t%08x\n" % zlib.crc32(data), Places(line=at, sizes=sizes)
 
 
 def _record_in(line: bytes) -> Record | None:
     """The record of a line; None for one that is not as it was written."""
-    data, tab, checksum = line.rstrip(b"\n").rpartition(b"\t")
-    if not tab or checksum != b"%08x" % zlib.crc32(data):
+    data = _data_of(line)
+    if data is None:
         return None
     record: Record = json.loads(data)
     return record
+
+
+def _data_of(line: bytes) -> bytes | None:
+    data, tab, checksum = line.rstrip(b"\n").rpartition(b"\t")
+    return data if tab and checksum == b"%08x" % zlib.crc32(data) else None
 
 
 def _drop_torn_line(path: Path) -> None:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby, islice
+from itertools import chain, groupby, islice
 from pathlib import Path
 from typing import IO, Any, Final
 
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.files import atomic_path, canonical_json
+from legoworld.files import atomic_path
 
 PREDICTIONS: Final = "predictions.json"
 FOLDER: Final = "predictions"
@@ -104,21 +104,17 @@ def _image_id(entry: Any) -> int:
 def write_predictions(
     folder: Path,
     images_per_file: int | None,
-    images: Iterable[Sequence[Prediction]],
+    images: Iterable[Sequence[str]],
     n_images: int,
 ) -> None:
     """Write each image's predictions, by ascending image id; files of other divisions go.
 
-    A file is written whole or not at all.
+    images: of each image its predictions, each as canonical JSON. A file is written whole or not at all.
     """
     files = prediction_files(folder, images_per_file, n_images)
     remaining = iter(images)
     for path in files:
-        lines = (
-            canonical_json(prediction)
-            for predictions in islice(remaining, images_per_file)
-            for prediction in predictions
-        )
+        lines = chain.from_iterable(islice(remaining, images_per_file))
         with (
             atomic_path(path) as temporary,
             temporary.open("w", encoding="utf-8", newline="\n") as stream,

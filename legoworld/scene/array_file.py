@@ -12,6 +12,7 @@ holds what an uncompressed .npz holds, and is read nine times as fast while the 
 from __future__ import annotations
 
 import json
+import math
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -68,5 +69,5 @@ def _views(
     data: memoryview, index: list[tuple[str, str, list[int], int]]
 ) -> Iterator[tuple[str, NDArray[Any]]]:
     for name, dtype, shape, offset in index:
-        count = int(np.prod(shape, dtype=np.int64))
+        count = math.prod(shape)
         yield name, np.frombuffer(data, np.dtype(dtype), count, offset).reshape(shape)

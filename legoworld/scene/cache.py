@@ -48,7 +48,7 @@ class SnapshotCache:
         return self._entry(key, ".snapshot")
 
     def _entry(self, key: str, suffix: str) -> Path:
-        return self.folder / key[:2] / (key[2:] + suffix)
+        return Path(f"{self.folder}/{key[:2]}/{key[2:]}{suffix}")  # joined once, for every image
 
 
 def default_cache_folder() -> Path:

@@ -39,10 +39,11 @@ class SceneFolder:
 
     def artefacts(self) -> tuple[str, ...]:
         """The artefacts that are there, in a fixed order."""
+        folder = str(self.path)
         return tuple(
             name
             for name in ARTEFACTS
-            if (os.path.lexists if name in JUDGED else os.path.exists)(self.file(name))
+            if (os.path.lexists if name in JUDGED else os.path.exists)(f"{folder}/{name}")
         )
 
 

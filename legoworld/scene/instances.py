@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,7 @@ _Key = tuple[Literal["object", "collection", "occurrence"], int, int, int]
 _Owner = tuple[_Key, Label | None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Chain:
+class _Chain(NamedTuple):
     ancestors: tuple[int, ...]
     label: Label | None  # of the last of them
 

@@ -73,8 +73,6 @@ def _stored(path: Path) -> tuple[Snapshot, str] | None:
 
     A damaged entry is made again, like one that is not there.
     """
-    if not path.is_file():
-        return None
     try:
         return load(path)
     except SceneInvalidError:

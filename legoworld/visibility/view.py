@@ -30,7 +30,7 @@ UNSEEN_REASONS: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """Buffers of one scene at one size, and the projection they were made with.
+    """Buffers of one scene at one size, and what they were made with.
 
     area_px: (N,) int64, visible pixels of each instance of the grouping.
     bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
@@ -38,6 +38,7 @@ class View:
 
     size_wh: tuple[int, int]
     projection: Projection
+    surfaces: Surfaces
     buffers: Buffers
     area_px: NDArray[np.int64]
     bbox_xyxy_px: NDArray[np.int64]
@@ -48,8 +49,9 @@ def view(
 ) -> View:
     """Render a snapshot's instances as its camera sees them."""
     camera = projection(snapshot.camera, snapshot.render, size_wh)
+    surfaces = _surfaces(snapshot, grouping.surface_instance)
     buffers = render(
-        _surfaces(snapshot, grouping.surface_instance),
+        surfaces,
         camera,
         size_wh,
         depth_scale=snapshot.render.unit_scale,
@@ -57,7 +59,12 @@ def view(
     )
     area, extents = instance_extents(buffers.instance, len(grouping.instances))
     return View(
-        size_wh=size_wh, projection=camera, buffers=buffers, area_px=area, bbox_xyxy_px=extents
+        size_wh=size_wh,
+        projection=camera,
+        surfaces=surfaces,
+        buffers=buffers,
+        area_px=area,
+        bbox_xyxy_px=extents,
     )
 
 
@@ -81,7 +88,7 @@ def unseen_reasons(
         return {}
     asked = np.flatnonzero(is_asked[grouping.surface_instance])
     codes = coverage(
-        _only(_surfaces(snapshot, grouping.surface_instance), asked),
+        _only(seen.surfaces, asked),
         seen.projection,
         seen.size_wh,
         threads=threads,

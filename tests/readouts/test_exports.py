@@ -16,10 +16,23 @@ from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.readouts.depth import FORMAT_VERSION, resampled_size, write_depth
 from legoworld.readouts.exports import ColumnRuns, box_predictions, mask_predictions
 from legoworld.scene.instances import Instance
-from legoworld.visibility.kernel import Buffers
+from legoworld.visibility.kernel import Buffers, Surfaces
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, instance_extents
 from legoworld.vocabulary import Category
+
+
+#: A view of made-up buffers has no surfaces behind it.
+NOTHING = Surfaces(
+    vertices=np.empty((0, 3), np.float32),
+    triangles=np.empty((0, 3), np.int32),
+    vertex_start=np.zeros(1, np.int64),
+    triangle_start=np.zeros(1, np.int64),
+    placement_mesh=np.empty(0, np.int32),
+    cam_from_mesh=np.empty((0, 3, 4)),
+    placement_id=np.empty(0, np.int32),
+    cutouts=None,
+)
 
 
 def view_of(instance: np.ndarray, n: int) -> View:
@@ -28,6 +41,7 @@ def view_of(instance: np.ndarray, n: int) -> View:
     return View(
         size_wh=(width, height),
         projection=Projection(orthographic=False, fx=1, fy=1, cx=0, cy=0, z_near=0.1, z_far=100),
+        surfaces=NOTHING,
         buffers=Buffers(
             instance=instance, depth_z_m=np.where(instance < 0, np.inf, 1).astype(np.float32)
         ),

@@ -40,8 +40,12 @@ IDS = [1, 3, 4, 7, 9, 12]
 ENTRIES = [entry for predictions in IMAGES for entry in predictions]
 
 
+def in_lines(images: list[list[dict[str, Any]]]) -> list[list[str]]:
+    return [[canonical_json(prediction) for prediction in image] for image in images]
+
+
 def written(folder: Path, images_per_file: int | None) -> list[Path]:
-    write_predictions(folder, images_per_file, IMAGES, len(IMAGES))
+    write_predictions(folder, images_per_file, in_lines(IMAGES), len(IMAGES))
     return prediction_files(folder, images_per_file, len(IMAGES))
 
 
@@ -91,7 +95,7 @@ def test_files_of_another_division_go(before, after, tmp_path):
 
 def test_fewer_images_leave_no_file_of_the_others(tmp_path):
     written(tmp_path, 2)
-    write_predictions(tmp_path, 2, IMAGES[:3], 3)
+    write_predictions(tmp_path, 2, in_lines(IMAGES[:3]), 3)
     assert sorted(p.name for p in (tmp_path / "predictions").iterdir()) == [
         "00000.jsonl", "00001.jsonl",
     ]  # fmt: skip
@@ -167,7 +171,7 @@ def test_images_out_of_order_lose_predictions_and_never_get_others(tmp_path):
 @pytest.mark.parametrize("images_per_file", [None, 400])
 def test_reading_holds_no_file_as_a_whole(images_per_file, tmp_path):
     images = [[{"image_id": i, "counts": "x" * 5000}] for i in range(4000)]
-    write_predictions(tmp_path, images_per_file, images, len(images))
+    write_predictions(tmp_path, images_per_file, in_lines(images), len(images))
     files = prediction_files(tmp_path, images_per_file, len(images))
     size = sum(f.stat().st_size for f in files)
     tracemalloc.start()
