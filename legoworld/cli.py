@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import sys
+import threading
 import traceback
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -144,4 +147,21 @@ def _refused(error: OSError) -> str:
 
 def entry() -> None:
     """The `legoworld` program."""
-    sys.exit(run())
+    _leave(run())
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process without taking the interpreter apart first.
+
+    All is written by then; taking numpy apart costs a tenth of a cached readout. Where somebody
+    listens to the end (a thread, a profiler, a reader that is gone), it is Python's usual one.
+    """
+    if threading.active_count() > 1 or sys.getprofile() or sys.gettrace():
+        sys.exit(code)
+    atexit._run_exitfuncs()
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        sys.exit(code)
+    os._exit(code)

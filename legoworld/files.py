@@ -8,7 +8,6 @@ import json
 import os
 import stat
 import threading
-import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -209,6 +208,8 @@ def write_npz(path: Path, arrays: Mapping[str, Any], *, compressed: bool = False
     np.savez leaves its archive to the garbage collector when it is interrupted, which then
     complains on standard error.
     """
+    import zipfile
+
     import numpy as np
 
     method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED

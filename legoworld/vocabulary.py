@@ -17,6 +17,7 @@ from legoworld.repeats import repeated
 #: Labels whose match is remembered, at most: a scene may bring any number.
 _REMEMBERED: Final = 10_000
 
+
 @dataclass(frozen=True, kw_only=True)
 class Category:
     """One category of a vocabulary; ids are the dataset's own (COCO's are sparse)."""

@@ -26,6 +26,7 @@ from legoworld.running.engines import EngineName, engine_cores
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout, shard_images
 from legoworld.running.run_folder import RUN
+from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source
 from legoworld.scene_names import Stranger, strangers
 from legoworld.track import Track, track_of_folder
@@ -85,6 +86,7 @@ def readout(
     time_limit_s: float = TIME_LIMIT_S,
     memory_limit_gib: float = MEMORY_LIMIT_GIB,
     listener: Listener = SILENT,
+    started: BlenderProcess | None = None,
 ) -> Run:
     """Read labels out of scenes into a run folder; the same call again resumes.
 
@@ -94,7 +96,8 @@ def readout(
     only these; shard: (i, n), only every n-th from the i-th on. images_per_file: divide the
     predictions into files. max_side: depth only, render smaller. overwrite: delete an earlier run
     first. fail_fast: stop at the first scene that cannot be read. The limits are of each Blender
-    process. No result depends on workers, engine, cache, shard or limits.
+    process. started: one that runs already with these limits; the caller closes it. No result
+    depends on workers, engine, cache, shard, limits or started.
 
     A scene that cannot be read is a row with its status and reason. Raises UsageError,
     CatalogError, ConfigurationMismatchError (another run is in the folder), OutputFullError or
@@ -133,6 +136,7 @@ def readout(
         shard=shard,
         fail_fast=fail_fast,
         images_per_file=images_per_file,
+        started=started,
     )
     with written_at(written, last=RUN, overwrite=overwrite) as folder:
         here = replace(request.image_options, run=folder.absolute())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -13,6 +13,9 @@ from legoworld.commands.places import PlaceType
 from legoworld.commands.progress import shown_progress
 from legoworld.commands.run_text import show_run
 from legoworld.places import Place
+
+if TYPE_CHECKING:
+    from legoworld.scene.blender_process import BlenderProcess, Limits
 
 
 @click.command("readout", context_settings={"help_option_names": ["-h", "--help"]})
@@ -89,6 +92,10 @@ def command(
       legoworld readout scenes --task coco -o shards/3 --shard 3/16
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
     """
+    started = _started_ahead(
+        options.chosen_limits(time_limit, memory_limit),
+        wanted=no_cache and source == "blend" and engine == "local" and not isinstance(scenes, str),
+    )
     from legoworld.api.readout import default_output, readout
     from legoworld.commands.shipped import shipped_examples
 
@@ -120,9 +127,25 @@ def command(
             time_limit_s=time_limit,
             memory_limit_gib=memory_limit,
             listener=listener,
+            started=started,
         )
     if as_json:
         options.print_json(run.to_dict())
     else:
         show_run(run, quiet=quiet, verbose=verbose)
     return exit_codes.DONE if run.complete else exit_codes.INCOMPLETE
+
+
+def _started_ahead(limits: Limits, *, wanted: bool) -> BlenderProcess | None:
+    """A Blender process that imports bpy while this one imports what it needs; ends with it.
+
+    None unless it is wanted: where a snapshot may be cached, no Blender may be needed.
+    """
+    if not wanted:
+        return None
+    from legoworld.scene.blender_process import BlenderProcess
+
+    process = BlenderProcess(limits)
+    click.get_current_context().call_on_close(process.close)
+    process.start()
+    return process

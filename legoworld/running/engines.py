@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib
 import os
 import queue
-import socket
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -197,6 +196,8 @@ def _started_ray() -> Any:
 
 def _knock(address: str | None) -> None:
     """OSError where nobody listens at host:port: Ray itself would ask for minutes."""
+    import socket
+
     host, _, port = (address or "").removeprefix("ray://").rpartition(":")
     if host and port.isdecimal():
         socket.create_connection((host, int(port)), timeout=10).close()

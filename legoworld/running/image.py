@@ -47,11 +47,16 @@ class DepthNotSharedError(LegoWorldError):
 
 
 class SceneReader:
-    """Reads image after image with one Blender process of its own."""
+    """Reads image after image with one Blender process of its own.
 
-    def __init__(self, options: ImageOptions, limits: Limits) -> None:
+    started: processes that run already; one of them is taken.
+    """
+
+    def __init__(
+        self, options: ImageOptions, limits: Limits, started: list[BlenderProcess] | None = None
+    ) -> None:
         self._options = options
-        self._blender = BlenderProcess(limits)
+        self._blender = started.pop() if started else BlenderProcess(limits)
 
     def do(self, image: TrackImage) -> Record:
         """One image's record; see `read_image`."""

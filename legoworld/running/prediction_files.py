@@ -109,7 +109,8 @@ def write_predictions(
 ) -> None:
     """Write each image's predictions, by ascending image id; files of other divisions go.
 
-    images: of each image its predictions, each as canonical JSON. A file is written whole or not at all.
+    images: of each image its predictions, each as canonical JSON. A file is written whole or not
+    at all.
     """
     files = prediction_files(folder, images_per_file, n_images)
     remaining = iter(images)

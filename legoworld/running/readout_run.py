@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -19,12 +20,12 @@ from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
 from legoworld.running import run_folder
 from legoworld.running.disk import check_disk
-from legoworld.running.engines import ENGINES, EngineName, Job
+from legoworld.running.engines import ENGINES, EngineName, Job, Worker
 from legoworld.running.image import SceneReader, arrived, lost_record, still_valid
 from legoworld.running.image_record import ROW_SCHEMA, ImageOptions, Record, verdict_instead
 from legoworld.running.prediction_files import with_division
 from legoworld.running.reader_process import ReaderProcess, worth_processes
-from legoworld.scene.blender_process import Limits
+from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
 from legoworld.track import Track, TrackImage
@@ -35,8 +36,9 @@ from legoworld.visibility.library import library
 class RunRequest:
     """Everything a readout run is asked for.
 
-    engine, workers and limits never change its results. shard: (i, n), 1 <= i <= n: only every
-    n-th image, from the i-th on. images_per_file: None for one file of predictions.
+    engine, workers, limits and started never change its results. shard: (i, n), 1 <= i <= n: only
+    every n-th image, from the i-th on. images_per_file: None for one file of predictions. started:
+    a Blender process that was started ahead with these limits; the caller closes it, too.
     """
 
     image_options: ImageOptions
@@ -50,6 +52,7 @@ class RunRequest:
     shard: tuple[int, int] | None
     fail_fast: bool
     images_per_file: int | None
+    started: BlenderProcess | None = None
 
     @property
     def partial(self) -> bool:
@@ -208,8 +211,13 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
     threads = max(1, usable_cores() // workers) if request.engine == "local" else 1
     options = replace(request.image_options, threads=threads)
     apart = request.engine == "local" and worth_processes(workers, len(todo))
-    reader = ReaderProcess if apart else SceneReader
-    job = Job(make=partial(reader, options, request.limits), lost=lost_record)
+    make: Callable[[], Worker[TrackImage, Record]]
+    if apart or request.engine != "local":
+        make = partial(ReaderProcess if apart else SceneReader, options, request.limits)
+    else:
+        started = [request.started] if request.started is not None else []
+        make = partial(SceneReader, options, request.limits, started)
+    job = Job(make=make, lost=lost_record)
     with closing(ENGINES[request.engine](job, todo, workers)) as records:
         for record in records:
             yield arrived(record, options)
@@ -255,8 +263,6 @@ def _shard_entry(request: RunRequest, n_selected: int) -> dict[str, Any] | None:
 
 def run_document(configuration: dict[str, Any]) -> dict[str, Any]:
     """run.json without its scenes: the one file that holds a time."""
-    import platform
-
     import numpy as np
 
     return {
@@ -267,7 +273,7 @@ def run_document(configuration: dict[str, Any]) -> dict[str, Any]:
             "legoworld": __version__,
             "bpy": bpy_version(),
             "numpy": np.__version__,
-            "python": platform.python_version(),
+            "python": sys.version.split()[0],
         },
     }
 

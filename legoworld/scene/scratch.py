@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import platform
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -55,7 +54,7 @@ def scratch_folder(prefix: str, parent: Path | None = None) -> Iterator[Path]:
 
 
 def _owner_file() -> str:
-    return f".owner-{platform.node()}"
+    return f".owner-{os.uname().nodename}"
 
 
 def _owned(folder: Path) -> int:

@@ -21,7 +21,6 @@ from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, instance_extents
 from legoworld.vocabulary import Category
 
-
 #: A view of made-up buffers has no surfaces behind it.
 NOTHING = Surfaces(
     vertices=np.empty((0, 3), np.float32),
