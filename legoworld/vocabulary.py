@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import canonical_json, sha256_of_text

@@ -1,7 +1,7 @@
 """Named arrays in one file: what is where, then the arrays as they lie in memory.
 
     legoworld arrays 1
-    <crc32 of everything after this line, 8 hex digits>
+    <crc32 of everything after this line, 8 hex digits; 8 dashes in one that is only passed on>
     [[name, dtype, shape, offset], ...]
     padding, array, padding, array, padding ...
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -24,12 +25,18 @@ from numpy.typing import NDArray
 from legoworld.files import atomic_path, canonical_json
 
 _FORMAT: Final = b"legoworld arrays 1\n"
+_UNCHECKED: Final = b"--------\n"
 _CHECKED_FROM: Final = len(_FORMAT) + 9
 _ALIGNMENT: Final = 64
 
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays of numbers, whole or not at all; equal arrays give equal bytes."""
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, passing: bool = False) -> None:
+    """Write arrays of numbers, whole or not at all; equal arrays give equal bytes.
+
+    passing: for the process that waits for it, which reads it once. It is written over what the
+    file held before, whose memory the system then need not take away and give again, and without
+    a checksum.
+    """
     index: list[list[Any]] = []
     parts: list[memoryview | bytes] = []
     offset = 0
@@ -40,6 +47,13 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         offset += len(parts[-2]) + len(parts[-1])
     line = canonical_json(index).encode("utf-8") + b"\n"
     parts = [line, bytes(-(_CHECKED_FROM + len(line)) % _ALIGNMENT), *parts]
+    if passing:
+        kept = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)  # not truncated
+        with os.fdopen(kept, "wb") as stream:
+            stream.write(_FORMAT + _UNCHECKED)
+            stream.writelines(parts)
+            stream.truncate()
+        return
     checksum = 0
     for part in parts:
         checksum = zlib.crc32(part, checksum)
@@ -48,13 +62,17 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         stream.writelines(parts)
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a file, read only. ValueError or OSError where it is not what was written."""
+def read_arrays(path: Path, *, passing: bool = False) -> dict[str, NDArray[Any]]:
+    """The arrays of a file, read only. ValueError or OSError where it is not what was written.
+
+    passing: as it was written.
+    """
     content = path.read_bytes()
     if not content.startswith(_FORMAT):
         raise ValueError("it is of another format")
     checked = memoryview(content)[_CHECKED_FROM:]
-    if content[len(_FORMAT) : _CHECKED_FROM] != _checksum_line(zlib.crc32(checked)):
+    expected = _UNCHECKED if passing else _checksum_line(zlib.crc32(checked))
+    if content[len(_FORMAT) : _CHECKED_FROM] != expected:
         raise ValueError("it is damaged: its checksum is another one")
     end = content.index(b"\n", _CHECKED_FROM) + 1
     index = json.loads(content[_CHECKED_FROM:end])

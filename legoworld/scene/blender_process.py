@@ -55,6 +55,7 @@ class BlenderProcess:
         self._process: subprocess.Popen[str] | None = None
         self._stderr: IO[bytes] | None = None
         self._home: ScratchFolder | None = None
+        self._workspace: ScratchFolder | None = None
         self._served = 0
         self._aborted = False
         #: Held to start, kill and reap: an abort comes before a process is made or finds it, and
@@ -113,14 +114,14 @@ class BlenderProcess:
         except (WorkerCrashedError, WorkerTimeoutError, WorkerMemoryError):
             if self._aborted:
                 raise
-            self.close()
+            self._drop()
             if not used:
                 raise
         try:
             return self._ask(message)
         except LegoWorldError:
             if self._exit_code() is not None:
-                self.close()
+                self._drop()
             raise
 
     def abort(self) -> None:
@@ -130,8 +131,20 @@ class BlenderProcess:
             if self._process is not None:
                 _kill(self._process)
 
+    def workspace(self) -> Path:
+        """A folder that requests may write to; it outlives a process and goes with `close`."""
+        if self._workspace is None:
+            self._workspace = ScratchFolder("legoworld-snapshot-")
+        return self._workspace.path.resolve()
+
     def close(self) -> None:
         """End the process, whatever it is doing."""
+        self._drop()
+        if self._workspace is not None:
+            self._workspace.close()
+            self._workspace = None
+
+    def _drop(self) -> None:
         if self._process is not None:
             self._end()
             for pipe in (self._process.stdin, self._process.stdout):
@@ -253,7 +266,7 @@ class BlenderProcess:
             return
         grown = resident_bytes(self._process.pid) > _RECYCLE_SHARE * self._limits.memory_bytes
         if self._served >= _RECYCLE_AFTER or grown or self._exit_code() is not None:
-            self.close()
+            self._drop()
 
 
 def _kill(process: subprocess.Popen[str]) -> None:

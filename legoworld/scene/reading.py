@@ -86,33 +86,47 @@ def _read_with_blender(
     blender: BlenderProcess,
     files: FrozenFiles,
 ) -> ReadScene:
-    if cache is not None:
-        cache.folder.mkdir(parents=True, exist_ok=True)
-        place = scratch_folder(".reading-", cache.folder)
-    else:
-        place = scratch_folder("legoworld-snapshot-")
-    with place as folder:
-        output = folder / "made.snapshot"
-        answer = blender.request(
-            {
-                "kind": "snapshot",
-                # The folder is resolved and the file is not: what it links lies beside the name.
-                "blend": str(scene.path.resolve() / BLEND),
-                "output": str(output.resolve()),
-            }
-        )
-        known = hashed_dependencies(scene, answer["dependencies"], files, read_by=BLEND)
-        # The file may have been replaced meanwhile: what was hashed must be what was read.
-        if not is_still(scene.path, BLEND, blend):
-            raise _changed(scene, BLEND)
-        if cache is not None:
-            stored = cache.snapshot_path(blend.sha256, known.dependencies)
-            stored.parent.mkdir(parents=True, exist_ok=True)
-            output.replace(stored)
-            cache.put_dependencies(blend.sha256, answer["dependencies"])
-            output = stored
-        snapshot, content = load(output)
+    if cache is None:  # each snapshot takes the place of the one before
+        output = blender.workspace() / "made.snapshot"
+        known, _ = _made(scene, blend, blender, files, output, passing=True)
+        snapshot, content = load(output, passing=True)
+        return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+    cache.folder.mkdir(parents=True, exist_ok=True)
+    with scratch_folder(".reading-", cache.folder) as folder:
+        output = (folder / "made.snapshot").resolve()
+        known, names = _made(scene, blend, blender, files, output, passing=False)
+        stored = cache.snapshot_path(blend.sha256, known.dependencies)
+        stored.parent.mkdir(parents=True, exist_ok=True)
+        output.replace(stored)
+        cache.put_dependencies(blend.sha256, names)
+    snapshot, content = load(stored)
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+
+
+def _made(
+    scene: SceneFolder,
+    blend: FileHash,
+    blender: BlenderProcess,
+    files: FrozenFiles,
+    output: Path,
+    *,
+    passing: bool,
+) -> tuple[FrozenFiles, list[str]]:
+    """Have Blender write the snapshot; returns the files it was made from, and their names."""
+    answer = blender.request(
+        {
+            "kind": "snapshot",
+            # The folder is resolved and the file is not: what it links lies beside the name.
+            "blend": str(scene.path.resolve() / BLEND),
+            "output": str(output),
+            "passing": passing,
+        }
+    )
+    known = hashed_dependencies(scene, answer["dependencies"], files, read_by=BLEND)
+    # The file may have been replaced meanwhile: what was hashed must be what was read.
+    if not is_still(scene.path, BLEND, blend):
+        raise _changed(scene, BLEND)
+    return known, answer["dependencies"]
 
 
 def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFiles) -> ReadScene:

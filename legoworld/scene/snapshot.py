@@ -213,25 +213,28 @@ class Snapshot:
         return int(np.diff(self.triangle_start)[self.surface_mesh].sum())
 
 
-def save(snapshot: Snapshot, path: Path) -> str:
-    """Write a snapshot, whole or not at all; returns its content hash."""
+def save(snapshot: Snapshot, path: Path, *, passing: bool = False) -> str:
+    """Write a snapshot, whole or not at all; returns its content hash.
+
+    passing: as `write_arrays` has it.
+    """
     description = canonical_json(snapshot.description())
     content = snapshot._sha256(description)
     stored: dict[str, NDArray[Any]] = {
         "description": np.frombuffer(description.encode("utf-8"), np.uint8),
         "content_sha256": np.frombuffer(content.encode("ascii"), np.uint8),
     }
-    write_arrays(path, stored | snapshot.arrays())
+    write_arrays(path, stored | snapshot.arrays(), passing=passing)
     return content
 
 
-def load(path: Path) -> tuple[Snapshot, str]:
+def load(path: Path, *, passing: bool = False) -> tuple[Snapshot, str]:
     """Read a snapshot, its arrays read only, and its content hash.
 
     SceneInvalidError where the file is not one.
     """
     try:
-        arrays = read_arrays(path)
+        arrays = read_arrays(path, passing=passing)
         description = json.loads(arrays.pop("description").tobytes().decode("utf-8"))
         content = arrays.pop("content_sha256").tobytes().decode("ascii")
         return _from_parts(description, arrays), content

@@ -61,3 +61,22 @@ def test_equal_arrays_give_equal_bytes(tmp_path):
     write_arrays(tmp_path / "a", ARRAYS)
     write_arrays(tmp_path / "b", read_arrays(tmp_path / "a"))
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_what_is_passed_on_replaces_what_was_there_whole(tmp_path):
+    path = tmp_path / "a"
+    longer = {"long": np.arange(1000, dtype=np.int64)}
+    for arrays in (ARRAYS, longer, ARRAYS):
+        write_arrays(path, arrays, passing=True)
+        read = read_arrays(path, passing=True)
+        assert list(read) == list(arrays)
+        assert all(np.array_equal(read[name], array) for name, array in arrays.items())
+
+
+def test_what_is_passed_on_is_never_taken_for_what_is_kept(tmp_path):
+    write_arrays(tmp_path / "passed", ARRAYS, passing=True)
+    write_arrays(tmp_path / "kept", ARRAYS)
+    with pytest.raises(ValueError, match="it is damaged"):
+        read_arrays(tmp_path / "passed")
+    with pytest.raises(ValueError, match="it is damaged"):
+        read_arrays(tmp_path / "kept", passing=True)

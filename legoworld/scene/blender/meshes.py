@@ -70,7 +70,7 @@ def mesh_triangles(mesh: Any) -> Triangles:
         return Triangles(vertices=corner_vertex.reshape(-1, 3), corners=corners)
     mesh.calc_loop_triangles()
     corners = triangle_corners(mesh)
-    return Triangles(vertices=corner_vertex[corners], corners=corners)
+    return Triangles(vertices=corner_vertex.take(corners), corners=corners)
 
 
 def triangle_materials(mesh: Any) -> NDArray[np.int32]:

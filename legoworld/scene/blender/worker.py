@@ -90,7 +90,9 @@ def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
     blend = Path(request["blend"])
     snapshot = snapshot_of_blend(blend)
     depends = dependencies(blend)
-    return {"content_sha256": save(snapshot, Path(request["output"])), "dependencies": depends}
+    passing = bool(request.get("passing"))
+    content = save(snapshot, Path(request["output"]), passing=passing)
+    return {"content_sha256": content, "dependencies": depends}
 
 
 def _check(request: dict[str, Any]) -> dict[str, Any]:
