@@ -55,7 +55,7 @@ class BlenderProcess:
         self._process: subprocess.Popen[str] | None = None
         self._stderr: IO[bytes] | None = None
         self._home: ScratchFolder | None = None
-        self._workspace: ScratchFolder | None = None
+        self._workspaces: dict[tuple[str, Path | None], ScratchFolder] = {}
         self._served = 0
         self._aborted = False
         #: Held to start, kill and reap: an abort comes before a process is made or finds it, and
@@ -131,18 +131,21 @@ class BlenderProcess:
             if self._process is not None:
                 _kill(self._process)
 
-    def workspace(self) -> Path:
-        """A folder that requests may write to; it outlives a process and goes with `close`."""
-        if self._workspace is None:
-            self._workspace = ScratchFolder("legoworld-snapshot-")
-        return self._workspace.path.resolve()
+    def workspace(self, prefix: str, parent: Path | None = None) -> Path:
+        """A scratch folder that requests may write to, made when first asked for.
+
+        It outlives the process that is running and goes with `close`.
+        """
+        place = (prefix, parent)
+        if place not in self._workspaces:
+            self._workspaces[place] = ScratchFolder(prefix, parent)
+        return self._workspaces[place].path.resolve()
 
     def close(self) -> None:
         """End the process, whatever it is doing."""
         self._drop()
-        if self._workspace is not None:
-            self._workspace.close()
-            self._workspace = None
+        while self._workspaces:
+            self._workspaces.popitem()[1].close()
 
     def _drop(self) -> None:
         if self._process is not None:

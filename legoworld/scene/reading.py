@@ -19,7 +19,6 @@ from legoworld.scene.freeze import (
     hashed_dependencies,
     is_still,
 )
-from legoworld.scene.scratch import scratch_folder
 from legoworld.scene.side_files import SideFile, read_side_file
 from legoworld.scene.snapshot import Snapshot, load, save
 
@@ -87,18 +86,17 @@ def _read_with_blender(
     files: FrozenFiles,
 ) -> ReadScene:
     if cache is None:  # each snapshot takes the place of the one before
-        output = blender.workspace() / "made.snapshot"
+        output = blender.workspace("legoworld-snapshot-") / "made.snapshot"
         known, _ = _made(scene, blend, blender, files, output, passing=True)
         snapshot, content = load(output, passing=True)
         return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
     cache.folder.mkdir(parents=True, exist_ok=True)
-    with scratch_folder(".reading-", cache.folder) as folder:
-        output = (folder / "made.snapshot").resolve()
-        known, names = _made(scene, blend, blender, files, output, passing=False)
-        stored = cache.snapshot_path(blend.sha256, known.dependencies)
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        output.replace(stored)
-        cache.put_dependencies(blend.sha256, names)
+    output = blender.workspace(".reading-", cache.folder) / "made.snapshot"
+    known, names = _made(scene, blend, blender, files, output, passing=False)
+    stored = cache.snapshot_path(blend.sha256, known.dependencies)
+    stored.parent.mkdir(parents=True, exist_ok=True)
+    output.replace(stored)
+    cache.put_dependencies(blend.sha256, names)
     snapshot, content = load(stored)
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
 
