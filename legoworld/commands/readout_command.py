@@ -15,7 +15,7 @@ from legoworld.commands.run_text import show_run
 from legoworld.places import Place
 
 if TYPE_CHECKING:
-    from legoworld.scene.blender_process import BlenderProcess, Limits
+    from legoworld.scene.blender_process import BlenderProcess
 
 
 @click.command("readout", context_settings={"help_option_names": ["-h", "--help"]})
@@ -93,7 +93,8 @@ def command(
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
     """
     started = _started_ahead(
-        options.chosen_limits(time_limit, memory_limit),
+        time_limit,
+        memory_limit,
         wanted=no_cache and source == "blend" and engine == "local" and not isinstance(scenes, str),
     )
     from legoworld.api.readout import default_output, readout
@@ -136,15 +137,18 @@ def command(
     return exit_codes.DONE if run.complete else exit_codes.INCOMPLETE
 
 
-def _started_ahead(limits: Limits, *, wanted: bool) -> BlenderProcess | None:
+def _started_ahead(
+    time_limit_s: float, memory_limit_gib: float, *, wanted: bool
+) -> BlenderProcess | None:
     """A Blender process that imports bpy while this one imports what it needs; ends with it.
 
     None unless it is wanted: where a snapshot may be cached, no Blender may be needed.
     """
     if not wanted:
         return None
-    from legoworld.scene.blender_process import BlenderProcess
+    from legoworld.scene.blender_process import BlenderProcess, Limits
 
+    limits = Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
     process = BlenderProcess(limits)
     click.get_current_context().call_on_close(process.close)
     process.start()
