@@ -17,10 +17,10 @@ from legoworld.evaluation.problem import Detections, Floats, Ints, Problem, True
 from legoworld.evaluation.protocols import IouType
 from legoworld.evaluation.truth import Truth
 
-#: Detections of a chunk, about: a third of a second of work, and at most 3 MB to send.
+#: Detections of a chunk, about: 25 ms of work on boxes, 80 on masks, and at most 3 MB to send.
 _CHUNK_DETECTIONS: Final = 8000
-#: As many chunks are done by the time that other processes have started.
-_FEW: Final = 3
+#: As many chunks are done by the time that other processes have started and were worth it.
+_FEW: Final = 64
 
 Columns = TypeVar("Columns", Detections, TrueInstances)
 

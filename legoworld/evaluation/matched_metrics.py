@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import weighted_sums
+from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.folder import number
 from legoworld.evaluation.pairing import HIT, Pairs
 from legoworld.evaluation.problem import Floats, Ints, Problem
@@ -134,15 +135,21 @@ def image_rows(counts: MatchedCounts) -> list[dict[str, float]]:
 
 def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:
     """Mean over categories with truth of their summed IoU over their number of truths."""
-    means, present = np.zeros(len(samples)), np.zeros(len(samples))
     order = np.argsort(counts.cell_category, kind="stable")
     edges = np.flatnonzero(np.diff(counts.cell_category[order])) + 1
-    for cells in np.split(order, edges) if len(order) else ():
+    groups = np.split(order, edges) if len(order) else []
+
+    def sums(cells: Ints) -> tuple[Floats, Floats]:
         drawn = samples[:, counts.cell_image[cells]]
         n_gt = weighted_sums(drawn, counts.cell_n_gt[cells])
-        iou = weighted_sums(drawn, counts.cell_iou_sum[cells])
-        means += np.where(n_gt > 0, iou / np.where(n_gt > 0, n_gt, 1), 0.0)
-        present += n_gt > 0
+        return n_gt, weighted_sums(drawn, counts.cell_iou_sum[cells])
+
+    means, present = np.zeros(len(samples)), np.zeros(len(samples))
+    with category_threads() as pool:
+        # Added in the order of the categories, whichever is ready first: always the same bits.
+        for n_gt, iou in pool.map(sums, groups):
+            means += np.where(n_gt > 0, iou / np.where(n_gt > 0, n_gt, 1), 0.0)
+            present += n_gt > 0
     with np.errstate(invalid="ignore"):
         result: Floats = means / present
     return result

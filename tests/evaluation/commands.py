@@ -14,6 +14,7 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 from legoworld import cli
 
 CHUNK = "legoworld.evaluation.chunks._CHUNK_DETECTIONS"
+FEW = "legoworld.evaluation.chunks._FEW"
 
 
 def made(folder: Path, task: str) -> tuple[Path, Path]:
@@ -41,6 +42,7 @@ def files(folder: Path) -> dict[str, bytes]:
 def small_pieces(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
     """Work for many, where there is little."""
     monkeypatch.setattr(CHUNK, size)
+    monkeypatch.setattr(FEW, 1)
     monkeypatch.setattr("legoworld.evaluation.depth.image_tasks._FEW_BYTES", 0)
 
 

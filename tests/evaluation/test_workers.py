@@ -78,7 +78,7 @@ import sys
 from legoworld import cli
 from legoworld.evaluation import chunks, matches
 from evaluation.commands import slow_chunk
-chunks._CHUNK_DETECTIONS = 5
+chunks._CHUNK_DETECTIONS, chunks._FEW = 5, 1
 matches.match_chunk = slow_chunk
 sys.exit(cli.run(sys.argv[1:]))
 """
