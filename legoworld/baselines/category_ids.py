@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, get_args
 from legoworld import catalog
 from legoworld.dataset_versions import dataset_of, dataset_version
 from legoworld.errors import UsageError
-from legoworld.evaluation.predictions import PredictionsInvalidError
+from legoworld.evaluation.prediction_checks import PredictionsInvalidError
 from legoworld.vocabulary import Vocabulary, normal_name
 from legoworld.wording import counted
 

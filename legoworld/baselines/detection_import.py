@@ -42,8 +42,9 @@ from legoworld.baselines.results_file import (
     with_our_categories,
 )
 from legoworld.evaluation.box_formats import BoxFormatError
+from legoworld.evaluation.prediction_checks import PredictionsInvalidError
 from legoworld.evaluation.prediction_columns import columns_of
-from legoworld.evaluation.predictions import Predictions, PredictionsInvalidError, check_results
+from legoworld.evaluation.predictions import Predictions, check_results
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.records.baseline_run import ImportedFrom, PhotoEntry

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from legoworld.evaluation.predictions import PredictionsInvalidError
+from legoworld.evaluation.prediction_checks import PredictionsInvalidError
 
 Entry = dict[str, Any]
 

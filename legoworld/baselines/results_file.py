@@ -19,7 +19,7 @@ from legoworld.baselines.foreign_results import (
 )
 from legoworld.baselines.labels import Matcher
 from legoworld.evaluation.masks import MOST_COORDINATE_PX, compressed
-from legoworld.evaluation.predictions import PredictionsInvalidError
+from legoworld.evaluation.prediction_checks import PredictionsInvalidError
 
 _LISTS: Final = ("annotations", "predictions", "results")
 #: Only a result, or an image's results, has one of these beside what names them.

@@ -32,7 +32,7 @@ def without_empty(
     """
     kept = ~empty
     if cap is not None:
-        image, score = entries.image_id, np.array(entries.score, np.float64)
+        image, score = entries.image_id, entries.score.astype(np.float64)
         crowded = np.isin(image, image[empty])
         by_rank = np.lexsort((np.arange(len(entries)), -score, image))
         within = np.empty(len(entries), bool)

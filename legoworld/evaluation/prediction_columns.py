@@ -9,6 +9,8 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.texts import Texts, texts_of
+
 Ints = NDArray[np.int64]
 
 
@@ -16,24 +18,28 @@ Ints = NDArray[np.int64]
 class PredictionColumns(Sequence[dict[str, Any]]):
     """A results list that makes an entry each time it is asked for; nothing in it is shared.
 
-    image_id, category_id: (n,); score: (n,) as given, integers left as they are; shape: (n,)
-    boxes as given, or compressed counts; sizes_wh: of the images, None where shapes are boxes.
+    image_id, category_id: (n,); score: (n,) float64, or objects where integers are among them;
+    shape: (n,) boxes as given, or compressed counts; sizes_wh: of the images, None where shapes are
+    boxes.
     """
 
     image_id: Ints
     category_id: Ints
-    score: tuple[float, ...]
-    shape: tuple[Any, ...]
+    score: NDArray[Any]
+    shape: tuple[Any, ...] | Texts
     sizes_wh: Mapping[int, tuple[int, int]] | None
 
     def take(self, places: Ints) -> PredictionColumns:
         """The predictions at these places, in their order."""
-        chosen = places.tolist()
+        if isinstance(self.shape, Texts):
+            shape: tuple[Any, ...] | Texts = self.shape.take(places)
+        else:
+            shape = tuple(self.shape[k] for k in places.tolist())
         return PredictionColumns(
             image_id=self.image_id[places],
             category_id=self.category_id[places],
-            score=tuple(self.score[k] for k in chosen),
-            shape=tuple(self.shape[k] for k in chosen),
+            score=self.score[places],
+            shape=shape,
             sizes_wh=self.sizes_wh,
         )
 
@@ -42,7 +48,7 @@ class PredictionColumns(Sequence[dict[str, Any]]):
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         ids = self.image_id.tolist(), self.category_id.tolist()
-        yield from map(self._entry, *ids, self.shape, self.score)
+        yield from map(self._entry, *ids, self.shape, self.score.tolist())
 
     @overload
     def __getitem__(self, index: int) -> dict[str, Any]: ...
@@ -51,8 +57,9 @@ class PredictionColumns(Sequence[dict[str, Any]]):
     def __getitem__(self, index: Any) -> Any:
         """The prediction at a place."""
         assert isinstance(index, int)
-        ids = int(self.image_id[index]), int(self.category_id[index])
-        return self._entry(*ids, self.shape[index], self.score[index])
+        columns = self.image_id, self.category_id, self.score
+        image_id, category_id, score = (column[[index]].tolist()[0] for column in columns)
+        return self._entry(image_id, category_id, self.shape[index], score)
 
     def _entry(self, image_id: int, category_id: int, shape: Any, score: float) -> dict[str, Any]:
         if self.sizes_wh is None:
@@ -79,7 +86,15 @@ def columns_of(entries: Sequence[Mapping[str, Any]]) -> PredictionColumns:
     return PredictionColumns(
         image_id=np.array([e["image_id"] for e in entries], np.int64),
         category_id=np.array([e["category_id"] for e in entries], np.int64),
-        score=tuple(e["score"] for e in entries),
-        shape=tuple(e["bbox"] for e in entries) if boxes else tuple(m["counts"] for m in masks),
+        score=score_column([e["score"] for e in entries]),
+        shape=tuple(e["bbox"] for e in entries)
+        if boxes
+        else texts_of([m["counts"] for m in masks]),
         sizes_wh=None if boxes else {image: (w, h) for image, (h, w) in sizes},
     )
+
+
+def score_column(scores: Sequence[float]) -> NDArray[Any]:
+    """Scores as a column that gives each back as it was, integers as integers."""
+    floats = set(map(type, scores)) <= {float}
+    return np.array(scores, np.float64 if floats else object)

@@ -44,7 +44,7 @@ def places_in_order(predictions: PredictionColumns, order: PredictionOrder) -> I
         return _masks_in_order(predictions)
     numbers = itertools.chain.from_iterable(predictions.shape)
     boxes = np.array(list(numbers), np.float64).reshape(-1, 4)
-    score = np.array(predictions.score, np.float64)
+    score = predictions.score.astype(np.float64)
     if max(np.abs(boxes).max(initial=0), np.abs(score).max(initial=0)) > _EXACT:
         entries = list(predictions)
         return np.array(sorted(range(len(entries)), key=lambda k: canonical_key(entries[k])))
@@ -59,7 +59,7 @@ def _masks_in_order(predictions: PredictionColumns) -> Ints:
     image, category = predictions.image_id[places], predictions.category_id[places]
     edges = np.flatnonzero((np.diff(image) != 0) | (np.diff(category) != 0)) + 1
     bounds = np.concatenate([[0], edges, [len(places)]])
-    shape, score = predictions.shape, predictions.score
+    shape, score = predictions.shape, predictions.score.tolist()
     for k in np.flatnonzero(np.diff(bounds) > 1):
         cell = places[bounds[k] : bounds[k + 1]]
         cell[:] = sorted(cell.tolist(), key=lambda p: (shape[p], -score[p]))

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import EQUAL_CONFIDENCE
-from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.box_formats import check_box_format, finite_floats, is_finite
+from legoworld.evaluation.box_formats import check_box_format
 from legoworld.evaluation.caps import without_empty
 from legoworld.evaluation.masks import compressed, covers, measured, rle_problem
-from legoworld.evaluation.prediction_columns import PredictionColumns
+from legoworld.evaluation.prediction_checks import (
+    PredictionsInvalidError,
+    check_ids,
+    check_keys,
+    sound_keys,
+)
+from legoworld.evaluation.prediction_columns import PredictionColumns, score_column
 from legoworld.evaluation.prediction_order import (
     PredictionOrder,
     in_order,
@@ -26,23 +30,12 @@ from legoworld.evaluation.prediction_order import (
 )
 from legoworld.evaluation.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
+from legoworld.evaluation.texts import Texts, texts_of
 from legoworld.evaluation.truth import Truth
 from legoworld.files import canonical_json
 from legoworld.vocabulary import Vocabulary
 
 CheckBoxes = Callable[[Sequence[dict[str, Any]], Mapping[int, tuple[int, int]]], Mapping[str, int]]
-
-
-#: What to do where a key is missing that a results list must have and ground truth has not.
-_ADD: Final = {
-    "score": "add each detection's confidence; ground truth has none and is not imported",
-}
-
-
-class PredictionsInvalidError(LegoWorldError):
-    """A results list holds something that would make a wrong number."""
-
-    code = "predictions_invalid"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +64,7 @@ class Predictions:
     @property
     def equally_confident(self) -> bool:
         """Whether no entry is ranked above another, and their order is canonical."""
-        if len(set(self.entries.score)) > 1:
+        if len(set(self.entries.score.tolist())) > 1:
             return False
         places = places_in_order(self.entries, "canonical")
         return self.order == "canonical" or bool((np.diff(places) == 1).all())
@@ -115,21 +108,21 @@ def check_results(
     PredictionsInvalidError names the first offender and how many there are.
     """
     payload = "bbox" if protocol.iou_type == "bbox" else "segmentation"
-    if not _sound(entries, payload):
-        _check_keys(entries, payload)
-    _check_ids(entries, status_by_image, vocabulary)
+    if not sound_keys(entries, payload):
+        check_keys(entries, payload)
+    check_ids(entries, status_by_image, vocabulary)
     warnings: Counter[str] = Counter()
     if payload == "bbox":
         warnings.update(check_boxes(entries, sizes_wh))
-        shape = [e["bbox"] for e in entries]
+        shape: tuple[Any, ...] | Texts = tuple(e["bbox"] for e in entries)
     else:
-        shape = [_counts(e, sizes_wh[e["image_id"]], warnings) for e in entries]
+        shape = texts_of([_counts(e, sizes_wh[e["image_id"]], warnings) for e in entries])
     kept = in_order(
         PredictionColumns(
             image_id=np.array([e["image_id"] for e in entries], np.int64),
             category_id=np.array([e["category_id"] for e in entries], np.int64),
-            score=tuple(e["score"] for e in entries),
-            shape=tuple(shape),
+            score=score_column([e["score"] for e in entries]),
+            shape=shape,
             sizes_wh=None if payload == "bbox" else sizes_wh,
         ),
         order,
@@ -167,124 +160,11 @@ def with_equal_confidence(predictions: Predictions) -> Predictions:
 
     Files mostly list higher scores first: in their own order the ranking would still be there.
     """
-    score = (EQUAL_CONFIDENCE,) * len(predictions.entries)
+    score = score_column([EQUAL_CONFIDENCE] * len(predictions.entries))
     entries = replace(predictions.entries, score=score)
     if predictions.order != "canonical":
         entries = in_order(entries, "canonical")
     return replace(predictions, entries=entries, order="canonical")
-
-
-def _refuse(
-    bad: Sequence[Any], of: int, what: str, found: str, expected: str, next_step: str = ""
-) -> None:
-    if bad:
-        raise PredictionsInvalidError(
-            f"{len(bad)} of {of} predictions {what}",
-            found=found,
-            expected=expected,
-            next_step=next_step,
-        )
-
-
-def _sound(entries: Sequence[Any], payload: str) -> bool:
-    """Whether `_check_keys` surely finds nothing, without a call for each entry."""
-    keys = {"image_id", "category_id", "score", payload}
-    if not set(map(type, entries)) <= {dict} or not all(map(keys.issubset, entries)):
-        return False
-    ids = {type(e[key]) for key in ("image_id", "category_id") for e in entries}
-    return ids <= {int} and finite_floats([e["score"] for e in entries]) is not None
-
-
-def _check_keys(entries: Sequence[Any], payload: str) -> None:
-    strangers = [e for e in entries if not isinstance(e, dict)]
-    _refuse(
-        strangers,
-        len(entries),
-        "are not JSON objects",
-        f"{one_line(json.dumps(strangers[0]), 60)}" if strangers else "",
-        '{"image_id", ...}',
-    )
-    for key in ("image_id", "category_id", "score", payload):
-        bad = [e for e in entries if key not in e]
-        _refuse(
-            bad,
-            len(entries),
-            f"have no {key}",
-            f"the first of them has {_keys(bad[0])}" if bad else "",
-            f"{key} in every prediction",
-            _ADD.get(key, ""),
-        )
-    for key in ("image_id", "category_id"):
-        bad = [e for e in entries if type(e[key]) is not int]
-        _refuse(
-            bad,
-            len(entries),
-            f"have no integer as their {key}",
-            repr(bad[0][key]) if bad else "",
-            "an int",
-        )
-    bad = [e for e in entries if not is_finite(e["score"])]
-    _refuse(
-        bad,
-        len(entries),
-        "have no usable score",
-        repr(bad[0]["score"]) if bad else "",
-        "a finite number",
-    )
-
-
-def _keys(entry: dict[str, Any]) -> str:
-    """The keys of an entry in words."""
-    *others, last = map(str, entry) if entry else ("no keys",)
-    return one_line(f"{', '.join(others)} and {last}" if others else last, 120)
-
-
-def _check_ids(
-    entries: Sequence[dict[str, Any]], status: Mapping[int, str], vocabulary: Vocabulary
-) -> None:
-    bad = [e for e in entries if e["image_id"] not in status]
-    _refuse(
-        bad,
-        len(entries),
-        "are of images the run does not have",
-        f"image {bad[0]['image_id']}" if bad else "",
-        f"one of the run's {len(status)} images, such as {min(status)}",
-    )
-    bad = [e for e in entries if status[e["image_id"]] != "ok"]
-    _refuse(
-        bad,
-        len(entries),
-        "are of images the run calls unread",
-        f"image {bad[0]['image_id']}: {status[bad[0]['image_id']]}" if bad else "",
-        "predictions of images with status ok alone",
-    )
-    known = {c.id for c in vocabulary.categories}
-    bad = [e for e in entries if e["category_id"] not in known]
-    found = {e["category_id"] for e in entries}
-    _refuse(
-        bad,
-        len(entries),
-        "are of categories the vocabulary does not have",
-        f"category ids {sorted({e['category_id'] for e in bad})[:8]}",
-        f"one of {len(known)} ids between {min(known)} and {max(known)}",
-        _mapping_hint(found, known),
-    )
-
-
-def _mapping_hint(found: set[int], known: set[int]) -> str:
-    """What unknown ids look like: positions in the list of categories instead of its ids."""
-    n = len(known)
-    positions = [
-        f"{first}..{first + n - 1}"
-        for first in (0, 1)
-        if found <= set(range(first, first + n)) and known != set(range(first, first + n))
-    ]
-    if not positions:
-        return "map categories by name"
-    return (
-        f"these look like positions {' or '.join(positions)}, not the dataset's ids "
-        f"{min(known)}..{max(known)}: map categories by name"
-    )
 
 
 def _counts(entry: dict[str, Any], size_wh: tuple[int, int], warnings: Counter[str]) -> str:

@@ -124,7 +124,7 @@ def _detections(
 ) -> tuple[Detections, int]:
     image = _positions(image_ids, entries.image_id)
     category = _positions(category_ids, entries.category_id)
-    score = np.array(entries.score, np.float64)
+    score = entries.score.astype(np.float64)
     place = np.arange(len(entries))
     kept = np.ones(len(entries), bool)
     if protocol.per_image_cap is not None:

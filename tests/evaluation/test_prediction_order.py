@@ -8,6 +8,7 @@ import pytest
 from legoworld.evaluation.box_formats import finite_floats, is_finite
 from legoworld.evaluation.prediction_columns import columns_of
 from legoworld.evaluation.prediction_order import canonical_key, in_order
+from legoworld.evaluation.texts import texts_of
 
 
 def entries(kind, random, n=300):
@@ -60,3 +61,12 @@ def test_floats_are_found_where_each_value_is_one():
         found = finite_floats([2, value])
         assert (found is not None) == is_finite(value), value
     assert finite_floats([]).shape == (0,)
+
+
+def test_texts_in_one_piece_are_the_texts():
+    texts = ["", "abc", "ü\u20ac", "\ud83d", "", "z" * 900]
+    found = texts_of(texts)
+    assert list(found) == texts
+    assert found[1:4] == texts[1:4]
+    assert list(found.take(np.array([3, 0, 3]))) == [texts[3], "", texts[3]]
+    assert list(texts_of([])) == []
