@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any, overload
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from io import BytesIO
+from typing import Any, Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: Places that are looked up together.
+_BLOCK: Final = 1 << 16
+#: JSON may hold halves of surrogate pairs; that no mask does is checked later.
+_ENCODING: Final = ("utf-8", "surrogatepass")
 
 
 class Texts(Sequence[str]):
@@ -23,8 +30,14 @@ class Texts(Sequence[str]):
 
     def take(self, places: NDArray[np.int64]) -> Texts:
         """The texts at these places, in their order."""
-        start, end = self._start[places].tolist(), self._start[places + 1].tolist()
-        return _joined([self._data[a:b] for a, b in zip(start, end, strict=True)])
+        return _joined(self._encoded(places))
+
+    def _encoded(self, places: NDArray[np.int64]) -> Iterator[bytes]:
+        for some in np.array_split(places, len(places) // _BLOCK + 1):
+            for a, b in zip(
+                self._start[some].tolist(), self._start[some + 1].tolist(), strict=True
+            ):
+                yield self._data[a:b]
 
     def __len__(self) -> int:
         return len(self._start) - 1
@@ -43,16 +56,15 @@ class Texts(Sequence[str]):
         return self._data[self._start[index] : self._start[index + 1]].decode(*_ENCODING)
 
 
-#: JSON may hold halves of surrogate pairs; that no mask does is checked later.
-_ENCODING = ("utf-8", "surrogatepass")
-
-
 def texts_of(texts: Sequence[str]) -> Texts:
     """The same texts."""
-    return _joined([text.encode(*_ENCODING) for text in texts])
+    return _joined(text.encode(*_ENCODING) for text in texts)
 
 
-def _joined(encoded: list[bytes]) -> Texts:
-    start = np.zeros(len(encoded) + 1, np.int64)
-    np.cumsum([len(text) for text in encoded], out=start[1:])
-    return Texts(b"".join(encoded), start)
+def _joined(encoded: Iterable[bytes]) -> Texts:
+    """Written one by one: no list of millions of texts is made beside the one piece."""
+    data, start = BytesIO(), array("q", [0])
+    for text in encoded:
+        data.write(text)
+        start.append(data.tell())
+    return Texts(data.getvalue(), np.array(start, np.int64))
