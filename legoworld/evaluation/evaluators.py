@@ -65,7 +65,7 @@ def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> O
         true.dataset = truth.document()
         true.createIndex()
         if len(predictions.entries):
-            found = true.loadRes(list(predictions.entries))
+            found = true.loadRes(predictions.entries.results())
         else:  # loadRes cannot read an empty list
             found = new()
             found.dataset = {**truth.document(), "annotations": []}
@@ -91,7 +91,7 @@ def _lvis(truth: Truth, predictions: Predictions) -> OfficialScores:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), lvis_package.quiet():
         true = lvis_package.dataset(package, truth.document())
-        found = lvis_package.results(package, true, list(predictions.entries))
+        found = lvis_package.results(package, true, predictions.entries.results())
         evaluation = package.LVISEval(true, found, "segm")
         evaluation.params.img_ids = [i["id"] for i in truth.images]
         evaluation.run()
@@ -109,13 +109,11 @@ def _hotcoco(truth: Truth, predictions: Predictions, protocol: DetectionProtocol
     import hotcoco
 
     true = hotcoco.COCO(truth.document())
-    results = list(predictions.entries)
+    results = predictions.entries.results()
     if not results:
         found = hotcoco.COCO({**truth.document(), "annotations": []})
     elif protocol.federated:
-        found = hotcoco.LVISResults(
-            true, list(predictions.entries), max_dets=protocol.per_image_cap
-        )
+        found = hotcoco.LVISResults(true, results, max_dets=protocol.per_image_cap)
     else:
         found = true.load_res(results)
     del results  # it has copied what it read, and evaluates in gigabytes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, overload
@@ -42,6 +43,20 @@ class PredictionColumns(Sequence[dict[str, Any]]):
             shape=shape,
             sizes_wh=self.sizes_wh,
         )
+
+    def results(self) -> list[dict[str, Any]]:
+        """All entries, as an evaluator takes them: it may write into them.
+
+        The garbage collector rests meanwhile: it would look through the millions of dicts again
+        and again, and none can be part of a cycle.
+        """
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return list(self)
+        finally:
+            if collecting:
+                gc.enable()
 
     def __len__(self) -> int:
         return len(self.score)
