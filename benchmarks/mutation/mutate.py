@@ -1,14 +1,14 @@
 """Changes the source in one place at a time and looks whether a test notices.
 
     python benchmarks/mutation/mutate.py legoworld/evaluation --tests tests/evaluation \\
-        --count 300 --seed 1 --out FOLDER [--longest 4] [--only ID ...]
+        --count 300 --seed 1 --out FOLDER [--longest 4] [--budget 15] [--only ID ...]
 
 Works in a copy of the tree below FOLDER. The tests run once unchanged, which tells which tests call
 which functions; then for each change of a random sample those tests run, quickest first, until one
 fails. Each change is made to the file itself, so a process that a test starts sees it as well.
-FOLDER/results.jsonl has a line for each change; the same command goes on where it stopped. Delete
-FOLDER/map.json when tests have changed. Prints survivors, and the killed with their 95 % Wilson
-interval. A change that runs past its limit of time counts as killed.
+FOLDER/results.jsonl has a line for each change; the same command goes on where it stopped. Prints
+survivors, and the killed with their 95 % Wilson interval. A change that runs past its limit of time
+counts as killed.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import pytest
+from calls import calls_of_tests, cost, options
 from operators import Change, changes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,9 +44,6 @@ PRELOADED = (
     "cv2", "click", "hotcoco", "hypothesis", "jinja2", "numpy", "pycocotools.mask",
     "scipy.optimize",
 )  # fmt: skip
-MARKERS = "not blender and not real_data and not packaging"
-#: hypothesis is imported before pytest could rewrite its assertions.
-IGNORED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 MEMORY = 12 << 30
 
 
@@ -62,7 +60,7 @@ def main() -> int:
     sys.path[0] = str(tree)
     for name in PRELOADED:
         importlib.import_module(name)
-    called = _map(out / "map.json", arguments)
+    called = calls_of_tests(out / "map.json", arguments.tests, arguments.longest)
     sample = _sample(arguments)
     results = out / "results.jsonl"
     known = {}
@@ -77,7 +75,7 @@ def main() -> int:
             "id": name,
             "path": path,
             **asdict(change),
-            **_try(path, change, called),
+            **_try(path, change, called, arguments.budget),
         }
         known[name] = row
         with results.open("a") as file:
@@ -95,6 +93,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--longest", type=float, default=4, help="seconds, default 4")
+    parser.add_argument("--budget", type=float, default=15, help="of tests per change, seconds")
     parser.add_argument("--only", nargs="+", help="these changes, whatever is known of them")
     return parser.parse_args()
 
@@ -137,92 +136,27 @@ def _sample(arguments: argparse.Namespace) -> list[tuple[str, Change]]:
     return every[: arguments.count]
 
 
-class _Watch:
-    """A pytest plugin: seconds of each test, and the functions it calls, its fixtures' included."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = str(folder / "legoworld") + os.sep
-        self.now: set[tuple[str, int]] = set()
-        self.fixtures: dict[str, set[tuple[str, int]]] = defaultdict(set)
-        self.tests: dict[str, dict[str, Any]] = {}
-
-    def _trace(self, frame: Any, _event: str, _argument: object) -> None:
-        code = frame.f_code
-        if code.co_filename.startswith(self.folder):
-            self.now.add((code.co_filename[len(self.folder) - 10 :], code.co_firstlineno))
-
-    @pytest.hookimpl(hookwrapper=True)
-    def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
-        before, self.now = self.now, set()
-        yield
-        own = self.fixtures[f"{fixturedef.baseid}::{fixturedef.argname}"]
-        own |= self.now
-        self.now = before | own
-
-    @pytest.hookimpl(hookwrapper=True)
-    def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
-        self.now, started = set(), time.process_time()
-        threading.settrace(self._trace)
-        sys.settrace(self._trace)
-        yield
-        sys.settrace(None)
-        for name, definitions in item._fixtureinfo.name2fixturedefs.items():
-            for definition in definitions:
-                self.now |= self.fixtures.get(f"{definition.baseid}::{name}", set())
-        row = self.tests.setdefault(item.nodeid, {"passed": False})
-        row |= {"seconds": time.process_time() - started, "calls": sorted(self.now)}
-
-    def pytest_runtest_logreport(self, report: Any) -> None:
-        if report.when == "call":
-            self.tests.setdefault(report.nodeid, {})["passed"] = report.passed
-            self.tests[report.nodeid]["wall"] = report.duration  # with what other processes took
-
-
-def _map(path: Path, arguments: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """Every test that passes on the unchanged tree and is quick enough."""
-    if not path.is_file():
-        context = multiprocessing.get_context("fork")
-        process = context.Process(target=_watch, args=(path, arguments.tests))
-        process.start()
-        process.join()
-    tests = json.loads(path.read_text())
-    passed = {name: row for name, row in tests.items() if row["passed"]}
-    quick = {name: row for name, row in passed.items() if _cost(row) <= arguments.longest}
-    print(f"{len(tests)} tests, {len(passed)} pass unchanged, {len(quick)} are quick enough")
-    return quick
-
-
-def _watch(path: Path, tests: list[str]) -> None:
-    watch = _Watch(Path.cwd())
-    pytest.main(_options(tests), plugins=[watch])
-    path.write_text(json.dumps(watch.tests))
-
-
-def _options(tests: list[str]) -> list[str]:
-    fixed = ["-q", "-n0", "-p", "no:cacheprovider", "--hypothesis-seed=0", "-m", MARKERS, *IGNORED]
-    return [*fixed, *tests]
-
-
-def _cost(row: dict[str, Any]) -> float:
-    """Seconds of a test: its process's own, or a part of the clock's when others did the work."""
-    return max(float(row["seconds"]), float(row["wall"]) / 5)
-
-
-def _chosen(change: Change, called: dict[str, dict[str, Any]], path: str) -> list[str]:
+def _chosen(
+    change: Change, called: dict[str, dict[str, Any]], path: str, budget: float
+) -> list[str]:
     """The tests that call a change's function (any of the file's, for the module's own lines)."""
     chosen = {}
-    for name, row in called.items():
-        lines = {line for file, line in row["calls"] if file == path}
-        if change.function in lines or (not change.function and lines):
-            chosen[name] = _cost(row)
+    for test, row in called.items():
+        names = {name for file, name in row["calls"] if file == path}
+        if change.function in names or (not change.function and names):
+            chosen[test] = cost(row)
     # The quick tests of every file first; those of a file together, for they share fixtures.
-    return sorted(chosen, key=lambda name: (int(2 * chosen[name] ** 0.5), name.split("::")[0]))
+    ordered = sorted(chosen, key=lambda name: (int(2 * chosen[name] ** 0.5), name.split("::")[0]))
+    spent = accumulate(chosen[name] for name in ordered)
+    return [name for name, seconds in zip(ordered, spent, strict=True) if seconds <= budget]
 
 
-def _try(path: str, change: Change, called: dict[str, dict[str, Any]]) -> dict[str, object]:
+def _try(
+    path: str, change: Change, called: dict[str, dict[str, Any]], budget: float
+) -> dict[str, object]:
     """Change the file, run the tests, put it back."""
     file = Path.cwd() / path
-    chosen = _chosen(change, called, path)
+    chosen = _chosen(change, called, path, budget)
     if not chosen:
         return {"outcome": "survived", "by": "no test calls it", "seconds": 0}
     limit = 60 + 10 * sum(called[name]["wall"] for name in chosen)
@@ -270,7 +204,7 @@ def _child(tests: list[str], pipe: Any) -> None:
             if report.failed:
                 pipe.send(report.nodeid)
 
-    code = int(pytest.main(["-x", *_options(tests)], plugins=[Failed()]))
+    code = int(pytest.main(["-x", *options(tests)], plugins=[Failed()]))
     os._exit(code)
 
 

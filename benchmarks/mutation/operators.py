@@ -47,12 +47,12 @@ _SWAPPED: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """Bytes [start, end) of a file become `after`; `function` is the first line of the def around
-    it (its decorators included), 0 at module level."""
+    """Bytes [start, end) of a file become `after`; `function` is the qualified name of the def
+    around it, empty at module level."""
 
     operator: str
     line: int
-    function: int
+    function: str
     start: int
     end: int
     before: str
@@ -73,7 +73,8 @@ class _Finder(ast.NodeVisitor):
         self.starts = [0]
         for line in source.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
-        self.functions = [0]
+        self.function = ""
+        self.scope = ""
 
     def visit(self, node: ast.AST) -> None:
         for operator, after in _of(node):
@@ -86,13 +87,14 @@ class _Finder(ast.NodeVisitor):
                     self._enter(child)
 
     def _enter(self, node: ast.AST) -> None:
-        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            self.visit(node)
-            return
-        first = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
-        self.functions.append(first)
+        before = self.function, self.scope
+        if isinstance(node, ast.ClassDef):
+            self.scope += f"{node.name}."
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            self.function = self.scope + node.name
+            self.scope = f"{self.function}.<locals>."
         self.visit(node)
-        self.functions.pop()
+        self.function, self.scope = before
 
     def _add(self, node: ast.AST, operator: str, after: str) -> None:
         assert isinstance(node, ast.expr | ast.stmt)
@@ -104,7 +106,7 @@ class _Finder(ast.NodeVisitor):
             Change(
                 operator=operator,
                 line=node.lineno,
-                function=self.functions[-1],
+                function=self.function,
                 start=start,
                 end=end,
                 before=self.source[start:end].decode(),

@@ -10,11 +10,25 @@ import pytest
 from pycocotools import mask as coco_mask
 
 from legoworld.cards import load_card
+from legoworld.errors import UsageError
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.readouts.depth import FORMAT_VERSION, resampled_size, write_depth
-from legoworld.readouts.exports import ColumnRuns, box_predictions, mask_predictions
+from legoworld.readouts.depth import (
+    FORMAT_VERSION,
+    depth_file,
+    depth_file_bytes,
+    resampled_size,
+    write_depth,
+)
+from legoworld.readouts.exports import (
+    ColumnRuns,
+    box_exports,
+    box_predictions,
+    mask_exports,
+    mask_predictions,
+)
+from legoworld.readouts.tasks import TASKS, protocol
 from legoworld.scene.instances import Instance
 from legoworld.visibility.kernel import Buffers, Surfaces
 from legoworld.visibility.projection import Projection
@@ -192,7 +206,70 @@ def test_a_depth_file_of_another_version_is_refused(tmp_path, version):
         ((640, 480), 1024, (640, 480)),
         ((640, 480), None, (640, 480)),
         ((5000, 1), 10, (10, 1)),
+        ((1, 5000), 10, (1, 10)),
+        ((1001, 1000), 1000, (1000, 999)),
+        ((1000, 700), 1000, (1000, 700)),
     ],
 )
 def test_a_smaller_picture_keeps_its_aspect(size, side, expected):
     assert resampled_size(size, side) == expected
+
+
+@pytest.mark.parametrize("size_wh", [(1, 1), (7, 300), (640, 480)])
+def test_the_expected_size_of_a_depth_file_is_a_little_over(size_wh, tmp_path):
+    camera = Projection(orthographic=False, fx=1, fy=1, cx=0, cy=0, z_near=0.1, z_far=9)
+    write_depth(tmp_path / "a.npz", np.ones(size_wh[::-1], np.float32), camera)
+    over = depth_file_bytes(size_wh) - (tmp_path / "a.npz").stat().st_size
+    assert 0 <= over < 4096
+
+
+def test_a_depth_file_is_named_by_its_scene():
+    assert depth_file("a/b") == "depth/a/b.npz"
+
+
+@pytest.mark.parametrize("exports", [box_exports, mask_exports])
+def test_every_prediction_comes_with_its_own_instance(exports):
+    picture = np.full((8, 12), -1, np.int32)
+    for i, x in enumerate((9, 3, 6, 0)):
+        picture[2:5, x : x + 2 + i % 2] = i
+    found = exports(4, instances(2, 2, 1, 1), view_of(picture, 4))
+    assert sorted(instance.id for _, instance in found) == [0, 1, 2, 3]
+    for prediction, instance in found:
+        mask = np.asfortranarray(picture == instance.id, np.uint8)
+        assert prediction["image_id"] == 4
+        assert prediction["score"] == 1.0
+        assert prediction["category_id"] == instance.category.id
+        if exports is box_exports:
+            box = coco_mask.toBbox(coco_mask.encode(mask)).tolist()
+            assert prediction["bbox"] == box
+        else:
+            assert prediction["segmentation"]["counts"] == coco_mask.encode(mask)["counts"].decode()
+
+
+def test_one_visible_pixel_is_enough_and_none_is_not():
+    picture = np.array([[0, -1], [-1, -1]], np.int32)
+    for predictions in (box_predictions, mask_predictions):
+        assert len(predictions(1, instances(1, 1), view_of(picture, 2))) == 1
+
+
+def test_every_task_reads_out_what_its_card_says():
+    for name, task in TASKS.items():
+        reading = protocol(name, None)
+        assert reading.task is task
+        assert task.name == name == reading.card.task
+        payload = {"boxes": "bbox", "masks": "segmentation", "depth": None}
+        payload = payload[reading.card.value("readout.reads")]
+        if payload is None:
+            assert task.predict is None
+            assert reading.vocabulary is None
+            assert reading.override_property is None
+            continue
+        found = task.predict(1, instances(1), view_of(np.zeros((2, 2), np.int32), 1))
+        assert list(found[0][0]) == reading.card.value("export.fields")
+        assert payload in found[0][0]
+        assert reading.override_property == reading.card.value("vocabulary.override_property")
+        assert len(reading.vocabulary.categories) == reading.card.value("vocabulary.size")
+    with pytest.raises(
+        UsageError, match="found: 'boxes'; expected: coco or coco-masks or lvis or eth3d"
+    ):
+        protocol("boxes", None)
