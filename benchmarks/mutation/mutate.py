@@ -27,7 +27,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import accumulate
@@ -64,6 +64,7 @@ def main() -> int:
     sample = _sample(arguments)
     results = out / "results.jsonl"
     known = {}
+    killers: dict[str, Counter[str]] = defaultdict(Counter)
     if results.is_file():
         known = {row["id"]: row for row in map(json.loads, results.read_text().splitlines())}
     print(f"{len(sample)} changes; {len(called)} tests", flush=True)
@@ -75,7 +76,7 @@ def main() -> int:
             "id": name,
             "path": path,
             **asdict(change),
-            **_try(path, change, called, arguments.budget),
+            **_try(path, change, called, killers[path], arguments.budget),
         }
         known[name] = row
         with results.open("a") as file:
@@ -93,7 +94,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--longest", type=float, default=4, help="seconds, default 4")
-    parser.add_argument("--budget", type=float, default=15, help="of tests per change, seconds")
+    parser.add_argument("--budget", type=float, default=15, help="seconds of tests per change")
     parser.add_argument("--only", nargs="+", help="these changes, whatever is known of them")
     return parser.parse_args()
 
@@ -136,36 +137,58 @@ def _sample(arguments: argparse.Namespace) -> list[tuple[str, Change]]:
     return every[: arguments.count]
 
 
-def _chosen(
-    change: Change, called: dict[str, dict[str, Any]], path: str, budget: float
-) -> list[str]:
-    """The tests that call a change's function (any of the file's, for the module's own lines)."""
-    chosen = {}
-    for test, row in called.items():
-        names = {name for file, name in row["calls"] if file == path}
-        if change.function in names or (not change.function and names):
-            chosen[test] = cost(row)
-    # The quick tests of every file first; those of a file together, for they share fixtures.
-    ordered = sorted(chosen, key=lambda name: (int(2 * chosen[name] ** 0.5), name.split("::")[0]))
-    spent = accumulate(chosen[name] for name in ordered)
-    return [name for name, seconds in zip(ordered, spent, strict=True) if seconds <= budget]
+def _chosen(change: Change, called: dict[str, dict[str, Any]], path: str) -> list[str]:
+    """The tests that call a change's function; where none does, those that call any of its file."""
+    names = {
+        test: {name for file, name in row["calls"] if file == path} for test, row in called.items()
+    }
+    direct = [test for test in called if change.function in names[test]]
+    return direct or [test for test in called if names[test]]
+
+
+def _stages(
+    chosen: list[str], called: dict[str, dict[str, Any]], killers: Counter[str], budget: float
+) -> list[list[str]]:
+    """The quick tests of the two likeliest files, then the rest: most changes need the first alone.
+
+    Likely is what killed a change of the same source, and what calls little else.
+    """
+    files: dict[str, list[str]] = {}
+    for test in chosen:
+        files.setdefault(test.split("::")[0], []).append(test)
+    aim = {file: min(len(called[t]["calls"]) for t in tests) for file, tests in files.items()}
+    likely = sorted(files, key=lambda file: (-killers[file], aim[file]))[:2]
+    quick = [test for file in likely for test in files[file] if cost(called[test]) < budget / 20]
+    ordered = sorted(set(chosen) - set(quick), key=lambda test: cost(called[test]))
+    spent = accumulate(cost(called[test]) for test in ordered)
+    rest = [test for test, seconds in zip(ordered, spent, strict=True) if seconds <= budget]
+    return [stage for stage in (quick, sorted(rest)) if stage]
 
 
 def _try(
-    path: str, change: Change, called: dict[str, dict[str, Any]], budget: float
+    path: str,
+    change: Change,
+    called: dict[str, dict[str, Any]],
+    killers: Counter[str],
+    budget: float,
 ) -> dict[str, object]:
     """Change the file, run the tests, put it back."""
     file = Path.cwd() / path
-    chosen = _chosen(change, called, path, budget)
+    chosen = _chosen(change, called, path)
     if not chosen:
-        return {"outcome": "survived", "by": "no test calls it", "seconds": 0}
-    limit = 60 + 10 * sum(called[name]["wall"] for name in chosen)
+        return {"outcome": "survived", "by": "no test calls its file", "seconds": 0}
     before, stat, started = file.read_bytes(), file.stat(), time.monotonic()
+    outcome, by = "survived", ""
     try:
         file.write_bytes(before[: change.start] + change.after.encode() + before[change.end :])
         # Two changes in one second never share a time: a .pyc is told stale by time and size.
         os.utime(file, (stat.st_atime, stat.st_mtime + 1 + change.start))
-        outcome, by = _run(chosen, limit)
+        for stage in _stages(chosen, called, killers, budget):
+            limit = 120 + 10 * sum(called[test]["wall"] for test in stage)
+            outcome, by = _run(stage, limit)
+            if outcome == "killed":
+                killers[by.split("::")[0]] += 1
+                break
     finally:
         file.write_bytes(before)
         os.utime(file, (stat.st_atime, stat.st_mtime))
