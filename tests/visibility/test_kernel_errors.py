@@ -43,6 +43,7 @@ def with_index(value):
         ({"triangle_start": np.array([0, 4])}, "triangle_start has the wrong type or shape"),
         ({"vertex_start": np.array([], np.int64)}, "vertex_start has the wrong type or shape"),
         ({"placement_mesh": np.array([0, 2], np.int32)}, "placement_mesh is out of range"),
+        ({"placement_mesh": np.array([-1, 1], np.int32)}, "placement_mesh is out of range"),
         ({"placement_mesh": np.array([0], np.int32)}, "cam_from_mesh has the wrong type or shape"),
         ({"cam_from_mesh": GOOD.cam_from_mesh * np.nan}, "cam_from_mesh holds a number"),
         ({"cam_from_mesh": GOOD.cam_from_mesh * 1e31}, "cam_from_mesh holds a number"),
