@@ -98,6 +98,7 @@ def is_viewport() -> Expect:
     tree = _tree("switch")
     nodes, links = tree.nodes, tree.links
     switch = nodes.new("GeometryNodeSwitch")
+    switch.input_type = "GEOMETRY"  # a float in Blender 5.2 unless it is said
     links.new(nodes.new("GeometryNodeIsViewport").outputs[0], switch.inputs["Switch"])
     links.new(nodes.new("GeometryNodeMeshCone").outputs["Mesh"], switch.inputs["True"])
     links.new(nodes.new("NodeGroupInput").outputs[0], switch.inputs["False"])
