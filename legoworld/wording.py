@@ -8,7 +8,17 @@ from pathlib import PurePosixPath
 
 def counted(count: int, one: str, many: str) -> str:
     """A number with the words that go with it: "1 box", "0 boxes"."""
-    return f"{count:,} {one if count == 1 else many}"
+    return f"{count:,} {word_for(count, one, many)}"
+
+
+def word_for(count: int, one: str, many: str) -> str:
+    """The noun or verb that goes with a number."""
+    return one if count == 1 else many
+
+
+def share(part: int, total: int, one: str, many: str) -> str:
+    """A part of a number of things: "1 of 1 box", "0 of 12 boxes"."""
+    return f"{part:,} of {counted(total, one, many)}"
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:

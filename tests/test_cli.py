@@ -7,12 +7,14 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
 import pytest
 
 from legoworld import cli, errors, exit_codes, places
+from legoworld.commands import options
 from legoworld.running import engines, task_process
 
 ROOT = Path(__file__).parents[1]
@@ -149,6 +151,8 @@ def test_ctrl_c_promises_to_resume_only_where_the_command_does(
         (["list", "taks"], "tasks"),
         (["track", "mak"], "make"),
         (["baseline", "imports"], "import"),
+        (["execute", "x.py", "--sandbox", "limit"], "limits"),
+        (["track", "make", "--space", "dept"], "depth"),
         (["readout", "--trak", "x"], "--track"),
     ],
     ids=named,
@@ -158,6 +162,29 @@ def test_a_misspelt_word_is_refused_with_the_nearest(words, near, capsys):
     assert re.search(rf"Did you mean.*'{near}'", capsys.readouterr().err)
     assert cli.run(["xyzzy"]) == 2
     assert "Did you mean" not in capsys.readouterr().err
+
+
+def every_command(group: click.Command) -> Iterator[click.Command]:
+    """A command with all below it."""
+    yield group
+    if isinstance(group, click.Group):
+        with click.Context(group) as context:
+            for name in group.list_commands(context):
+                command = group.get_command(context, name)
+                assert command is not None
+                yield from every_command(command)
+
+
+def test_every_choice_names_the_nearest_word():
+    """One way for all: an option with click's own Choice lists the words and leaves it there."""
+    choices = [
+        (command.name, parameter.name, parameter.type)
+        for command in every_command(cli.main)
+        for parameter in command.params
+        if isinstance(parameter.type, click.Choice)
+    ]
+    assert len(choices) > 10
+    assert [(c, p) for c, p, kind in choices if not isinstance(kind, options.Choice)] == []
 
 
 def test_an_output_that_nobody_reads_is_no_finished_command():

@@ -26,6 +26,7 @@ from legoworld.records.baseline_run import PhotoEntry
 from legoworld.running import run_folder
 from legoworld.track import TrackImage
 from legoworld.track_making import find_photo
+from legoworld.wording import share, word_for
 from legoworld.workers.environment import passed
 
 PROVENANCE = "provenance"
@@ -74,7 +75,8 @@ def run_baseline(
         todo = [image for image in images if image.id not in done]
         kept(len(done))
         if done:
-            notice(f"{len(done)} of {len(images)} images have a valid result already")
+            predicted = share(len(done), len(images), "image", "images")
+            notice(f"{predicted} {word_for(len(done), 'has', 'have')} a valid result already")
 
         def begin(provenance: dict[str, Any]) -> None:
             configuration = {**known, PROVENANCE: provenance}

@@ -9,6 +9,7 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 
 from legoworld.evaluation.box_formats import BoxFormatError
+from legoworld.wording import counted
 
 BoxFormat = Literal["xywh", "xyxy", "cxcywh"]
 BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
@@ -42,7 +43,7 @@ def check_declared(
     if share > _MAX_SHARE_OUTSIDE and others:
         raise BoxFormatError(
             f"the boxes are not {declared} in pixels",
-            found=f"{share:.1%} of {len(as_given)} boxes leave their image",
+            found=f"{share:.1%} of {counted(len(as_given), 'box', 'boxes')} leave their image",
             expected="boxes inside their images",
             next_step=_pass(others),
         )

@@ -15,7 +15,7 @@ from legoworld.dataset_versions import dataset_of, dataset_version
 from legoworld.errors import UsageError
 from legoworld.evaluation.prediction_checks import PredictionsInvalidError
 from legoworld.vocabulary import Vocabulary, normal_name
-from legoworld.wording import counted
+from legoworld.wording import counted, share, word_for
 
 CategoryIds = Literal["dataset", "coco80-0", "coco80-1", "lvis-0"]
 CATEGORY_IDS: Final[tuple[CategoryIds, ...]] = get_args(CategoryIds)
@@ -66,7 +66,8 @@ def check_numbering(by_id: Counter[int], known: Mapping[int, int], declared: str
     bad = {i: count for i, count in by_id.items() if i not in known}
     if bad:
         raise PredictionsInvalidError(
-            f"{sum(bad.values())} of {by_id.total()} predictions have no category id of {declared}",
+            f"{share(sum(bad.values()), by_id.total(), 'prediction', 'predictions')} "
+            f"{word_for(sum(bad.values()), 'has', 'have')} no category id of {declared}",
             found=f"category ids {sorted(bad)[:8]}",
             expected=f"{min(known)} to {max(known)}",
             next_step="declare another --category-ids, or map categories with --label-map FILE",

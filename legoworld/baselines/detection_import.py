@@ -50,7 +50,7 @@ from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.records.baseline_run import ImportedFrom, PhotoEntry
 from legoworld.running import run_folder
 from legoworld.track import TrackImage
-from legoworld.wording import counted
+from legoworld.wording import counted, share, word_for
 
 Say = Callable[[str], None]
 
@@ -113,8 +113,9 @@ def _say_placed(placed: Placed, of: int, notice: Say) -> None:
     if placed.by == "file_names":
         notice("images are matched by file name")
     if placed.left_out:
-        kept = of - placed.left_out
-        notice(f"{kept} of {of} predictions are of the track's images; the rest is left out")
+        n_kept = of - placed.left_out
+        kept, are = share(n_kept, of, "prediction", "predictions"), word_for(n_kept, "is", "are")
+        notice(f"{kept} {are} of the track's images; the rest is left out")
 
 
 def _named(

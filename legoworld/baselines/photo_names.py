@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 
 from legoworld.errors import LegoWorldError
 from legoworld.track import TrackImage
-from legoworld.wording import in_another_folder
+from legoworld.wording import in_another_folder, share, word_for
 
 #: As many image ids without a gap are positions in a list, where the track's are others.
 _FEWEST_POSITIONS: Final = 10
@@ -218,7 +218,9 @@ def _strangers(
     parts = [f"image {image_id!r}"] if image_id is not None else []
     parts += [repr(name)] if name not in (None, image_id) else []
     shown = ", ".join(parts)
-    what = f"{len(strangers)} of {of} predictions are of images outside the track"
+    predictions = share(len(strangers), of, "prediction", "predictions")
+    are = word_for(len(strangers), "is", "are")
+    what = f"{predictions} {are} of images outside the track"
     meant = in_another_folder(name, (i.file_name for i in images)) if name is not None else None
     if meant is not None:
         return PhotosUnmatchedError(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from legoworld.commands import options
+from legoworld.wording import counted, share
 
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_run import BaselineResult
@@ -68,10 +69,11 @@ def _print(
     if len(bad) > 50:
         click.echo(f"... and {len(bad) - 50} more, in {output / 'per_image.jsonl'}")
     coverage = summary["coverage"]
-    line = f"{coverage['ok']} of {coverage['attempted']} images predicted"
+    line = f"{share(coverage['ok'], coverage['attempted'], 'image', 'images')} predicted"
     if "ok_empty" in coverage:
-        what = "boxes" if summary["task"] == "coco" else "masks"
-        line += f" ({coverage['ok_empty']} without any), {summary['predictions']} {what}"
+        what = ("box", "boxes") if summary["task"] == "coco" else ("mask", "masks")
+        made = counted(summary["predictions"], *what)
+        line += f" ({coverage['ok_empty']} without any), {made}"
     if summary["partial"]:
         line += ", partial run"
     click.echo(f"{line} -> {output}")

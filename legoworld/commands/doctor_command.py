@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from legoworld.commands import options
+from legoworld.wording import counted
 
 if TYPE_CHECKING:
     from legoworld.baselines.cards import BaselineCard
@@ -176,7 +177,8 @@ def _cache() -> Finding:
     return Finding(
         name="snapshot cache",
         good=free > 1,
-        found=f"{len(files)} files, {size:,.0f} MB in {folder}; {free:,.0f} GB free",
+        found=f"{counted(len(files), 'file', 'files')}, {size:,.0f} MB in {folder}; "
+        f"{free:,.0f} GB free",
         next_step="free some space, delete the cache folder, or set LEGOWORLD_CACHE",
     )
 

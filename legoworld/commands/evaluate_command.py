@@ -16,6 +16,7 @@ from legoworld.commands import options
 from legoworld.commands.evaluation_short import of_eth3d, short_depth, short_detections
 from legoworld.commands.places import PlaceType
 from legoworld.places import Place
+from legoworld.wording import counted
 
 if TYPE_CHECKING:
     from legoworld.evaluation.evaluators import EvaluatorKind
@@ -185,12 +186,12 @@ def _depth_text(summary: DepthSummary) -> str:
     every = summary.all_attempted
     lines = [
         f"{evaluator.name} {evaluator.version}, camera model {protocol.camera_model}, "
-        f"{coverage.attempted} images attempted, {coverage.scored} scored, "
+        f"{counted(coverage.attempted, 'image', 'images')} attempted, {coverage.scored} scored, "
         f"{coverage.with_truth} with truth{of_eth3d(coverage)}; intervals over "
-        f"{groups.groups} {groups.unit}s",
+        f"{counted(groups.groups, groups.unit, groups.unit + 's')}",
         options.table(header, rows),
-        f"over all {every.images} images with truth, {every.missing} of them without a score "
-        f"at {every.missing_abs_rel:g}: abs_rel "
+        f"over all {counted(every.images, 'image', 'images')} with truth, {every.missing} of them "
+        f"without a score at {every.missing_abs_rel:g}: abs_rel "
         + ", ".join(
             f"{policy} {'-' if value is None else format(value, '.4f')}"
             for policy, value in every.abs_rel.items()
@@ -214,7 +215,7 @@ def _depth_counts(summary: DepthSummary) -> list[str]:
     return [
         f"images: {', '.join([*others, *flagged])}; "
         f"{summary.worse_than_constant} worse than a constant, "
-        f"{summary.resampled} resampled, {summary.warnings} warnings",
+        f"{summary.resampled} resampled, {counted(summary.warnings, 'warning', 'warnings')}",
         "mean share of truth pixels: "
         + ", ".join(
             f"{name} {'-' if x is None else format(x, '.4f')}" for name, x in shares.items()

@@ -35,13 +35,14 @@ def short_detections(summary: DetectionSummary) -> str:
     ties = summary.ties
     if ties.n_tied:
         lines.append(
-            f"AP over {ties.draws} tie orders: {_value(ties.expected)}, "
-            f"between {_value(ties.worst)} and {_value(ties.best)}"
+            f"AP over {counted(ties.draws, 'tie order', 'tie orders')}: "
+            f"{_value(ties.expected)}, between {_value(ties.worst)} and {_value(ties.best)}"
         )
     found = summary.matched.class_aware
     lines.append(
-        f"at IoU 0.5: recall {_value(found.recall_50)} of {found.n_gt} truths, precision "
-        f"{_value(found.precision_50)} of {found.n_dt} predictions; mean IoU of a truth "
+        f"at IoU 0.5: recall {_value(found.recall_50)} of "
+        f"{counted(found.n_gt, 'truth', 'truths')}, precision {_value(found.precision_50)} of "
+        f"{counted(found.n_dt, 'prediction', 'predictions')}; mean IoU of a truth "
         f"{_value(found.miou_gt_micro)}"
     )
     return "\n".join([*lines, *_ends(summary)])
@@ -63,7 +64,8 @@ def short_depth(summary: DepthSummary) -> str:
     rows = summary.not_scored
     lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in rows[:_SHORT]]
     if len(rows) > _SHORT:
-        lines.append(f"... and {len(rows) - _SHORT} more images without a score (-v lists them)")
+        more = counted(len(rows) - _SHORT, "more image", "more images")
+        lines.append(f"... and {more} without a score (-v lists all)")
     return "\n".join(lines)
 
 
@@ -73,7 +75,8 @@ def of_eth3d(coverage: DepthCoverage) -> str:
     if not part:
         return ""
     return (
-        f" ({part.images} of ETH3D's {part.of_images}, in {part.scenes} of {part.of_scenes} scenes)"
+        f" ({part.images} of ETH3D's {part.of_images}, in {part.scenes} of "
+        f"{counted(part.of_scenes, 'scene', 'scenes')})"
     )
 
 
@@ -92,7 +95,8 @@ def _ends(summary: DetectionSummary) -> list[str]:
     lines = ["partial run: only some images of its track were attempted"] * summary.partial
     lines += [f"warning: {text}" for text in summary.warnings[:_SHORT]]
     if len(summary.warnings) > _SHORT:
-        lines.append(f"... and {len(summary.warnings) - _SHORT} more warnings (-v lists them)")
+        more = counted(len(summary.warnings) - _SHORT, "more warning", "more warnings")
+        lines.append(f"... and {more} (-v lists all)")
     return lines
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from legoworld.commands import options
+from legoworld.wording import share, word_for
 
 
 @click.command("evidence", context_settings={"help_option_names": ["-h", "--help"]})
@@ -47,5 +48,7 @@ def command(
         if shown:
             rows = [(check.status, check.what, check.found) for check in shown]
             click.echo(options.table(("", "what", "found"), rows))
-        click.echo(f"{len(checks) - len(bad)} of {len(checks)} checks hold: {folder}")
+        n_good = len(checks) - len(bad)
+        good = share(n_good, len(checks), "check", "checks")
+        click.echo(f"{good} {word_for(n_good, 'holds', 'hold')}: {folder}")
     return 1 if bad else 0

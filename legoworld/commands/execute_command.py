@@ -23,7 +23,7 @@ from legoworld.commands import options
 )
 @click.option(
     "--sandbox",
-    type=click.Choice(["auto", "bubblewrap", "limits"]),
+    type=options.Choice(["auto", "bubblewrap", "limits"]),
     default="auto",
     show_default=True,
     help="auto: bubblewrap where it works, limits alone elsewhere; bubblewrap: or fail.",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from legoworld.commands import options
+from legoworld.wording import share
 
 if TYPE_CHECKING:
     from legoworld.records.frozen import FrozenRow
@@ -75,4 +76,5 @@ def _print(rows: list[FrozenRow], bad: list[FrozenRow], *, quiet: bool, verbose:
         for name, check in row.checks.items():
             if check.status != "ok":
                 click.echo(f"{check.status}: {row.scene}/{name}: {check.reason}")
-    click.echo(f"{len(rows) - len(bad)} of {len(rows)} scenes frozen without complaint")
+    frozen = share(len(rows) - len(bad), len(rows), "scene", "scenes")
+    click.echo(f"{frozen} frozen without complaint")

@@ -11,6 +11,7 @@ import click
 
 from legoworld import catalog
 from legoworld.commands import options
+from legoworld.wording import counted
 
 if TYPE_CHECKING:
     from legoworld.readouts.instructions import Instructions
@@ -110,7 +111,7 @@ def _schema(reading: Protocol, *, as_json: bool) -> int:
             click.echo(_wrapped(statement, "- ", "  "))
     if told.protocol.vocabulary is not None:
         names = [c.name for c in told.protocol.vocabulary.categories]
-        click.echo(f"\n## Vocabulary: {len(names)} names")
+        click.echo(f"\n## Vocabulary: {counted(len(names), 'name', 'names')}")
         click.echo(_wrapped(", ".join(names), "", ""))
     return 0
 

@@ -9,6 +9,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.places import PlaceType
 from legoworld.places import Place
+from legoworld.wording import counted, share
 
 
 @click.command("merge", context_settings={"help_option_names": ["-h", "--help"]})
@@ -51,7 +52,7 @@ def command(
     if as_json:
         options.print_json({"run": str(output), "summary": result.summary})
     else:
-        given = "1 run" if len(shards) == 1 else f"{len(shards)} shards"
-        read = f"{coverage['ok']} of {coverage['attempted']} images read"
-        click.echo(f"{given}, {read} -> {output}")
+        given = counted(len(shards), "run", "shards")
+        read = share(coverage["ok"], coverage["attempted"], "image", "images")
+        click.echo(f"{given}, {read} read -> {output}")
     return 0 if coverage["ok"] == coverage["attempted"] else 1

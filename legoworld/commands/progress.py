@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from legoworld.api.listening import Listener
 from legoworld.commands import options
+from legoworld.wording import share
 
 #: Seconds between two lines of progress in a log.
 _LINE_S: Final = 30.0
@@ -42,7 +43,8 @@ class LineProgress:
         self._next = now + _LINE_S
         failed = f", {self._failed} failed" if self._failed else ""
         pace = f", {(now - self._start) / self._done:.2g} s an image"
-        self._say(f"{self._kept + self._done} of {self._total} images{failed}{pace}")
+        done = share(self._kept + self._done, self._total, "image", "images")
+        self._say(f"{done}{failed}{pace}")
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from legoworld.commands import options
+from legoworld.wording import counted, share, word_for
 
 
 @click.command("report", context_settings={"help_option_names": ["-h", "--help"]})
@@ -55,7 +56,8 @@ def command(
     missing = sum(view["photo"] is None for view in document.views)
     if missing:
         notice = options.notifier(quiet)
-        notice(f"{missing} of {len(document.views)} views have no photo; the page says why")
+        views = share(missing, len(document.views), "view", "views")
+        notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")
     if as_json:
         options.print_json(
             {
@@ -68,5 +70,6 @@ def command(
         )
         return 0
     more = f" and {written.beside}" if written.beside else ""
-    click.echo(f"{len(document.views)} views, {written.n_bytes / 1e6:.1f} MB -> {output}{more}")
+    views = counted(len(document.views), "view", "views")
+    click.echo(f"{views}, {written.n_bytes / 1e6:.1f} MB -> {output}{more}")
     return 0

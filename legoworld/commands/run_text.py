@@ -11,7 +11,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.wording import outside_the_vocabulary
 from legoworld.scene_names import Stranger, lower_top
-from legoworld.wording import counted
+from legoworld.wording import counted, share
 
 if TYPE_CHECKING:
     from legoworld.api.readout import Run
@@ -150,7 +150,7 @@ def _label_lines(result: Run) -> list[str]:
 
 def _counts(summary: dict[str, Any]) -> str:
     coverage = summary["coverage"]
-    line = f"{coverage['ok']} of {coverage['attempted']} images read"
+    line = f"{share(coverage['ok'], coverage['attempted'], 'image', 'images')} read"
     if "ok_empty" in coverage:
         line += f" ({coverage['ok_empty']} without any export)"
     what = {"boxes": ("box", "boxes"), "masks": ("mask", "masks")}.get(_exports(summary["task"]))

@@ -9,6 +9,7 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
+from legoworld.wording import counted, word_for
 
 if TYPE_CHECKING:
     from legoworld.records.instances import InstanceRow
@@ -59,10 +60,12 @@ def _print(found: SourceComparison, *, quiet: bool, verbose: bool) -> None:
     if len(pairs) < len(found.pairs):
         click.echo(f"... and {len(found.pairs) - len(pairs)} more that agree (-v lists them)")
     width, height = found.blend.view.size_wh
+    disagree = word_for(found.disagreeing, "disagrees", "disagree")
     click.echo(
-        f"\n{len(found.pairs)} instances of both sources at {width}x{height}: "
-        f"{found.disagreeing} disagree; {found.unseen} more are not seen in either; "
-        f"{found.differing_px} pixels differ"
+        f"\n{counted(len(found.pairs), 'instance', 'instances')} of both sources at "
+        f"{width}x{height}: {found.disagreeing} {disagree}; "
+        f"{found.unseen} more {word_for(found.unseen, 'is', 'are')} not seen in either; "
+        f"{counted(found.differing_px, 'pixel differs', 'pixels differ')}"
     )
     _one_sided("only in scene.blend", found.lost)
     _one_sided("only in scene.glb", found.gained)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from legoworld.commands import options
+from legoworld.wording import counted, share, word_for
 
 if TYPE_CHECKING:
     from legoworld.records.track import MadeTrack
@@ -185,8 +186,8 @@ def _show(made: MadeTrack, output: Path, seed: int, *, as_json: bool) -> int:
     of = info.dataset_images or info.source_images
     source = f" of {info.dataset}" if info.dataset else ""
     click.echo(
-        f"{len(made.images)} of {of} images{source}{drawn}, "
-        f"{len(made.categories)} categories -> {output}"
+        f"{share(len(made.images), of, 'image', 'images')}{source}{drawn}, "
+        f"{counted(len(made.categories), 'category', 'categories')} -> {output}"
     )
     return 0
 
@@ -227,5 +228,7 @@ def _check(track: Path, photos: Path, *, as_json: bool) -> int:
             click.echo(f"{p.status}: {p.image.file_name} (image {p.image.id}): {p.found}")
         if len(problems) > 50:
             click.echo(f"... and {len(problems) - 50} more (--json lists them)")
-        click.echo(f"{len(images) - len(problems)} of {len(images)} photos are as the track says")
+        n_good = len(images) - len(problems)
+        good = share(n_good, len(images), "photo", "photos")
+        click.echo(f"{good} {word_for(n_good, 'is', 'are')} as the track says")
     return 1 if problems else 0

@@ -8,6 +8,7 @@ from typing import Any
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.depth.rows import SCORED
 from legoworld.evaluation.stored import Evaluated
+from legoworld.wording import counted
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
 #: What per_image rows say of the truth alone.
@@ -128,7 +129,8 @@ def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:
             continue
         full = [r for r in baseline.rows if r["status"] in SCORED and not r["resampled"]]
         if full:
-            return [f"depth {_size(scene)} and {len(full)} images of full size"]
+            images = counted(len(full), "image", "images")
+            return [f"depth {_size(scene)} and {images} of full size"]
     return []
 
 

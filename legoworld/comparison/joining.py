@@ -13,6 +13,7 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.evaluation.folder import EVIDENCE, installed_versions
 from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.wording import counted
 
 JOINED: Final = "joined_comparison"
 #: The tasks in the order tables have them.
@@ -79,7 +80,7 @@ def _common_images(documents: Sequence[dict[str, Any]]) -> int:
 def _images_note(documents: Sequence[dict[str, Any]], common: int) -> str:
     sizes = {d["task"]: len(d["images"]) for d in documents}
     if set(sizes.values()) == {common}:
-        return f"The {len(sizes)} tracks hold the same {common} images."
+        return f"The {len(sizes)} tracks hold the same {counted(common, 'image', 'images')}."
     listed = ", ".join(f"{task} {n}" for task, n in sizes.items())
     return (
         f"The {len(sizes)} tracks hold different images ({listed}; {common} in all of them): "

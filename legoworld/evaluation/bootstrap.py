@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
 from legoworld.records.evaluation_summary import Interval
+from legoworld.wording import counted
 
 LEVEL: Final = 0.95
 #: Elements of one product of counts and values, to bound memory.
@@ -25,7 +26,7 @@ def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
     if n_groups < 1 or draws < 1 or seed < 0:
         raise UsageError(
             "a bootstrap needs something to draw",
-            found=f"{n_groups} groups, {draws} draws, seed {seed}",
+            found=f"{n_groups} groups, {counted(draws, 'draw', 'draws')}, seed {seed}",
             expected="at least one group and one draw, and a seed of at least 0",
         )
     random = np.random.default_rng([seed, n_groups])

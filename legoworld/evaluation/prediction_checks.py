@@ -9,6 +9,7 @@ from typing import Any, Final
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.box_formats import finite_floats, is_finite
 from legoworld.vocabulary import Vocabulary
+from legoworld.wording import counted, share, word_for
 
 #: What to do where a key is missing that a results list must have and ground truth has not.
 _ADD: Final = {
@@ -25,9 +26,13 @@ class PredictionsInvalidError(LegoWorldError):
 def _refuse(
     bad: Sequence[Any], of: int, what: str, found: str, expected: str, next_step: str = ""
 ) -> None:
+    """what: of several predictions, beginning with "are" or "have"."""
     if bad:
+        verb, _, rest = what.partition(" ")
+        one = {"are": "is", "have": "has"}[verb]
         raise PredictionsInvalidError(
-            f"{len(bad)} of {of} predictions {what}",
+            f"{share(len(bad), of, 'prediction', 'predictions')} "
+            f"{word_for(len(bad), one, verb)} {rest}",
             found=found,
             expected=expected,
             next_step=next_step,
@@ -49,7 +54,7 @@ def check_keys(entries: Sequence[Any], payload: str) -> None:
     _refuse(
         strangers,
         len(entries),
-        "are not JSON objects",
+        "are something else than a JSON object",
         f"{one_line(json.dumps(strangers[0]), 60)}" if strangers else "",
         '{"image_id", ...}',
     )
@@ -98,7 +103,7 @@ def check_ids(
         len(entries),
         "are of images the run does not have",
         f"image {bad[0]['image_id']}" if bad else "",
-        f"one of the run's {len(status)} images, such as {min(status)}",
+        f"one of the run's {counted(len(status), 'image', 'images')}, such as {min(status)}",
     )
     bad = [e for e in entries if status[e["image_id"]] != "ok"]
     _refuse(

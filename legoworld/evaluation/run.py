@@ -10,7 +10,9 @@ from typing import Any
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.folder import read_rows
 from legoworld.running.prediction_files import IMAGES_PER_FILE, prediction_files, stored_entries
+from legoworld.running.result_hashes import altered
 from legoworld.running.run_folder import JOURNAL, ROWS, RUN
+from legoworld.wording import counted
 
 
 class RunUnusableError(LegoWorldError):
@@ -31,12 +33,13 @@ class RunImage:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """A finished run. images: ascending id; configuration and scenes: run.json's."""
+    """A finished run. images: ascending id; configuration and document: run.json's."""
 
     folder: Path
     task: str
     configuration: dict[str, Any]
     images: tuple[RunImage, ...]
+    document: dict[str, Any]
 
     @property
     def partial(self) -> bool:
@@ -56,6 +59,7 @@ def read_run(folder: Path) -> Run:
         )
     try:
         configuration = document["configuration"]
+        _refuse_altered(folder, document, [folder / ROWS])
         task = configuration["task"]
         images = tuple(sorted(map(_image, read_rows(folder / ROWS)), key=lambda i: i.id))
         attempted = configuration["attempted"]
@@ -69,18 +73,39 @@ def read_run(folder: Path) -> Run:
         raise RunUnusableError(
             f"the run in {folder.name} does not cover its own track",
             found=f"rows: {len(images)}, of different images: {len({i.id for i in images})}",
-            expected=f"{attempted} images, one row each",
+            expected=f"{counted(attempted, 'image', 'images')}, one row each",
             next_step="run its command again",
         )
-    return Run(folder=folder, task=str(task), configuration=configuration, images=images)
+    return Run(
+        folder=folder,
+        task=str(task),
+        configuration=configuration,
+        images=images,
+        document=document,
+    )
+
+
+def _refuse_altered(folder: Path, document: Any, files: list[Path]) -> None:
+    """RunUnusableError where a file is not the one the run wrote."""
+    for name in altered(folder, document, files):
+        raise RunUnusableError(
+            f"{folder.name}/{name} is not the one that the run wrote",
+            found="another sha256",
+            expected=f"the sha256 in {RUN}",
+            next_step="run its command again; altered rows need --overwrite",
+        )
 
 
 def read_predictions(run: Run) -> list[Any]:
     """Every prediction of the run, file after file, unchecked beyond being lists.
 
-    PredictionsUnreadableError names a file that is absent or damaged.
+    PredictionsUnreadableError names a file that is absent or damaged, RunUnusableError one that is
+    not as the run wrote it.
     """
-    return list(stored_entries(_prediction_files(run)))
+    files = _prediction_files(run)
+    entries = list(stored_entries(files))
+    _refuse_altered(run.folder, run.document, files)
+    return entries
 
 
 def run_inputs(run: Run) -> list[tuple[str, Path]]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from legoworld.evaluation.protocols import DetectionProtocol, Metric
 from legoworld.records.evaluation_summary import Coverage, DetectionSummary
+from legoworld.wording import counted
 
 Table = Callable[[Sequence[str], Sequence[Sequence[object]]], str]
 
@@ -111,7 +112,7 @@ def _tie_rows(summary: DetectionSummary, over: str) -> list[tuple[str, ...]]:
         if known := ties.spread:
             rows.append(
                 (
-                    f"{prefix}AP over {ties.draws} tie orders",
+                    f"{prefix}AP over {_many(ties.draws, 'tie order')}",
                     f"{known.expected:.4f}",
                     f"sd {known.sd:.4f}",
                     _many(ties.n_tied, "tied prediction"),
@@ -128,13 +129,13 @@ def notes(summary: DetectionSummary) -> list[str]:
     statuses = ", ".join(f"{n} {name}" for name, n in coverage.by_status.items())
     lines = [
         f"images: {statuses}; {coverage.scored_without_predictions} scored without predictions",
-        f"truth: {counts.truth_instances} instances in {counts.categories_with_truth} of "
-        f"{counts.categories} categories, {counts.truth_ignored} crowd or ignored",
+        f"truth: {_many(counts.truth_instances, 'instance')} in {counts.categories_with_truth} of "
+        f"{_many(counts.categories, 'category')}, {counts.truth_ignored} crowd or ignored",
         f"predictions: {counts.predictions}; {counts.lost_to_cap} lost to the cap, "
         f"{counts.unverified_dropped} in unverified categories, "
         f"{counts.empty_masks_dropped} empty; "
-        f"{counts.false_positives_in_absent_categories} false positives are in categories "
-        "without truth here and cost nothing",
+        f"{_many(counts.false_positives_in_absent_categories, 'false positive')} in categories "
+        "without truth here, at no cost",
     ]
     lines += [
         f"AP{letter}: {group.categories_with_truth} of "
@@ -149,8 +150,7 @@ def notes(summary: DetectionSummary) -> list[str]:
 
 
 def _many(count: int, name: str) -> str:
-    plural = f"{name[:-1]}ies" if name.endswith("y") else f"{name}s"
-    return f"{count} {name if count == 1 else plural}"
+    return counted(count, name, f"{name[:-1]}ies" if name.endswith("y") else f"{name}s")
 
 
 def _value(value: float | None) -> str:

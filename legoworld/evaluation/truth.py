@@ -21,6 +21,7 @@ from legoworld.evaluation.truth_checks import (
     check_images,
 )
 from legoworld.vocabulary import Vocabulary, from_json
+from legoworld.wording import counted, share, word_for
 
 
 class TruthMismatchError(LegoWorldError):
@@ -118,8 +119,8 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
         return
     raise TruthMismatchError(
         "run and truth have different categories",
-        found=f"{path.name}: {len(vocabulary.categories)} categories, version {version}, "
-        f"{vocabulary.sha256[:12]}",
+        found=f"{path.name}: {counted(len(vocabulary.categories), 'category', 'categories')}, "
+        f"version {version}, {vocabulary.sha256[:12]}",
         expected=f"the run's vocabulary, {str(expected)[:12]}",
         next_step="make the track from this truth with `legoworld track make` and run with it",
     )
@@ -130,7 +131,8 @@ def _images_of_run(path: Path, by_id: dict[int, dict[str, Any]], run: Run) -> li
     unknown = [i for i in run.images if i.id not in by_id]
     if unknown:
         raise TruthMismatchError(
-            f"{len(unknown)} of the run's {len(run.images)} images are not in the truth",
+            f"{share(len(unknown), len(run.images), 'image', 'images')} of the run "
+            f"{word_for(len(unknown), 'is', 'are')} not in the truth",
             found=f"image {unknown[0].id} ({unknown[0].file_name}) is not in {path.name}",
             expected="every image of the track in the truth",
             next_step="pass the truth the track was made from",
@@ -178,7 +180,7 @@ def _check_frequencies(path: Path, categories: list[dict[str, Any]]) -> None:
     bad = [c for c in categories if c.get("frequency") not in ("r", "c", "f")]
     if bad:
         raise TruthInvalidError(
-            f"{len(bad)} categories of {path.name} have no frequency group",
+            f"{counted(len(bad), 'category', 'categories')} of {path.name} have no frequency group",
             found=f"{bad[0]['name']}: {bad[0].get('frequency')!r}",
             expected="r, c or f on each, as LVIS has them",
         )

@@ -17,6 +17,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_formats import BoxFormatError, check_box_format, is_finite
 from legoworld.evaluation.masks import MOST_COORDINATE_PX, covers, measured, rle_problem
 from legoworld.records.track import LARGEST_ID
+from legoworld.wording import counted, share
 
 Entry = dict[str, Any]
 Fault = Callable[[Entry], str | None]
@@ -105,7 +106,7 @@ def check_annotations(
         "annotations",
         entries,
         lambda a: None if a["image_id"] in images else "no such image",
-        f"the id of one of the file's {len(images)} images",
+        f"the id of one of the file's {counted(len(images), 'image', 'images')}",
         "correct the image_id; where images were cut out of the file, cut their annotations, too",
     )
     ids = frozenset(wanted)
@@ -211,7 +212,7 @@ def _refuse(
             bad += 1
     if bad:
         raise TruthInvalidError(
-            f"{bad} of {of} {kind} of {name} cannot be scored against",
+            f"{share(bad, of, kind.removesuffix('s'), kind)} of {name} cannot be scored against",
             found=first,
             expected=expected,
             next_step=next_step,

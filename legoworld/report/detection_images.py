@@ -15,6 +15,7 @@ from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.report.error_kinds import ImageErrors, image_errors
 from legoworld.report.sources import ReportInputError
+from legoworld.wording import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +92,7 @@ def _errors(
     if outcome.count("tp") != sum(f is not None for f in found.finder):
         raise ReportInputError(
             f"view/ does not repeat the matches of image {image['id']}",
-            found=f"{sum(f is not None for f in found.finder)} truths found",
+            found=f"{counted(sum(f is not None for f in found.finder), 'truth', 'truths')} found",
             expected=f"{outcome.count('tp')} true positives",
             next_step="evaluate again",
         )

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from legoworld.errors import LegoWorldError
+from legoworld.files import names_a_file
 from legoworld.pictures import read_photo
 
 LONGEST_SIDE: Final = 800
@@ -36,7 +37,7 @@ def find_photo(photos: Path, file_name: str) -> Path | None:
         return None
     for below in _FOLDERS:
         path = photos / below / name
-        if path.is_file():
+        if names_a_file(path):
             return path
     return None
 

@@ -9,6 +9,7 @@ from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.text import metric_rows, notes
 from legoworld.records.evaluation_summary import DepthSummary
+from legoworld.wording import counted, share
 
 #: What stands where no specialist's number is.
 NO_SPECIALIST: Final = "no specialist was run"
@@ -48,8 +49,10 @@ def depth_rows(sides: Sequence[Evaluated]) -> Rows:
         cells = []
         for side in sides:
             every = side.depth.all_attempted
-            over = f"{every.images} images with truth, {every.missing} of them without a "
-            over += f"score at {every.missing_abs_rel:g}"
+            over = (
+                f"{counted(every.images, 'image', 'images')} with truth, {every.missing} of them "
+            )
+            over += f"without a score at {every.missing_abs_rel:g}"
             value = _number(every.abs_rel[policy])
             cells.append({"value": value, "spread": "-", "over": over, "constant": "-"})
         rows.append({"name": "abs_rel, all attempted", "policy": policy, "cells": cells})
@@ -59,11 +62,12 @@ def depth_rows(sides: Sequence[Evaluated]) -> Rows:
 def _depth_cell(summary: DepthSummary, metric: str, policy: str) -> Cell:
     ends = summary.intervals[metric][policy].ends
     groups, coverage = summary.bootstrap, summary.coverage
-    by_scene = f", {groups.groups} scenes" if groups.unit == "scene" else ""
+    scenes = counted(groups.groups, "scene", "scenes")
+    by_scene = f", {scenes}" if groups.unit == "scene" else ""
     return {
         "value": _number(summary.metrics[metric][policy]),
         "spread": "{:.4f} .. {:.4f}".format(*ends) if ends else "-",
-        "over": f"{coverage.scored} of {coverage.attempted} images" + by_scene,
+        "over": share(coverage.scored, coverage.attempted, "image", "images") + by_scene,
         "constant": _number(summary.constant[metric][policy]),
     }
 

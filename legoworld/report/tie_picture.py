@@ -11,6 +11,7 @@ from legoworld.evaluation.matches_file import EQUAL, OWN, table_from
 from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.ties import order_aps
 from legoworld.records.evaluation_summary import Ties
+from legoworld.wording import share
 
 WIDTH: Final = 640
 HEIGHT: Final = 150
@@ -76,7 +77,8 @@ def _bars(aps: NDArray[np.float64], low: float, high: float) -> list[dict[str, A
                 "y": _BASE - height,
                 "w": round(width - 1, 2),
                 "h": height,
-                "text": f"{counts[i]} of {len(aps)} orders: {edges[i]:.4f} to {edges[i + 1]:.4f}",
+                "text": f"{share(counts[i], len(aps), 'order', 'orders')}: {edges[i]:.4f} to "
+                f"{edges[i + 1]:.4f}",
             }
         )
     return bars

@@ -9,6 +9,7 @@ from pathlib import Path
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.depth import depth_file_bytes
+from legoworld.wording import counted
 
 
 class OutputFullError(LegoWorldError):
@@ -29,7 +30,8 @@ def check_disk(
     expected = sum(depth_file_bytes(size) for size in sizes_wh)
     free = shutil.disk_usage(folder).free
     notice(
-        f"depth: about {_megabytes(expected)} for {len(sizes_wh)} images of known size, "
+        f"depth: about {_megabytes(expected)} for "
+        f"{counted(len(sizes_wh), 'image', 'images')} of known size, "
         f"{_megabytes(free)} free"
     )
     if expected > free:

@@ -47,7 +47,7 @@ def merge_shards(
         (output / run_folder.JOURNAL).unlink(missing_ok=True)
         records = _brought_together(shards, output)
         rows = [record["row"] for record in records]
-        summary = _summary_of(shards[0]) if alone else summarise(configuration, rows)
+        summary = _summary_of(shards[0], documents[0]) if alone else summarise(configuration, rows)
         document = documents[0] if alone else run_document(configuration)
         run_folder.finish(
             output,
@@ -104,10 +104,11 @@ def _refuse_losses(folder: Path, record: Record) -> None:
         )
 
 
-def _summary_of(folder: Path) -> dict[str, Any]:
+def _summary_of(folder: Path, document: dict[str, Any]) -> dict[str, Any]:
     try:
         text = (folder / run_folder.SUMMARY).read_text(encoding="utf-8")
         summary: dict[str, Any] = json.loads(text)
+        run_folder.refuse_altered(folder, document, [folder / run_folder.SUMMARY])
         if any(type(summary["coverage"][key]) is not int for key in ("ok", "attempted")):
             raise TypeError("no coverage in it")
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

@@ -30,6 +30,7 @@ from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
 from legoworld.track import Track, TrackImage
 from legoworld.visibility.library import library
+from legoworld.wording import share, word_for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +104,8 @@ def run_readout(
         todo = [image for image in images if image.id not in records]
         kept(len(records))
         if records:
-            notice(f"{len(records)} of {len(images)} images have a valid result already")
+            read = share(len(records), len(images), "image", "images")
+            notice(f"{read} {word_for(len(records), 'has', 'have')} a valid result already")
         if request.image_options.protocol.task.predict is None:
             _check_disk(request, todo, notice)
         del earlier, by_id  # predictions are many: from here on they are on disk only

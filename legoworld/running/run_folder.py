@@ -15,7 +15,6 @@ from legoworld.files import (
     canonical_json,
     readable_json,
     refused_by_machine,
-    sha256_of_file,
     sync_file,
     sync_folder,
     write_text,
@@ -39,6 +38,7 @@ from legoworld.running.prediction_files import (
     present_files,
     write_predictions,
 )
+from legoworld.running.result_hashes import RESULTS, RUN_SCHEMA, altered, hashes
 
 RUN: Final = "run.json"
 ROWS: Final = "per_image.jsonl"
@@ -216,8 +216,9 @@ def finish(
     write_text(folder / ROWS, "".join(canonical_json(r["row"]) + "\n" for r in ordered))
     write_text(folder / SUMMARY, readable_json(summary))
     scenes = {str(r["row"]["image_id"]): r["scene"] for r in ordered if r["scene"]}
-    document = {**run, "scenes": scenes}
-    if before is not None and before[1] == _hashes(folder):
+    results = hashes(folder, _result_files(folder))
+    document = {**run, "schema_version": RUN_SCHEMA, "scenes": scenes, RESULTS: results}
+    if before is not None and before[1] == results:
         # Nothing came of doing it again: what was evaluated is still this run, its time too.
         again = {**document, _TIME: before[0].get(_TIME)}
         document = again if json.loads(canonical_json(again)) == before[0] else document
@@ -230,7 +231,7 @@ def finish(
 def _sync(folder: Path, records: Sequence[Record]) -> None:
     """Have every result on disk: after the journal there is nothing to make them from."""
     depth = [folder / r["row"]["depth"]["file"] for r in records if "depth" in r["row"]]
-    results = [folder / RUN, folder / ROWS, folder / SUMMARY, *present_files(folder), *depth]
+    results = [folder / RUN, *_result_files(folder), *depth]
     for path in results:
         sync_file(path)
     inside = {parent for path in results for parent in path.parents}
@@ -244,15 +245,13 @@ def _earlier_results(folder: Path) -> tuple[dict[str, Any], dict[str, str]] | No
         document = json.loads((folder / RUN).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return None
-    return (document, _hashes(folder)) if isinstance(document, dict) else None
+    found = hashes(folder, _result_files(folder))
+    return (document, found) if isinstance(document, dict) else None
 
 
-def _hashes(folder: Path) -> dict[str, str]:
-    results = [p for p in (folder / ROWS, folder / SUMMARY) if p.is_file()]
-    return {
-        path.relative_to(folder).as_posix(): sha256_of_file(path)
-        for path in (*results, *present_files(folder))
-    }
+def _result_files(folder: Path) -> list[Path]:
+    """All that a finished run consists of but run.json and the arrays of depth."""
+    return [folder / ROWS, folder / SUMMARY, *present_files(folder)]
 
 
 def recorded_configuration(folder: Path) -> dict[str, Any] | None:
@@ -289,13 +288,15 @@ def finished_records(folder: Path) -> Iterator[Record]:
     """Records of a run that has ended, put together again from its files; none otherwise.
 
     By ascending image id; predictions are read as the records are taken. The images of a file that
-    is gone have none.
+    is gone, or is not the one the run wrote, have none.
     """
     if not (folder / RUN).is_file() or not (folder / ROWS).is_file():
         return
     rows, document = _finished(folder)
     per_file = document["configuration"].get(IMAGES_PER_FILE)
     files = [f for f in prediction_files(folder, per_file, len(rows)) if f.is_file()]
+    lost = altered(folder, document, files)
+    files = [f for f in files if f.relative_to(folder).as_posix() not in lost]
     each = predictions_of([row["image_id"] for row in rows], files)
     for row, predictions in zip(rows, each, strict=True):
         scene = document["scenes"].get(str(row["image_id"]))
@@ -311,6 +312,7 @@ def _finished(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         if not isinstance(document["scenes"], dict) or not isinstance(per_file, int | None):
             raise TypeError("not as a run writes it")
         name = ROWS
+        refuse_altered(folder, document, [folder / ROWS])
         rows = [json.loads(line) for line in _lines(folder / ROWS)]
         ids = [row["image_id"] for row in rows if {"status", "warnings"} <= row.keys()]
         if len({*ids}) != len(rows) or any(type(i) is not int for i in ids):
@@ -323,6 +325,17 @@ def _finished(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
             next_step="run its command again with --overwrite",
         ) from error
     return sorted(rows, key=lambda row: int(row["image_id"])), document
+
+
+def refuse_altered(folder: Path, document: Any, files: Iterable[Path]) -> None:
+    """RunDamagedError where a file is not the one that run.json, `document`, has on record."""
+    for name in altered(folder, document, files):
+        raise RunDamagedError(
+            f"{folder.name}/{name} is not the one that the run wrote",
+            found="another sha256",
+            expected=f"the sha256 in {RUN}",
+            next_step="run its command again with --overwrite",
+        )
 
 
 def _lines(path: Path) -> list[str]:

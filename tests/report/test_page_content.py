@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from evaluation.detection_runs import random_truth
 from report.pages import HOSTILE, Tables, document_of, embedded, evaluated, page_of, write_photos
 
 from legoworld import cli
@@ -172,6 +173,33 @@ def test_missing_photos_are_said_and_never_fatal(
     assert "the photo 003.jpg was not found" in text
     assert text.count('<script type="text/plain" id="photo-') == 11
     assert "no folder of photos was given" in page_of(tmp_path / "r.html", *both).read_text()
+
+
+#: What file systems and annotations allow, and one that no file system takes.
+NAMES = ["new\nline.png", "qu\"ot'e.png", "\U0001f408 cat.png", "<b>&amp;.png", "a\u2028b.png",
+         "tab\t\x1b[31m.png", "%2e%2e.png", "x" * 296 + ".png"]  # fmt: skip
+
+
+def test_photos_of_any_name_are_shown_and_one_too_long_is_said(tmp_path: Path) -> None:
+    truth = random_truth("coco", seed=1, images=len(NAMES))
+    (tmp_path / "photos").mkdir()
+    for image, name in zip(truth["images"], NAMES, strict=True):
+        image["file_name"] = name
+        if len(name) < 255:
+            picture = np.zeros((image["height"], image["width"], 3), np.uint8)
+            path = tmp_path / "photos" / name
+            path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+    folder = evaluated(tmp_path, "coco", truth=truth)
+    document = document_of(folder, photos=tmp_path / "photos")
+    photos = {view["file_name"]: view["photo"] for view in document.views}
+    assert {name for name, photo in photos.items() if photo is None} == {NAMES[-1]}
+    page = tmp_path / "page.html"
+    arguments = ["report", str(folder), "--photos", str(tmp_path / "photos"), "-o", str(page)]
+    assert cli.run(arguments) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "<b>&amp;.png" not in text
+    assert f"the photo {NAMES[-1]} was not found" in text
+    assert {view["file_name"] for view in embedded(page)} == set(NAMES)
 
 
 def test_a_photo_of_another_size_or_no_photo_at_all_is_not_drawn_on(

@@ -231,7 +231,11 @@ def test_a_divided_run_is_the_undivided_one(n, scenes, whole, tmp_path):
         assert own[name] == others[name]
     document = json.loads(own["run.json"])
     assert document["configuration"].pop("images_per_file") == n
-    assert document == json.loads(others["run.json"])
+    undivided = json.loads(others["run.json"])
+    hashes = document.pop("results_sha256"), undivided.pop("results_sha256")
+    assert hashes[0]["per_image.jsonl"] == hashes[1]["per_image.jsonl"]
+    assert hashes[0].keys() - hashes[1].keys() == {f"predictions/{f.name}" for f in files}
+    assert document == undivided
 
 
 @pytest.mark.blender

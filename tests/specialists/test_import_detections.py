@@ -133,20 +133,20 @@ def test_fractions_of_the_size_are_refused(bring):
 
 REFUSED = {
     "no list": ({"images": []}, "holds no results"),
-    "an unknown image": ([box(9)], "1 of 1 predictions are of images outside the track"),
+    "an unknown image": ([box(9)], "1 of 1 prediction is of images outside the track"),
     "an unknown category": ([box(1, 19)], "of categories the vocabulary does not have"),
     "contiguous ids": ([box(1, 0), box(1, 1)], "look like positions 0..3"),
     "ids without names": ([box(1, 0)], "map categories by name, with --label-map FILE"),
-    "no score": ([{k: v for k, v in box().items() if k != "score"}], "have no score"),
+    "no score": ([{k: v for k, v in box().items() if k != "score"}], "no score"),
     "a score that is a text": ([box(score="high")], "no usable score"),
     "three numbers": ([box(bbox=[1, 2, 3])], "four finite numbers"),
-    "no boxes": ([{"image_id": 1, "category_id": 18, "score": 1.0}], "have no bbox"),
+    "no boxes": ([{"image_id": 1, "category_id": 18, "score": 1.0}], "no bbox"),
     "a boolean image": ([box(True)], "no integer"),
     "brackets without end": ("[" * 50_000 + "]" * 50_000, "cannot be read"),
     "half a file": (json.dumps([box()] * 9)[:200], "cannot be read"),
     "a file of truth": (
         {"annotations": [{k: v for k, v in box().items() if k != "score"}], "images": []},
-        "have no score",
+        "no score",
     ),
 }
 
@@ -260,11 +260,11 @@ def test_results_of_more_images_are_cut_only_when_asked(bring):
     assert not folder.exists()
     code, folder, said = bring([box(1), box(77)], "--subset")
     assert code == 0
-    assert "1 of 2 predictions are of the track's images" in said
+    assert "1 of 2 predictions is of the track's images" in said
     assert len(predictions(folder)) == 1
     code, _, said = bring([box(77)], "--subset", name="none")
     assert code == 2
-    assert "1 of 1 predictions are of images outside the track" in said
+    assert "1 of 1 prediction is of images outside the track" in said
     assert "--subset" not in said
 
 
@@ -309,7 +309,7 @@ def test_a_bbox_beside_a_mask_is_left_out(bring):
         ([mask(segmentation={"size": [64, 48], "counts": "P`2"})], "[height, width]"),
         ([mask(segmentation=[[1, 1, 5, 5]])], "a polygon list"),
         ([mask(segmentation=[[1, 1, 5, 1, 5, 5, 7]])], "a polygon list"),
-        ([box()], "have no segmentation"),
+        ([box()], "no segmentation"),
     ],
 )
 def test_masks_that_are_refused(bring, document, words):

@@ -106,7 +106,7 @@ def test_ids_of_renumbered_images_never_reach_other_photos(bring):
     code, found, said = bring(document, "--subset")
     assert ids(found) == [776]
     assert found[0]["bbox"][0] == 0.0
-    assert "1 of 5 predictions are of the track's images" in said
+    assert "1 of 5 predictions is of the track's images" in said
 
 
 @pytest.mark.parametrize("options", [(), ("--subset",)])
@@ -124,7 +124,7 @@ def test_the_files_own_images_have_to_hold_its_results(bring):
     document["annotations"][0]["image_id"] = 77
     code, _, said = bring(document)
     assert code == 2
-    assert "1 of 5 predictions are of images outside the track; found: image 77" in said
+    assert "1 of 5 predictions is of images outside the track; found: image 77" in said
 
 
 def test_two_images_of_one_photo_and_resized_images_are_refused(bring):
@@ -156,7 +156,7 @@ def test_a_name_of_two_photos_names_neither(bring):
     assert ids(bring([box("b/x.jpg")], names=names)[1]) == [285]
     code, _, said = bring([box("x.jpg")], names=names)
     assert code == 2
-    assert "1 of 1 predictions are of images outside the track; found: image 'x.jpg'" in said
+    assert "1 of 1 prediction is of images outside the track; found: image 'x.jpg'" in said
 
 
 def test_ids_without_a_gap_that_hold_the_tracks_are_ids(bring):
@@ -264,7 +264,7 @@ def test_a_numbering_that_does_not_go_with_the_task_or_the_ids(bring):
     assert "expected: dataset or coco80-0 or coco80-1" in said
     code, _, said = bring([box(139, 0), box(139, 80)], "--category-ids", "coco80-1")
     assert code == 2
-    assert "1 of 2 predictions have no category id of coco80-1; found: category ids [0]" in said
+    assert "1 of 2 predictions has no category id of coco80-1; found: category ids [0]" in said
 
 
 def test_a_declared_numbering_leaves_names_alone(bring, tmp_path):
@@ -360,9 +360,9 @@ def test_results_without_scores_are_said_in_a_sentence(bring):
         "bbox and area; expected: score in every prediction; next: add each detection's confidence"
     ) in said
     code, _, said = bring([box(139), {}])
-    assert "1 of 2 predictions have no image_id; found: the first of them has no keys;" in said
+    assert "1 of 2 predictions has no image_id; found: the first of them has no keys;" in said
     code, _, said = bring([box(139), [1, 2]])
-    assert "1 of 2 predictions are not JSON objects; found: [1, 2];" in said
+    assert "1 of 2 predictions is something else than a JSON object; found: [1, 2];" in said
 
 
 def test_a_photo_in_another_folder_is_named_with_the_remedy(bring):
@@ -439,7 +439,7 @@ def test_one_base_name_in_two_folders_is_two_photos(bring):
     other = [{"file_name": "b/2.jpg", "category_id": 1, "bbox": BOX, "score": 0.5}]
     code, _, said = bring(mine + other, names=names)
     assert code == 2
-    assert "1 of 2 predictions are of images outside the track" in said
+    assert "1 of 2 predictions is of images outside the track" in said
     code, kept, _ = bring(mine + other, "--subset", names=names)
     assert code == 0
     assert [p["image_id"] for p in kept] == [139]
@@ -458,7 +458,7 @@ def test_an_id_that_the_files_own_images_lack_is_no_photo_of_the_track(bring):
     ] + [stray]
     code, _, said = bring(document)
     assert code == 2
-    assert "1 of 2 predictions are of images outside the track" in said
+    assert "1 of 2 predictions is of images outside the track" in said
 
 
 @pytest.mark.parametrize(

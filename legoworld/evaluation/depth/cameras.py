@@ -9,6 +9,7 @@ import numpy as np
 from legoworld.colmap import Camera
 from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.errors import CameraModelError
+from legoworld.wording import counted
 
 #: Number of parameters by model, in the order of cameras.txt.
 #: PINHOLE: fx fy cx cy; THIN_PRISM_FISHEYE: fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1.
@@ -91,7 +92,7 @@ def _distorted(uv: F64, coefficients: tuple[float, ...]) -> tuple[F64, tuple[F64
 def _no_ray(count: int, why: str) -> CameraModelError:
     return CameraModelError(
         "the camera model gives no ray for a pixel",
-        found=f"{why} ({count} pixels)",
+        found=f"{why} ({counted(count, 'pixel', 'pixels')})",
         expected="a distortion that can be inverted over the whole picture",
         next_step="check the parameters in cameras.txt, or score with --camera-model none",
     )

@@ -11,6 +11,7 @@ from typing import Final
 from legoworld import catalog
 from legoworld.colmap import Calibration, Camera, calibration_files
 from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.files import names_a_file
 from legoworld.records.base import decode
 from legoworld.records.track import ListedImage
 
@@ -59,7 +60,7 @@ def find_files(truth: Path, file_name: str) -> Eth3dFiles | None:
         return None
     parts = match.groupdict()
     depths = [truth / pattern.format(**parts) for pattern in _DEPTH]
-    depth = next((path for path in depths if path.is_file()), None)
+    depth = next((path for path in depths if names_a_file(path)), None)
     if depth is None:
         return None
     return Eth3dFiles(**parts, depth=depth, calibration=find_calibration(truth, parts["scene"]))

@@ -24,10 +24,12 @@ from legoworld.evaluation.folder import (
 )
 from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
 from legoworld.evaluation.run import run_view
+from legoworld.files import names_a_file
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.running.run_folder import ROWS, RUN
 from legoworld.running.tasks import ALONE, Crew
+from legoworld.wording import counted
 
 
 def evaluate_depth(
@@ -92,7 +94,7 @@ def _check(run: DepthRun, files: Sequence[TruthFile], settings: Settings) -> Non
     if settings.draws < 1 or settings.seed < 0:
         raise UsageError(
             "the bootstrap cannot be drawn like this",
-            found=f"{settings.draws} draws, seed {settings.seed}",
+            found=f"{counted(settings.draws, 'draw', 'draws')}, seed {settings.seed}",
             expected="at least one draw, and a seed of at least 0",
         )
     if settings.camera_model not in CAMERA_MODELS:
@@ -133,7 +135,7 @@ def _configuration(protocol: DepthProtocol, settings: Settings) -> dict[str, Any
 def _inputs(run: DepthRun, truth: Path, files: Sequence[TruthFile]) -> list[InputFile]:
     """Every file the score depends on, hashed; one that is shared by images comes once."""
     paths = [("run", run.run.folder / RUN), ("run_rows", run.run.folder / ROWS)]
-    paths += [("prediction", image.path) for image in run.images if image.path.is_file()]
+    paths += [("prediction", image.path) for image in run.images if names_a_file(image.path)]
     paths += [("truth", file.path) for file in files]
     if (truth / DECLARATION).is_file():
         paths.append(("truth_declaration", truth / DECLARATION))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.wording import counted
 
 _SATURATED: Final = 65535
 
@@ -90,7 +91,7 @@ def metres(
     if saturated:
         raise DepthFileError(
             f"{source} is clipped: the scene goes beyond what 16 bits hold",
-            found=f"{saturated} pixels of {_SATURATED}",
+            found=f"{counted(saturated, 'pixel', 'pixels')} of {_SATURATED}",
             expected=f"values below {_SATURATED}",
             next_step=f"store float32, or declare invalid_value = {_SATURATED} if it means none",
         )

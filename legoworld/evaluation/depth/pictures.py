@@ -24,6 +24,7 @@ from legoworld.evaluation.depth.headers import (
     png_claim,
     tiff_claim,
 )
+from legoworld.files import names_a_file
 
 #: Suffixes in the order they are looked for.
 SUFFIXES: Final = (".npz", ".npy", ".pfm", ".exr", ".png", ".pgm", ".tiff", ".tif")
@@ -59,7 +60,7 @@ def files_named(stem: Path) -> list[Path]:
     found = []
     for suffix in SUFFIXES:
         small, capital = (stem.with_name(stem.name + s) for s in (suffix, suffix.upper()))
-        found += [small] if small.is_file() else [capital] if capital.is_file() else []
+        found += [small] if names_a_file(small) else [capital] if names_a_file(capital) else []
     return found
 
 

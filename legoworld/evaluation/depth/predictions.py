@@ -14,7 +14,7 @@ from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.folder import read_rows
 from legoworld.evaluation.run import Run, RunImage, read_run
-from legoworld.files import sha256_of_file
+from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.depth import depth_file
 from legoworld.running.run_folder import ROWS
 
@@ -74,7 +74,7 @@ def load_prediction(image: DepthImage, check_size: SizeCheck | None = None) -> D
     one that cannot be used: its bytes are not those the run recorded, it does not say what it
     holds, or it is not of the size the run rendered.
     """
-    if not image.path.is_file():
+    if not names_a_file(image.path):
         raise DepthMissingError(
             "there is no depth file", found="nothing", expected=depth_file(image.stem)
         )

@@ -26,6 +26,7 @@ from legoworld.evaluation.depth.pictures import (
 )
 from legoworld.evaluation.depth.predictions import photo_stem
 from legoworld.evaluation.run import RunImage
+from legoworld.wording import share
 
 _BAND_ROWS: Final = 64
 
@@ -79,7 +80,8 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
             found.append(file)
     if absent:
         raise DepthTruthError(
-            f"{truth.name or truth} lacks the depth of {len(absent)} of {len(images)} images",
+            f"{truth.name or truth} lacks the depth of "
+            f"{share(len(absent), len(images), 'image', 'images')}",
             found=f"nothing for {absent[0].file_name}",
             expected="ETH3D's <scene>/ground_truth_depth/dslr_images/, or"
             f" {photo_stem(absent[0].file_name)} with one of {' '.join(SUFFIXES)}",

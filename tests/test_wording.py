@@ -1,0 +1,59 @@
+"""Numbers and the words that go with them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from legoworld.wording import counted, in_another_folder, share, word_for
+
+PACKAGE = Path(__file__).parents[1] / "legoworld"
+#: A number in an f-string with a plural right behind it: wrong for 1.
+PLURAL = re.compile(
+    r"^ (more )?(boxes|categories|checks|draws|evaluations|files|images|instances|masks|names|"
+    r"orders|photos|pixels|predictions|runs|scenes|shards|truths|views|warnings)\b"
+)
+#: What is printed when a command went well; messages of errors have their own numbers.
+PRINTED = [*sorted((PACKAGE / "commands").glob("*.py")), PACKAGE / "report" / "tables.py",
+           PACKAGE / "report" / "tie_picture.py", PACKAGE / "evaluation" / "text.py"]  # fmt: skip
+
+
+def plurals(path: Path) -> Iterator[str]:
+    """Every number of an f-string that is followed by a plural."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.JoinedStr):
+            continue
+        for value, after in zip(node.values, node.values[1:], strict=False):
+            if (
+                isinstance(value, ast.FormattedValue)
+                and isinstance(after, ast.Constant)
+                and PLURAL.match(str(after.value))
+            ):
+                yield f"{path.name}, line {node.lineno}: {ast.unparse(value)}{after.value!r}"
+
+
+@pytest.mark.parametrize("path", PRINTED, ids=lambda p: p.name)
+def test_no_plural_follows_a_number_that_may_be_one(path):
+    assert list(plurals(path)) == []
+
+
+def test_numbers_with_their_words():
+    assert [counted(n, "box", "boxes") for n in (0, 1, 2, 5000)] == [
+        "0 boxes", "1 box", "2 boxes", "5,000 boxes",
+    ]  # fmt: skip
+    assert share(0, 1, "view", "views") == "0 of 1 view"
+    assert share(1, 5000, "view", "views") == "1 of 5,000 views"
+    assert [word_for(n, "is", "are") for n in (0, 1, 2)] == ["are", "is", "are"]
+
+
+def test_the_same_name_in_another_folder():
+    known = ["a.jpg", "val2017/b.jpg", "val2017/c.jpg"]
+    assert in_another_folder("images/b.jpg", known) == "val2017/b.jpg"
+    assert in_another_folder("images\\b.jpg", known) == "val2017/b.jpg"
+    assert in_another_folder("b.jpg", known) == "val2017/b.jpg"
+    assert in_another_folder("val2017/b.jpg", known) is None
+    assert in_another_folder("d.jpg", known) is None
