@@ -111,6 +111,8 @@ def _run(arguments: list[str] | None) -> int:
         error.show()
         return exit_codes.UNUSABLE
     except LegoWorldError as error:
+        if error.trace and {"-v", "--verbose"} & {*words}:
+            click.echo(error.trace.rstrip(), err=True)
         click.echo(f"legoworld: {error}", err=True)
         return error.exit_code
     except SystemExit as ended:

@@ -36,12 +36,14 @@ class LegoWorldError(Exception):
     """What went wrong, what was found, what was expected, what to do next.
 
     `code` is a stable word for programs; `status` is how a per-image row records the error;
-    `exit_code` is the command's when the error ends it.
+    `exit_code` is the command's when the error ends it. `trace` is the traceback of an error that
+    no verdict foresees, for -v: it names files of this machine and goes into no result.
     """
 
     code: ClassVar[str] = "error"
     status: ClassVar[str] = "failed"
     exit_code: ClassVar[int] = exit_codes.UNUSABLE
+    trace: str = ""
 
     def __init__(
         self, what: str, *, found: str = "", expected: str = "", next_step: str = ""

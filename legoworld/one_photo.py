@@ -63,7 +63,7 @@ class PhotoScore:
     overlay: Path | None
 
 
-def score_photo(request: PhotoRequest, output: Path, say: Say) -> PhotoScore:
+def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> PhotoScore:
     """Execute where it is a program, read out, evaluate, and say what to mend.
 
     Below `output`: scene/ (of a program), track.json, run/, eval/, look/ and report.html. Raises
@@ -80,7 +80,7 @@ def score_photo(request: PhotoRequest, output: Path, say: Say) -> PhotoScore:
         scene = scene.parent
     reading = protocol(request.task, track.vocabulary)
     say("reading the scene")
-    row = _read(request, scene, track, reading, output / "run", say)
+    row = _read(request, scene, track, reading, output / "run", say, trace)
     if row["status"] != "ok":
         return PhotoScore(row=row, summary=None, advice=(), execution=execution, overlay=None)
     _look(request, scene, reading, output / "look")
@@ -139,7 +139,13 @@ def _image_name(request: PhotoRequest) -> str:
 
 
 def _read(
-    request: PhotoRequest, scene: Path, track: Track, reading: Protocol, run: Path, say: Say
+    request: PhotoRequest,
+    scene: Path,
+    track: Track,
+    reading: Protocol,
+    run: Path,
+    say: Say,
+    trace: Say,
 ) -> dict[str, Any]:
     result = run_readout(
         RunRequest(
@@ -166,6 +172,7 @@ def _read(
         ),
         progress=lambda _row: None,
         notice=say,
+        trace=trace,
     )
     return result.rows[0]
 

@@ -17,7 +17,7 @@ class Listener:
 
     total: how many images there are, before the first; kept: how many an earlier run has done;
     row: the row of an image that is done; notice: what is being done; warn: what the reader of the
-    results must know.
+    results must know; trace: the traceback of an error that no verdict foresees.
     """
 
     total: Callable[[int], None] = _nothing
@@ -25,6 +25,7 @@ class Listener:
     row: Callable[[dict[str, Any]], None] = _nothing
     notice: Callable[[str], None] = _nothing
     warn: Callable[[str], None] = _nothing
+    trace: Callable[[str], None] = _nothing
 
 
 #: Nobody listens.

@@ -143,7 +143,11 @@ def readout(
         request = replace(request, image_options=here)
         listener.total(len(shard_images(request)))
         result = run_readout(
-            request, progress=listener.row, notice=listener.notice, kept=listener.kept
+            request,
+            progress=listener.row,
+            notice=listener.notice,
+            kept=listener.kept,
+            trace=listener.trace,
         )
     unmatched = _strangers(place, images) if track is not None and shard is None else []
     return Run(folder=written, rows=result.rows, summary=result.summary, strangers=tuple(unmatched))

@@ -183,6 +183,11 @@ def notifier(quiet: bool) -> Callable[[str], None]:
     return notice
 
 
+def tracer(verbose: bool) -> Callable[[str], None]:
+    """A function that says a traceback on standard error with --verbose, whatever -q says."""
+    return notifier(quiet=not verbose)
+
+
 def on_terminal() -> bool:
     """Whether progress has someone to look at it."""
     return sys.stderr.isatty()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -127,7 +128,7 @@ def command(
             fail_fast=fail_fast,
             time_limit_s=time_limit,
             memory_limit_gib=memory_limit,
-            listener=listener,
+            listener=replace(listener, trace=options.tracer(verbose)),
             started=started,
         )
     if as_json:

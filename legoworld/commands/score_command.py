@@ -108,6 +108,7 @@ def command(
             ),
             folder,
             options.notifier(quiet or not (verbose or options.on_terminal())),
+            options.tracer(verbose),
         )
         overlay = found.overlay
         if overlay is not None and output is None:

@@ -58,9 +58,13 @@ def row_of(image: TrackImage) -> dict[str, Any]:
 
 
 def verdict(row: dict[str, Any], error: LegoWorldError) -> Record:
-    """The record of an image that was not read: `row_of` it, and why."""
+    """The record of an image that was not read: `row_of` it, and why.
+
+    `trace` is in it where the error has one: to be said, not to be kept.
+    """
     row |= {"status": error.status, "code": error.code, "reason": str(error), "warnings": []}
-    return {"row": row, "predictions": [], "scene": None}
+    traced = {"trace": error.trace} if error.trace else {}
+    return {"row": row, "predictions": [], "scene": None, **traced}
 
 
 def verdict_instead(record: Record, error: LegoWorldError) -> Record:

@@ -78,10 +78,12 @@ def run_readout(
     progress: Progress,
     notice: Callable[[str], None],
     kept: Callable[[int], None] = lambda _n: None,
+    trace: Callable[[str], None] = lambda _text: None,
 ) -> RunResult:
     """Read out every image of the request that has no valid result yet, then write the run.
 
-    progress: told of every row that is made; kept: how many an earlier run has made, once.
+    progress: told of every row that is made; kept: how many an earlier run has made, once; trace:
+    told the traceback of every error that no verdict foresees.
 
     Raises UsageError, ConfigurationMismatchError, OutputFullError or KernelBuildError before
     anything is read; a scene that cannot be read is a row of the run, never an exception.
@@ -112,6 +114,8 @@ def run_readout(
         with run_folder.journal(folder) as journal:
             records = {i: run_folder.append(journal, record) for i, record in records.items()}
             for record in _read_all(request, todo):
+                if "trace" in record:
+                    trace(f"{record['row']['file_name']}: {record.pop('trace')}".rstrip())
                 stored = _appended(journal, record)
                 records[stored["row"]["image_id"]] = stored
                 progress(stored["row"])

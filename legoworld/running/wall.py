@@ -7,7 +7,6 @@ ends the run with its own error.
 from __future__ import annotations
 
 import errno
-import logging
 import traceback
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,7 +15,6 @@ from typing import Final
 from legoworld.errors import InstallationError, KernelBuildError, LegoWorldError, SceneInvalidError
 from legoworld.files import refused_by_machine
 
-_LOG: Final = logging.getLogger(__name__)
 _BROKEN: Final = (KernelBuildError, InstallationError, ImportError)
 
 
@@ -47,14 +45,15 @@ def judged(error: Exception, written: Iterable[Path]) -> LegoWorldError:
             expected="files that may be read, with names the file system takes",
             next_step="correct the file or its name",
         )
-    _LOG.info("reading a scene ended in this", exc_info=error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    return UnforeseenError(
+    unforeseen = UnforeseenError(
         "reading the scene failed in a way that was not foreseen",
         found=f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})",
         expected="a record or a named verdict",
-        next_step="please report it with the scene; the other scenes are read",
+        next_step="please report it with the scene and what -v prints; the other scenes are read",
     )
+    unforeseen.trace = "".join(traceback.format_exception(error))
+    return unforeseen
 
 
 def _is_below(filename: object, folders: Iterable[Path]) -> bool:

@@ -190,7 +190,9 @@ class BlenderProcess:
             number = answer["reason"]["errno"]
             place = next(p for p in Path(message["output"]).parents if not p.name.startswith("."))
             raise OSError(number, os.strerror(number), str(place))
-        raise from_reason(answer["reason"])
+        reported = from_reason(answer["reason"])
+        reported.trace = answer.get("trace", "")
+        raise reported
 
     def _answer_line(self, process: subprocess.Popen[str], deadline: float) -> str:
         assert process.stdout is not None

@@ -199,7 +199,7 @@ def test_photos_of_any_name_are_shown_and_one_too_long_is_said(tmp_path: Path) -
     text = page.read_text(encoding="utf-8")
     assert "<b>&amp;.png" not in text
     assert f"the photo {NAMES[-1]} was not found" in text
-    assert {view["file_name"] for view in embedded(page)} == set(NAMES)
+    assert {view["file_name"] for view in embedded(page, "view")} == set(NAMES)
 
 
 def test_a_photo_of_another_size_or_no_photo_at_all_is_not_drawn_on(

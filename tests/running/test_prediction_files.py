@@ -304,9 +304,26 @@ def test_another_division_is_another_configuration(scenes, whole, tmp_path, caps
 
 
 @pytest.mark.blender
-def test_a_damaged_file_is_one_line(scenes, tmp_path, capsys):
+def test_a_damaged_file_is_read_again(scenes, tmp_path, capsys):
     run = tmp_path / "run"
     readout(scenes, run, "--images-per-file", 2)
+    before = results(run)
+    (run / "predictions" / "00001.jsonl").write_text('{"image_id": 3')
+    assert merge(tmp_path / "merged", run) == 2
+    error = capsys.readouterr().err
+    assert "run has not all of its predictions" in error
+    assert error.count("\n") == 1
+    assert readout(scenes, run, "--images-per-file", 2) == 1
+    assert results(run) == before
+
+
+@pytest.mark.blender
+def test_a_damaged_file_of_a_run_without_hashes_is_one_line(scenes, tmp_path, capsys):
+    run = tmp_path / "run"
+    readout(scenes, run, "--images-per-file", 2)
+    document = json.loads((run / "run.json").read_text())
+    del document["results_sha256"]
+    (run / "run.json").write_text(json.dumps(document))
     (run / "predictions" / "00001.jsonl").write_text('{"image_id": 3')
     for command in (
         ["merge", str(run), "-o", str(tmp_path / "merged")],

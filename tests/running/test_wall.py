@@ -15,13 +15,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from legoworld import cli
-from legoworld.errors import KernelBuildError
+from legoworld.errors import KernelBuildError, LegoWorldError
 from legoworld.files import as_unicode, atomic_path, canonical_json
 from legoworld.readouts.tasks import protocol
 from legoworld.running import image as image_module
 from legoworld.running.image import read_image
 from legoworld.running.image_record import ImageOptions, Record
-from legoworld.scene.blender_process import Limits
+from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.track import TrackImage
 
@@ -201,6 +201,38 @@ def test_what_is_unforeseen_is_a_row_with_its_place(error, folder, monkeypatch):
     assert (row["status"], row["code"]) == ("failed", "unforeseen")
     assert f"{type(error).__name__}:" in row["reason"]
     assert "(test_wall.py, line " in row["reason"]
+
+
+@pytest.mark.parametrize("options", [[], ["-q"], ["-v"], ["-v", "-q"], ["-v", "--json"]], ids=str)
+def test_the_traceback_of_what_is_unforeseen_is_printed_with_v_alone(
+    options, folder, monkeypatch, tmp_path, capsys
+):
+    """On standard error; it names files of this machine and goes into no result."""
+    raising(monkeypatch, ZeroDivisionError("zero"))
+    track = {"info": {}, "categories": [], "images": [
+        {"id": 1, "file_name": "scene.jpg", "width": 64, "height": 48},
+    ]}  # fmt: skip
+    (tmp_path / "track.json").write_text(json.dumps(track))
+    command = ["readout", str(folder.parent), "--task", "coco", "--source", "glb", "--no-cache"]
+    command += ["--track", str(tmp_path / "track.json"), "-o", str(tmp_path / "run")]
+    assert cli.run([*command, *options]) == 1
+    shown = capsys.readouterr()
+    traced = 'scene.jpg: Traceback (most recent call last):\n  File "'
+    assert (traced in shown.err) is ("-v" in options)
+    assert ("in fail\n" in shown.err) is ("-v" in options)
+    assert "Traceback" not in shown.out
+    for path in (tmp_path / "run").rglob("*"):
+        assert path.is_dir() or b"Traceback" not in path.read_bytes()
+
+
+@pytest.mark.blender
+def test_what_is_unforeseen_in_blender_carries_its_traceback_too():
+    with BlenderProcess(Limits()) as blender, pytest.raises(LegoWorldError) as caught:
+        blender.request({"kind": "nonsense"})
+    assert "KeyError: 'nonsense' (worker.py, line " in caught.value.found
+    assert caught.value.trace.startswith("Traceback (most recent call last):\n")
+    assert caught.value.trace.endswith("KeyError: 'nonsense'\n")
+    assert "Traceback" not in str(caught.value)
 
 
 def test_a_refused_file_is_the_scenes(folder, monkeypatch):

@@ -77,9 +77,10 @@ def _surprise(error: Exception) -> dict[str, Any]:
         "reading the scene failed in a way that was not foreseen",
         found=f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})",
         expected="a snapshot or a named verdict",
-        next_step="please report it with the scene",
+        next_step="please report it with the scene and what -v prints",
     )
-    return {"ok": False, "reason": surprise.reason()}
+    trace = "".join(traceback.format_exception(error))
+    return {"ok": False, "reason": surprise.reason(), "trace": trace}
 
 
 def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
