@@ -87,7 +87,7 @@ def test_the_vocabulary_is_complete_and_in_the_datasets_order(task, capsys):
     assert told["vocabulary"] == names
     after = printed(task, capsys).split("\n## Vocabulary: ")[1]
     heading, listed = after.split("\n", 1)
-    assert heading == f"{len(names)} names"
+    assert heading == f"{len(names):,} names"
     assert " ".join(listed.split()) == ", ".join(names)
     assert told["vocabulary_sha256"] == protocol(task, None).vocabulary.sha256
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from running.test_prediction_files import results
+from running.run_folders import results
 
 from legoworld import cli
 from legoworld.files import sha256_of_file
