@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from legoworld.baselines.cards import BaselineCard
 from legoworld.baselines.environments import ask_python, requirements
+from legoworld.records.base import Record, decode
 
 #: Asked of a baseline's Python. A torch that does not import, as with a missing library, says why.
 _PROBE: Final = """
@@ -31,8 +30,7 @@ print(json.dumps(found))
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class Torch:
+class Torch(Record, frozen=True, kw_only=True):
     """A Python's torch.
 
     version: such as "2.13.0+cpu", None where it cannot be imported, with the reason in `error`;
@@ -64,8 +62,7 @@ class Torch:
 @functools.cache
 def torch_of(python: Path) -> Torch:
     """The torch of a Python, asked once. EnvironmentFailedError when the Python does not run."""
-    found = json.loads(ask_python(python, _PROBE).strip().splitlines()[-1])
-    return Torch(**{**found, "devices": tuple(found["devices"])})
+    return decode(Torch, ask_python(python, _PROBE).strip().splitlines()[-1])
 
 
 def needs_torch(card: BaselineCard) -> bool:

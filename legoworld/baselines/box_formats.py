@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 
+from legoworld.baselines.foreign_results import Entry
 from legoworld.evaluation.box_formats import BoxFormatError
 from legoworld.wording import counted
 
@@ -21,7 +22,7 @@ _TOLERANCE_SHARE: Final = 0.25
 _MAX_SHARE_OUTSIDE: Final = 0.04
 
 
-def with_xywh(entry: Any, box_format: BoxFormat) -> Any:
+def with_xywh(entry: Entry, box_format: BoxFormat) -> Entry:
     """A results entry with its bbox as x, y, width, height; left alone where it is no box."""
     if box_format == "xywh" or not _is_box(entry):
         return entry
@@ -31,7 +32,7 @@ def with_xywh(entry: Any, box_format: BoxFormat) -> Any:
 
 
 def check_declared(
-    as_given: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
+    as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
 ) -> None:
     """BoxFormatError when the boxes lie in their images in another format, and not as declared.
 
@@ -62,7 +63,7 @@ def in_terms_of(
 
 
 def other_formats(
-    as_given: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
+    as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
 ) -> list[BoxFormat]:
     """The formats besides the declared one in which the boxes lie in their images."""
     shares = _shares_outside(as_given, sizes_wh)
@@ -70,7 +71,7 @@ def other_formats(
 
 
 def _shares_outside(
-    as_given: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]]
+    as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]]
 ) -> dict[BoxFormat, float]:
     """Per format, the share of boxes that leave their image or have a negative extent.
 
@@ -93,12 +94,12 @@ def _shares_outside(
     return found
 
 
-def _is_box(entry: Any) -> bool:
-    box = entry.get("bbox") if isinstance(entry, dict) else None
+def _is_box(entry: Entry) -> bool:
+    box = entry.get("bbox")
     return isinstance(box, list) and len(box) == 4 and all(map(_is_number, box))
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return type(value) is int or (type(value) is float and math.isfinite(value))
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 from legoworld import catalog
+from legoworld.baselines.foreign_results import Entry
 from legoworld.dataset_versions import dataset_of, dataset_version
 from legoworld.errors import UsageError
 from legoworld.evaluation.prediction_checks import PredictionsInvalidError
@@ -97,7 +98,7 @@ def doubt(ids: Counter[int], vocabulary: Vocabulary, task: str) -> str | None:
     return None
 
 
-def most_frequent(entries: Sequence[Mapping[str, Any]], vocabulary: Vocabulary) -> str:
+def most_frequent(entries: Sequence[Entry], vocabulary: Vocabulary) -> str:
     """The most frequent category names with their counts, in words."""
     counts = Counter(e["category_id"] for e in entries)
     shown = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:_SHOWN_CATEGORIES]
@@ -106,13 +107,9 @@ def most_frequent(entries: Sequence[Mapping[str, Any]], vocabulary: Vocabulary) 
     return f"{in_all}: {names}" + (", ..." if len(counts) > len(shown) else "")
 
 
-def plain_ids(entries: Iterable[Any]) -> set[int]:
+def plain_ids(entries: Iterable[Entry]) -> set[int]:
     """The category ids among entries."""
-    return {
-        e["category_id"]
-        for e in entries
-        if isinstance(e, dict) and type(e.get("category_id")) is int
-    }
+    return {e["category_id"] for e in entries if type(e.get("category_id")) is int}
 
 
 def _fits_better_shifted(ids: Counter[int], vocabulary: Vocabulary) -> bool:

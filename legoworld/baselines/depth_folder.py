@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -27,6 +25,8 @@ from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.resampling import check_size
 from legoworld.files import write_npz
+from legoworld.records.base import RecordError, decode, to_record
+from legoworld.records.cameras import CameraEntry
 from legoworld.track import TrackImage
 
 _DECLARE: Final = (
@@ -145,28 +145,21 @@ def read_cameras_file(path: Path) -> dict[str, Camera]:
     the arrays' own size. IntrinsicsError when the file holds something else.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = decode(dict[str, Any], path.read_bytes())
         if "fx" in document:
-            return {"": _camera(document)}
-        cameras = {str(name): _camera(entry) for name, entry in document.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            return {"": _camera(to_record(CameraEntry, document))}
+        entries = to_record(dict[str, CameraEntry], document)
+        return {name: _camera(entry) for name, entry in entries.items()}
+    except (OSError, RecordError) as error:
         raise IntrinsicsError(
             f"the intrinsics {path.name} cannot be used",
-            found=f"{type(error).__name__}: {error}",
+            found=str(error),
             expected='{"fx", "fy", "cx", "cy", "width", "height"}, or such an object by file name',
         ) from error
-    return cameras
 
 
-def _camera(entry: Mapping[str, Any]) -> Camera:
-    numbers = [entry[key] for key in ("fx", "fy", "cx", "cy")]
-    if any(type(x) not in (int, float) or not math.isfinite(x) for x in numbers):
-        raise ValueError(f"fx, fy, cx, cy = {numbers}, which are not four finite numbers")
-    fx, fy, cx, cy = map(float, numbers)
-    if min(fx, fy) <= 0:
-        raise ValueError(f"fx, fy = {fx:g}, {fy:g}, which are no focal lengths")
-    known = "width" in entry or "height" in entry
-    size = (entry["width"], entry["height"]) if known else None
-    if size is not None and any(type(side) is not int or side < 1 for side in size):
-        raise ValueError(f"width, height = {size}, which are no size")
-    return Camera(intrinsics_px=(fx, fy, cx, cy), size_wh=size)
+def _camera(entry: CameraEntry) -> Camera:
+    if (entry.width is None) != (entry.height is None):
+        raise RecordError("one of width and height alone")
+    size = (entry.width, entry.height) if entry.width and entry.height else None
+    return Camera(intrinsics_px=(entry.fx, entry.fy, entry.cx, entry.cy), size_wh=size)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from legoworld.baselines.baseline_import import (
     ImportRequest,
@@ -30,6 +29,7 @@ from legoworld.baselines.category_ids import (
     numbering,
     plain_ids,
 )
+from legoworld.baselines.foreign_results import Entry
 from legoworld.baselines.labels import LabelMap, Matcher
 from legoworld.baselines.photo_names import Placed, place
 from legoworld.baselines.records import Record, detection_record
@@ -156,7 +156,7 @@ def _say_categories(
 def _checked(
     request: ImportRequest,
     box_format: BoxFormat,
-    as_given: Sequence[Any],
+    as_given: Sequence[Entry],
     notice: Say,
 ) -> Predictions:
     """Entries after every check that scoring makes, its errors in terms of the import's options.

@@ -11,12 +11,13 @@ import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from legoworld import exit_codes
 from legoworld.baselines.cards import PROJECT, BaselineCard
 from legoworld.errors import LegoWorldError, UsageError, one_line
 from legoworld.files import canonical_json, sha256_of_text, write_text
+from legoworld.records.base import decode
 
 _STAMP: Final = "legoworld-requirements"
 _PIN: Final = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[[^]]*])?\s*(==\s*(?P<version>[^;,\s]+))?")
@@ -187,9 +188,8 @@ def _python_in(folder: Path) -> Path:
     return folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
 
 
-def _ask(python: Path, names: list[str]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(ask_python(python, _VERSIONS, json.dumps(names)))
-    return found
+def _ask(python: Path, names: list[str]) -> dict[str, str | None]:
+    return decode(dict[str, str | None], ask_python(python, _VERSIONS, json.dumps(names)))
 
 
 def _run(command: list[str]) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from legoworld.evaluation.prediction_checks import PredictionsInvalidError
 
-Entry = dict[str, Any]
+#: One object of a foreign results file.
+Entry = Mapping[str, Any]
 
 RESULTS: Final = (
     'a list of {"image_id", "category_id", "bbox" or "segmentation", "score"}, JSON lines of '
@@ -45,7 +46,7 @@ def next_step_for(path: Path) -> str:
     return _CONVERTERS.get(path.suffix.lower(), "")
 
 
-def refuse_other_documents(document: Any, path: Path) -> None:
+def refuse_other_documents(document: object, path: Path) -> None:
     """PredictionsInvalidError for what looks like masks without classes, or like LabelMe."""
     first = document[0] if isinstance(document, list) and document else document
     if not isinstance(first, dict):
@@ -62,7 +63,7 @@ def refuse_other_documents(document: Any, path: Path) -> None:
         )  # fmt: skip
 
 
-def per_image_outputs(document: Any) -> list[Entry] | None:
+def per_image_outputs(document: object) -> list[Entry] | None:
     """torchvision's outputs, one {"boxes", "labels", "scores"} an image; None for all else.
 
     A list whose objects name their image, or an object of them by image id or file name.
@@ -74,7 +75,7 @@ def per_image_outputs(document: Any) -> list[Entry] | None:
     return None
 
 
-def _is_output(value: Any) -> bool:
+def _is_output(value: object) -> bool:
     return isinstance(value, dict) and "boxes" in value and "bbox" not in value
 
 
@@ -96,7 +97,7 @@ def entries_of_outputs(outputs: list[Entry], path: Path) -> Iterator[Entry]:
         masks = columns.get("masks") or [None] * lengths["boxes"]
         rows = zip(columns["boxes"], columns["labels"], columns["scores"], masks, strict=True)
         for box, label, score, mask in rows:
-            entry: Entry = {**image, "bbox": box, "score": score}
+            entry = {**image, "bbox": box, "score": score}
             entry["category_name" if isinstance(label, str) else "category_id"] = label
             if mask is not None:
                 entry["segmentation"] = mask

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -10,6 +9,7 @@ from typing import Final
 
 from legoworld.dataset_versions import dataset_of
 from legoworld.errors import LegoWorldError
+from legoworld.records.base import RecordError, decode
 from legoworld.vocabulary import Category, Vocabulary, normal_name
 from legoworld.wording import counted
 
@@ -107,17 +107,10 @@ def _unmatched(what: str, labels: list[str], vocabulary: Vocabulary) -> LabelsUn
 
 def _read(path: Path) -> LabelMap:
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise LabelsUnmatchedError(
-            f"the label map {path.name} cannot be read", found=str(error), expected="JSON"
-        ) from error
-    if not isinstance(values, dict) or not all(
-        name is None or isinstance(name, str) for name in values.values()
-    ):
+        return decode(dict[str, str | None], path.read_bytes())
+    except (OSError, RecordError) as error:
         raise LabelsUnmatchedError(
             f"the label map {path.name} cannot be used",
-            found=repr(values)[:100],
+            found=str(error),
             expected='{"their label": "our name" or null}',
-        )
-    return values
+        ) from error

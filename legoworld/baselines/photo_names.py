@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any, Final, Literal
 
+from legoworld.baselines.foreign_results import Entry
 from legoworld.errors import LegoWorldError
 from legoworld.track import TrackImage
 from legoworld.wording import in_another_folder, share, word_for
@@ -18,8 +19,6 @@ from legoworld.wording import in_another_folder, share, word_for
 #: As many image ids without a gap are positions in a list, where the track's are others.
 _FEWEST_POSITIONS: Final = 10
 _IN_THE_FILE: Final = "the file's images"
-
-Entry = dict[str, Any]
 
 
 class PhotosUnmatchedError(LegoWorldError):
@@ -32,13 +31,13 @@ class PhotosUnmatchedError(LegoWorldError):
 class Placed:
     """Results with the track's image ids. by: what told the photo; left_out: of other photos."""
 
-    entries: tuple[Any, ...]
+    entries: tuple[Entry, ...]
     by: Literal["file_names", "ids"]
     left_out: int
 
 
 def place(
-    entries: Sequence[Any],
+    entries: Sequence[Entry],
     infos: Mapping[Any, Entry],
     images: Sequence[TrackImage],
     *,
@@ -118,10 +117,8 @@ def _agree(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     return not length or one[-length:] == other[-length:]
 
 
-def _name(entry: Any, infos: Mapping[Any, Entry]) -> str | None:
+def _name(entry: Entry, infos: Mapping[Any, Entry]) -> str | None:
     """What the results call the entry's photo, if anything."""
-    if not isinstance(entry, dict):
-        return None
     if isinstance(entry.get("file_name"), str):
         return str(entry["file_name"])
     image_id = entry.get("image_id")
@@ -139,7 +136,7 @@ def file_name(info: Entry) -> str | None:
 
 
 def _image_id(
-    entry: Any, name: str | None, places: Mapping[str, int], photos: _Photos, *, named: bool
+    entry: Entry, name: str | None, places: Mapping[str, int], photos: _Photos, *, named: bool
 ) -> int | _Outside | None:
     """The entry's photo; None where it says none that could be one.
 
@@ -148,7 +145,7 @@ def _image_id(
     if name is not None:
         found = places[name] if name in places else photos.find(name)
         return _OUTSIDE if found is None else found
-    image_id = entry.get("image_id") if isinstance(entry, dict) else None
+    image_id = entry.get("image_id")
     if type(image_id) is not int:
         return None
     return image_id if image_id in photos.ids and not named else _OUTSIDE
@@ -187,9 +184,9 @@ def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
     return found
 
 
-def _refuse_positions(entries: Sequence[Any], images: Sequence[TrackImage]) -> None:
+def _refuse_positions(entries: Sequence[Entry], images: Sequence[TrackImage]) -> None:
     """Ids without a gap that leave out some of the track's count a list's places, not photos."""
-    given = [e.get("image_id") for e in entries if isinstance(e, dict)]
+    given = [entry.get("image_id") for entry in entries]
     ids = {i for i in given if type(i) is int}
     own = {image.id for image in images}
     first = min(ids)
@@ -206,7 +203,7 @@ def _refuse_positions(entries: Sequence[Any], images: Sequence[TrackImage]) -> N
 
 
 def _strangers(
-    strangers: Sequence[Any],
+    strangers: Sequence[Entry],
     of: int,
     infos: Mapping[Any, Entry],
     images: Sequence[TrackImage],

@@ -12,12 +12,14 @@ from typing import Any, Final
 from legoworld.baselines.box_formats import BoxFormat
 from legoworld.baselines.foreign_results import (
     RESULTS,
+    Entry,
     entries_of_outputs,
     next_step_for,
     per_image_outputs,
     refuse_other_documents,
 )
 from legoworld.baselines.labels import Matcher
+from legoworld.errors import one_line
 from legoworld.evaluation.masks import MOST_COORDINATE_PX, compressed
 from legoworld.evaluation.prediction_checks import PredictionsInvalidError
 
@@ -25,8 +27,6 @@ _LISTS: Final = ("annotations", "predictions", "results")
 #: Only a result, or an image's results, has one of these beside what names them.
 _OF_ONE: Final = ("bbox", "boxes", "segmentation")
 _NAME_KEYS: Final = ("category_name", "category", "label")
-
-Entry = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class ResultsFile:
     kind does not say.
     """
 
-    entries: tuple[Any, ...]
+    entries: tuple[Entry, ...]
     names: Mapping[int, str]
     images: Mapping[Any, Entry]
     box_format: BoxFormat | None = None
@@ -50,7 +50,7 @@ class Named:
     by_id: those that have an id and no name, counted by it; left_out: labels the map drops.
     """
 
-    entries: list[Any]
+    entries: list[Entry]
     by_id: Counter[int]
     left_out: dict[str, int]
 
@@ -69,7 +69,7 @@ def read_results(path: Path) -> ResultsFile:
         entries = tuple(entries_of_outputs(outputs, path))
         return ResultsFile(entries=entries, names={}, images={}, box_format="xyxy")
     if isinstance(document, list):
-        return ResultsFile(entries=tuple(document), names={}, images={})
+        return ResultsFile(entries=_objects(document), names={}, images={})
     lists = [k for k in _LISTS if isinstance(document, dict) and isinstance(document.get(k), list)]
     if len(lists) != 1:
         keys = sorted(document)[:6] if isinstance(document, dict) else type(document).__name__
@@ -79,10 +79,21 @@ def read_results(path: Path) -> ResultsFile:
             expected=f"{RESULTS}, or an object with one of {', '.join(_LISTS)}",
         )
     return ResultsFile(
-        entries=tuple(document[lists[0]]),
+        entries=_objects(document[lists[0]]),
         names=_names(document, path),
         images=_images(document, path),
     )
+
+
+def _objects(values: list[Any]) -> tuple[Entry, ...]:
+    strangers = [value for value in values if not isinstance(value, dict)]
+    if strangers:
+        raise PredictionsInvalidError(
+            f"{len(strangers)} of {len(values)} predictions are not JSON objects",
+            found=one_line(json.dumps(strangers[0]), 60),
+            expected='{"image_id", ...}',
+        )
+    return tuple(values)
 
 
 def _read(path: Path) -> Any:
@@ -105,7 +116,7 @@ def _read(path: Path) -> Any:
         ) from error
 
 
-def _listed(document: Any) -> Any:
+def _listed(document: object) -> Any:
     """A file of one line is JSON as well as JSON lines: a result by itself is a list of one."""
     if not isinstance(document, dict) or any(isinstance(document.get(k), list) for k in _LISTS):
         return document
@@ -114,7 +125,7 @@ def _listed(document: Any) -> Any:
 
 def with_our_categories(
     found: ResultsFile,
-    entries: Sequence[Any],
+    entries: Sequence[Entry],
     matcher: Matcher,
     numbering: Mapping[int, int] | None,
 ) -> Named:
@@ -124,10 +135,10 @@ def with_our_categories(
     otherwise, in the given numbering (theirs to ours). LabelsUnmatchedError for names that are
     nowhere; whatever else is wrong is left for the check that follows.
     """
-    kept: list[Any] = []
+    kept: list[Entry] = []
     by_id: Counter[int] = Counter()
     for entry in entries:
-        label = _label(entry, found.names, matcher) if isinstance(entry, dict) else None
+        label = _label(entry, found.names, matcher)
         if label is None:
             kept.append(_with_our_id(entry, by_id, numbering or {}))
             continue
@@ -138,8 +149,8 @@ def with_our_categories(
     return Named(entries=kept, by_id=by_id, left_out=dict(sorted(matcher.left_out.items())))
 
 
-def _with_our_id(entry: Any, by_id: Counter[int], numbering: Mapping[int, int]) -> Any:
-    category_id = entry.get("category_id") if isinstance(entry, dict) else None
+def _with_our_id(entry: Entry, by_id: Counter[int], numbering: Mapping[int, int]) -> Entry:
+    category_id = entry.get("category_id")
     if type(category_id) is not int:
         return entry
     by_id[category_id] += 1
@@ -147,16 +158,16 @@ def _with_our_id(entry: Any, by_id: Counter[int], numbering: Mapping[int, int]) 
 
 
 def with_masks(
-    entries: Sequence[Any], sizes_wh: Mapping[int, tuple[int, int]]
-) -> tuple[list[Any], int]:
+    entries: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]]
+) -> tuple[list[Entry], int]:
     """Entries whose polygons are filled as pycocotools fills a truth's, and how many were.
 
     What is no polygon list is left for the check that follows.
     """
     filled, count = [], 0
     for entry in entries:
-        mask = entry.get("segmentation") if isinstance(entry, dict) else None
-        size = sizes_wh.get(entry["image_id"]) if mask and _has_int_image(entry) else None
+        mask, image_id = entry.get("segmentation"), entry.get("image_id")
+        size = sizes_wh.get(image_id) if mask and type(image_id) is int else None
         if size is not None and _are_polygons(mask):
             rle = compressed(mask, (size[1], size[0]))
             text = {"size": [size[1], size[0]], "counts": rle["counts"].decode("ascii")}
@@ -165,11 +176,7 @@ def with_masks(
     return filled, count
 
 
-def _has_int_image(entry: Entry) -> bool:
-    return type(entry.get("image_id")) is int
-
-
-def _are_polygons(mask: Any) -> bool:
+def _are_polygons(mask: object) -> bool:
     return (
         isinstance(mask, list)
         and all(isinstance(p, list) and len(p) >= 6 and len(p) % 2 == 0 for p in mask)
