@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-from legoworld.records.base import RecordError, decode, nested_beyond, to_record
+from legoworld.records.base import RecordError, decode_foreign
 from legoworld.records.baseline_messages import Message
 
 #: A nested mask is 6 levels deep; records put three more around an answer.
@@ -37,12 +37,9 @@ def read_line(line: str) -> Message | Unreadable | None:
     if not line.startswith("{") or not line.endswith("\n"):
         return None
     try:
-        document = decode(dict[str, Any], line)
-        if nested_beyond(MOST_LEVELS, document):
-            raise RecordError(f"JSON nested more than {MOST_LEVELS} levels deep")
         if _MAY_BE_LONGER.search(line):
             json.loads(line, parse_int=_refuse_longer)
-        return to_record(Message, document)
+        return decode_foreign(Message, line, levels=MOST_LEVELS)
     except RecordError as error:
         return _unreadable(line, str(error))
 

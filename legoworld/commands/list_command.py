@@ -16,7 +16,7 @@ from legoworld.wording import counted
 if TYPE_CHECKING:
     from legoworld.readouts.instructions import Instructions
     from legoworld.readouts.tasks import Protocol
-    from legoworld.records.cards import Head
+    from legoworld.records.cards import LicensedHead
 
 
 @click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
@@ -52,12 +52,12 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
     cards = _cards(kind, task)
     if as_json:
         keys = ("name", "version", "title", "licence")
-        options.print_json({kind: [{key: getattr(card, key) for key in keys} for card in cards]})
+        options.print_json({kind: [dict(zip(keys, card, strict=True)) for card in cards]})
     elif not cards:
         click.echo(f"no {kind} are installed" + (f" for {task}" if task else ""))
     else:
         header = ("name", "version", "what", "licence")
-        rows = [(c.name, c.version, c.title, _cut(c.licence)) for c in cards]
+        rows = [(*words, _cut(licence)) for *words, licence in cards]
         click.echo(options.table(header, rows))
     return 0
 
@@ -67,30 +67,35 @@ def _cut(text: str, limit: int = 60) -> str:
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
-def _cards(kind: str, task: str | None) -> list[Head]:
-    """What there is of a kind, for one task where it is given."""
+def _cards(kind: str, task: str | None) -> list[tuple[str, ...]]:
+    """Name, version, title and licence of all there is of a kind, or of what is for a task."""
     if kind == "tasks":
-        paths = sorted(catalog.folder("readouts").glob("*.toml"), key=lambda path: path.stem)
-    else:
-        folder = catalog.folder("datasets" if kind == "datasets" else "baselines")
-        paths = sorted(folder.glob("*/card.toml"))
-    heads = [_head(path) for path in paths]
-    return [head for head in heads if task in (None, head.task, *head.tasks)]
+        from legoworld.cards import load_card
+
+        names = sorted(path.stem for path in catalog.folder("readouts").glob("*.toml"))
+        readouts = [load_card(name).declared.readout for name in names]
+        return [(r.name, r.version, r.title, "") for r in readouts if task in (None, r.task)]
+    folder = catalog.folder("datasets" if kind == "datasets" else "baselines")
+    heads = [_head(path) for path in sorted(folder.glob("*/card.toml"))]
+    return [
+        (head.name, head.version, head.title, head.licence)
+        for head in heads
+        if task is None or task in head.tasks
+    ]
 
 
-def _head(path: Path) -> Head:
+def _head(path: Path) -> LicensedHead:
     from legoworld.errors import CatalogError
     from legoworld.records.base import to_record
-    from legoworld.records.cards import Head
+    from legoworld.records.cards import LicensedHead
 
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-        return to_record(Head, values.get("readout", values))
+        return to_record(LicensedHead, tomllib.loads(path.read_text(encoding="utf-8")))
     except ValueError as error:
         raise CatalogError(
             f"{path.parent.name}/{path.name} cannot be used",
             found=str(error),
-            expected="a card with name, version, title and tasks",
+            expected="a card with name, version, title, licence and tasks",
             next_step="correct the card, or install legoworld again",
         ) from error
 

@@ -19,9 +19,8 @@ __all__ = [
     "as_json",
     "canonical",
     "decode",
-    "decode_any",
+    "decode_foreign",
     "decode_lines",
-    "nested_beyond",
     "readable",
     "to_record",
 ]
@@ -29,6 +28,7 @@ __all__ = [
 _T = TypeVar("_T")
 #: Made once for each type: making one takes as long as reading a small file.
 _DECODERS: Final[dict[Any, msgspec.json.Decoder[Any]]] = {}
+_ANYTHING: Final[msgspec.json.Decoder[Any]] = msgspec.json.Decoder()
 _CONTAINERS: Final = frozenset((dict, list))
 _AT: Final = re.compile(r" - at `(?:key in )?([^`]*)`$")
 
@@ -55,21 +55,29 @@ def decode(kind: type[_T], data: bytes | str) -> _T:
     Raises RecordError for what is not JSON (NaN, infinity and halves of surrogate pairs are not)
     and for a value of another type, with its place: "expected int, got str at $.images[3].id".
     """
+    return _decoded(_decoder(kind), data)
+
+
+def decode_foreign(kind: type[_T], data: bytes | str, *, levels: int) -> _T:
+    """`decode` for what a stranger wrote: what the type ignores is held to JSON's rules, too.
+
+    levels: how deep lists and objects may be nested.
+    """
+    document = _decoded(_ANYTHING, data)
+    if _nested_beyond(levels, document):
+        raise RecordError(f"lists or objects are nested beyond {levels} levels")
+    return to_record(kind, document)
+
+
+def _decoded(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
     try:
-        return _decoder(kind).decode(data)
+        return decoder.decode(data)
     except msgspec.ValidationError as error:
         raise RecordError(_sentence(str(error))) from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise RecordError(_malformed(data)) from error
     except RecursionError as error:
         raise RecordError("lists or objects are nested too deeply") from error
-
-
-def decode_any(data: bytes | str) -> object:
-    """JSON text as a value of whatever type. RecordError for what is not JSON."""
-    kind: Any = Any
-    value: object = decode(kind, data)
-    return value
 
 
 def decode_lines(kind: type[_T], data: bytes) -> list[_T]:
@@ -87,7 +95,7 @@ def decode_lines(kind: type[_T], data: bytes) -> list[_T]:
         raise
 
 
-def nested_beyond(levels: int, value: object) -> bool:
+def _nested_beyond(levels: int, value: object) -> bool:
     """Whether lists and objects of a JSON value are nested more than `levels` deep."""
     level: list[Any] = [value] if type(value) in _CONTAINERS else []
     for _ in range(levels):

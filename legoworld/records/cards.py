@@ -16,20 +16,25 @@ Dtype = Literal["float32", "float16", "bfloat16"]
 
 
 class Head(Record, frozen=True, kw_only=True):
-    """What every card says of what it describes. A task's card has one task, the others several."""
+    """What every card says of what it describes."""
 
     name: Text
     version: Text
     title: Text
-    licence: str = ""
-    task: TaskName | UnsetType = UNSET
-    tasks: tuple[TaskName, ...] = ()
 
 
 class ReadoutHead(Head, frozen=True, kw_only=True):
     """[readout] of a task's card."""
 
+    task: TaskName
     reads: Text
+
+
+class LicensedHead(Head, frozen=True, kw_only=True):
+    """What the card of a dataset or a baseline says besides."""
+
+    licence: Text
+    tasks: Annotated[tuple[TaskName, ...], Meta(min_length=1)]
 
 
 class VocabularyRules(Record, frozen=True, kw_only=True):
@@ -58,7 +63,7 @@ class BaselineOption(Record, frozen=True, kw_only=True):
     choices: tuple[OptionValue, ...] = ()
 
 
-class BaselineCardFile(Head, frozen=True, kw_only=True):
+class BaselineCardFile(LicensedHead, frozen=True, kw_only=True):
     """A baseline's card.toml.
 
     prompts_from_truth: whether it can be given them; variables: names of the caller's environment
@@ -66,8 +71,6 @@ class BaselineCardFile(Head, frozen=True, kw_only=True):
     dtype_on_cuda: what the original computes in on a GPU, `--dtype auto`.
     """
 
-    licence: Text  # pyright: ignore[reportGeneralTypeIssues]  required here, and by keyword
-    tasks: Annotated[tuple[TaskName, ...], Meta(min_length=1)]  # pyright: ignore[reportGeneralTypeIssues]
     options: dict[str, BaselineOption] = field(default_factory=dict)
     prompts_from_truth: bool = False
     variables: tuple[Text, ...] = ()

@@ -18,7 +18,7 @@ from typing import Final, Generic, TypeVar
 
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError
 from legoworld.files import kind_of_file, refused_by_machine
-from legoworld.records.base import RecordError, decode_any, nested_beyond, to_record
+from legoworld.records.base import RecordError, decode_foreign
 from legoworld.scene.folder import EXECUTION, FROZEN, LABELS, PROVENANCE
 
 #: The side files, and how many bytes each may have.
@@ -56,11 +56,7 @@ def read_side_file(folder: Path, name: str, kind: type[T]) -> SideFile[T] | None
     if data is None:
         return None
     try:
-        # Whole at first: what a type ignores is checked, too.
-        document = decode_any(data)
-        if nested_beyond(NESTING_LIMIT, document):
-            raise RecordError(f"lists or objects are nested beyond {NESTING_LIMIT} levels")
-        value = to_record(kind, document)
+        value = decode_foreign(kind, data, levels=NESTING_LIMIT)
     except RecordError as error:
         raise invalid(name, str(error)) from error
     return SideFile(value=value, sha256=hashlib.sha256(data).hexdigest(), bytes=len(data))

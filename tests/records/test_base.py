@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,8 +15,8 @@ from legoworld.records.base import (
     UnsetType,
     canonical,
     decode,
+    decode_foreign,
     decode_lines,
-    nested_beyond,
     to_record,
 )
 
@@ -104,5 +106,20 @@ def test_nesting_is_counted_in_lists_and_objects(levels, limit):
     for level in range(levels):
         value = [0, value] if level % 2 else {"a": value, "b": []}
     # An empty list beside the innermost value is as deep as a list around it.
-    deepest = levels + 1
-    assert nested_beyond(limit, value) == (deepest > limit)
+    text = json.dumps({"parts": [], "ignored": value})
+    if levels + 2 <= limit:
+        assert decode_foreign(Whole, text, levels=limit) == Whole(parts=())
+    else:
+        with pytest.raises(RecordError, match=f"nested beyond {limit} levels"):
+            decode_foreign(Whole, text, levels=limit)
+
+
+@pytest.mark.parametrize(
+    ("ignored", "found"),
+    [("1e999", "number out of range"), ('"\xff"', "'utf-8' codec"), ("9" * 5000, "out of range")],
+)
+def test_what_a_type_ignores_is_checked_where_a_stranger_wrote_it(ignored, found):
+    text = b'{"parts": [], "ignored": ' + ignored.encode("latin-1") + b"}"
+    assert decode(Whole, text) == Whole(parts=())
+    with pytest.raises(RecordError, match=found):
+        decode_foreign(Whole, text, levels=9)

@@ -126,7 +126,7 @@ def records_of(
         ('{"image_id": 1, "predictions": [], "counts": {"n": 1e999}}\n', "number out of range"),
         (line(image_id=1, failed="\ud800"), "half of a surrogate pair"),
         (line(image_id=1, predictions=[], counts={"\udfff": 1}), "half of a surrogate pair"),
-        (f'{{"image_id": 1, "predictions": {nested(200)}}}\n', "levels deep"),
+        (f'{{"image_id": 1, "predictions": {nested(200)}}}\n', "nested beyond 32 levels"),
         (f'{{"image_id": 1, "predictions": [{10**30}]}}\n', "more than 64 bits"),
         (f'{{"image_id": 1, "predictions": {nested(100_000)}}}\n', "nested too deeply"),
         (line(image_id=1, predictions=[], counts=["a"]), "got array at $.counts"),
