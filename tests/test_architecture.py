@@ -97,3 +97,17 @@ def test_tests_import_helpers_and_no_other_test_module():
         for line in IMPORT_OF_TESTS.findall(path.read_text(encoding="utf-8"))
     }
     assert found == {}
+
+
+#: What the `cluster` extra brings; `make test` leaves its tests out, and must pass without it.
+OF_THE_CLUSTER = re.compile(
+    r"^\s*(?:import|from) (?:ray|s3fs|moto)\b|importorskip\(.(?:ray|s3fs|moto)\b", re.M
+)
+
+
+def test_what_only_a_cluster_s_environment_has_is_used_by_its_tests_alone():
+    folder = Path(__file__).parent
+    users = {p for p in folder.rglob("*.py") if OF_THE_CLUSTER.search(p.read_text("utf-8"))}
+    assert len(users) > 3
+    for path in users - {folder / "cluster" / "conftest.py"}:
+        assert "mark.cluster" in path.read_text(encoding="utf-8"), path
