@@ -40,6 +40,7 @@ _KEEPER: Final = Path(__file__).with_name("keeper.py")
 _FOLDERS: Final = ("empty", "home", "temporary", "shared", "output")
 _KEPT_BYTES: Final = 64 << 10  # of each end of what is printed
 _LOOK_EVERY_S: Final = 0.05
+_LOOK_AT_LEAST_EVERY_S: Final = 0.5
 _LOOK_AT_DISK_EVERY_S: Final = 0.5
 _MOST_FILES: Final = 100_000
 _END_WITHIN_S: Final = 15.0
@@ -222,13 +223,15 @@ class Sandbox:
                     return self._end_for("output")
                 if keeper.stdout in ready:
                     return self._ended(keeper.stdout.readline())
-                now = time.monotonic()
+                now, used = time.monotonic(), time.thread_time()
                 over = self._over(keeper.pid, now, disk=now > look_at_disk) if now > look else None
                 if now > look_at_disk:
                     look_at_disk = time.monotonic() + _LOOK_AT_DISK_EVERY_S
                 if now > look:
-                    # Looking at many processes takes time: at most a twentieth of it.
-                    look = time.monotonic() + max(_LOOK_EVERY_S, 20 * (time.monotonic() - now))
+                    # Looking at many processes takes time: at most a twentieth of this thread's, and
+                    # its own time alone: where a fork bomb keeps it waiting, it must not wait more.
+                    pause = max(_LOOK_EVERY_S, 20 * (time.thread_time() - used))
+                    look = time.monotonic() + min(pause, _LOOK_AT_LEAST_EVERY_S)
                 if over is not None:
                     return self._end_for(over)
 
