@@ -228,8 +228,8 @@ class Sandbox:
                 if now > look_at_disk:
                     look_at_disk = time.monotonic() + _LOOK_AT_DISK_EVERY_S
                 if now > look:
-                    # Looking at many processes takes time: at most a twentieth of this thread's, and
-                    # its own time alone: where a fork bomb keeps it waiting, it must not wait more.
+                    # Looking at many processes takes time: at most a twentieth of it, counted in
+                    # CPU time, so that a fork bomb that starves this thread is not looked at later.
                     pause = max(_LOOK_EVERY_S, 20 * (time.thread_time() - used))
                     look = time.monotonic() + min(pause, _LOOK_AT_LEAST_EVERY_S)
                 if over is not None:

@@ -1,4 +1,4 @@
-"""The triangles of the shipped .glb files as trimesh, which shares no code with ours, reads them."""
+"""The triangles of the shipped .glb files as trimesh reads them, which shares no code with ours."""
 
 from __future__ import annotations
 
