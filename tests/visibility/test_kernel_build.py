@@ -137,8 +137,9 @@ def test_a_compiled_folder_knows_its_sources(monkeypatch, tmp_path):
     command = compilation.compile_kernel(tmp_path, output)
     assert str(tmp_path / "kernel.cpp") in command
     assert str(tmp_path / "more.hpp") not in command
-    assert set(compilation.FLAGS) <= set(command)
+    assert {*compilation.FLAGS, "-fPIC", "-pthread"} <= set(command)
     assert [path.name for path in output.parent.iterdir()] == [output.name]
+    compilation.compile_kernel(tmp_path, output)  # again, over the first
     output.rename(tmp_path / output.name)
     loaded = library.open_library(tmp_path, "test's library")
     assert loaded.lw_source_hash().decode() == compilation.source_hash(tmp_path)
@@ -146,3 +147,14 @@ def test_a_compiled_folder_knows_its_sources(monkeypatch, tmp_path):
     with pytest.raises(KernelBuildError, match="the test's library is older") as caught:
         library.open_library(tmp_path, "test's library")
     assert compilation.source_hash(tmp_path)[:12] in str(caught.value)
+
+
+def test_what_only_unix_compilers_take_is_left_out_on_windows(monkeypatch, tmp_path):
+    (tmp_path / "kernel.cpp").write_text("")
+    fake = tmp_path / "compiler.py"
+    fake.write_text("import pathlib, sys; pathlib.Path(sys.argv[-1]).touch()")
+    monkeypatch.setenv("CXX", f"{sys.executable} {fake}")
+    monkeypatch.setattr(compilation.sys, "platform", "win32")
+    command = compilation.compile_kernel(tmp_path, tmp_path / "out" / "library.dll")
+    assert not {"-fPIC", "-pthread"} & set(command)
+    assert (tmp_path / "out" / "library.dll").exists()

@@ -9,6 +9,7 @@ import pytest
 from visibility.kernel_scenes import pixel_camera, pixel_rectangle, place
 
 from legoworld.errors import LegoWorldError, ShapeError
+from legoworld.visibility import kernel
 from legoworld.visibility.kernel import Cutouts, coverage, render
 
 SIZE = (20, 10)
@@ -45,6 +46,8 @@ def with_index(value):
         ({"placement_mesh": np.array([0, 2], np.int32)}, "placement_mesh is out of range"),
         ({"placement_mesh": np.array([-1, 1], np.int32)}, "placement_mesh is out of range"),
         ({"placement_mesh": np.array([0], np.int32)}, "cam_from_mesh has the wrong type or shape"),
+        ({"placement_mesh": np.array([0, 1])}, "placement_mesh has the wrong type"),
+        ({"placement_id": np.array([0, 1])}, "placement_id has the wrong type"),
         ({"cam_from_mesh": GOOD.cam_from_mesh * np.nan}, "cam_from_mesh holds a number"),
         ({"cam_from_mesh": GOOD.cam_from_mesh * 1e31}, "cam_from_mesh holds a number"),
         ({"placement_id": np.array([0, -1], np.int32)}, "placement_id is out of range"),
@@ -173,6 +176,29 @@ def test_unknown_level(monkeypatch):
         render(GOOD, CAMERA, SIZE)
 
 
+def test_the_baseline_level_is_the_one_that_is_drawn_with(monkeypatch):
+    levels = []
+    original = kernel.library()
+
+    class Watched:
+        def lw_best_level(self):
+            return original.lw_best_level()
+
+        def lw_render(self, surfaces, view, threads, level, *buffers):
+            levels.append(level.value)
+            return original.lw_render(surfaces, view, threads, level, *buffers)
+
+    monkeypatch.setattr(kernel, "library", Watched)
+    monkeypatch.setenv("LEGOWORLD_KERNEL_LEVEL", "baseline")
+    render(GOOD, CAMERA, SIZE)
+    monkeypatch.delenv("LEGOWORLD_KERNEL_LEVEL")
+    render(GOOD, CAMERA, SIZE)
+    assert levels == [0, original.lw_best_level()]
+
+
+ONE_NAN = np.zeros((4, 3, 2), np.float32)
+ONE_NAN[3, 2, 1] = np.nan
+
 GOOD_CUTOUTS = Cutouts(
     triangle_cutout=np.zeros(4, np.int32),
     corner_uv=np.zeros((4, 3, 2), np.float32),
@@ -201,6 +227,8 @@ GOOD_CUTOUTS = Cutouts(
         ({"sides": ("left",)}, "sides is unknown"),
         ({"triangle_cutout": np.full(4, -2, np.int32)}, "triangle_cutout is out of range"),
         ({"corner_alpha": np.zeros((3, 3), np.float32)}, "corner_alpha has the wrong"),
+        ({"corner_uv": ONE_NAN}, "corner_uv holds a NaN"),
+        ({"corner_alpha": ONE_NAN[..., 1].copy()}, "corner_alpha holds a NaN"),
         ({"corner_alpha": np.full((4, 3), np.inf, np.float32)}, "corner_alpha holds a NaN"),
         ({"alphas": (np.zeros((2, 0), np.uint8),)}, r"alphas\[0\] is empty"),
         ({"threshold": np.nan}, "threshold"),
