@@ -17,7 +17,7 @@ from legoworld.running.engines import (
     ClusterUnreachableError,
     EngineMissingError,
     Job,
-    cluster_cores,
+    engine_cores,
     machine_lost,
     run_local,
 )
@@ -120,7 +120,7 @@ def test_the_engines_have_names():
 def test_an_engine_that_is_not_installed_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "ray", None)
     with pytest.raises(EngineMissingError, match=r"pip install 'legoworld\[ray\]'") as caught:
-        cluster_cores()
+        engine_cores("ray")
     assert caught.value.exit_code == 4
 
 
@@ -149,7 +149,7 @@ def test_a_cluster_where_nobody_listens_is_one_line(prefix, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "ray", ray)
     monkeypatch.setenv("RAY_ADDRESS", f"{prefix}127.0.0.1:{port}")
     with pytest.raises(ClusterUnreachableError) as caught:
-        cluster_cores()
+        engine_cores("ray")
     assert f"RAY_ADDRESS={prefix}127.0.0.1:{port}: " in str(caught.value)
     assert caught.value.exit_code == 4
     assert ray.asked == []
@@ -165,9 +165,13 @@ def test_a_cluster_that_may_be_there_is_asked_once(address, monkeypatch):
         monkeypatch.delenv("RAY_ADDRESS", raising=False)
         if address is not None:
             monkeypatch.setenv("RAY_ADDRESS", address)
-        assert cluster_cores() == 6
-        assert cluster_cores() == 6
+        assert engine_cores("ray") == 6
+        assert engine_cores("ray") == 6
     assert [asked["address"] for asked in ray.asked] == [address]
+
+
+def test_this_machine_has_the_cores_this_process_may_use():
+    assert engine_cores("local") == len(os.sched_getaffinity(0))
 
 
 def test_a_lost_machine_is_a_worker_that_crashed():
