@@ -11,7 +11,7 @@ from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
 from legoworld.errors import UsageError
 from legoworld.evaluation.evaluators import EvaluatorKind
-from legoworld.evaluation.folder import EVIDENCE, PER_IMAGE, read_rows, read_summary
+from legoworld.evaluation.folder import EVIDENCE, read_image_rows, read_summary
 from legoworld.evaluation.origins import Origins
 from legoworld.evaluation.run import read_run
 from legoworld.places import Place
@@ -82,7 +82,7 @@ class Evaluation:
     def per_image(self) -> list[dict[str, Any]]:
         """The rows of per_image.jsonl, by image id."""
         with read_from(self.folder) as here:
-            return [as_json(row) for row in read_rows(here / PER_IMAGE)]
+            return [as_json(row) for row in read_image_rows(here, self.summary)]
 
     def to_dict(self) -> dict[str, Any]:
         """What `legoworld evaluate --json` prints."""
@@ -146,7 +146,7 @@ def evaluate(
                 draws=draws,
                 seed=seed,
                 overwrite=overwrite,
-                progress=listener.row,
+                progress=listener.scored,
                 crew=crew,
                 origins=origins,
             )

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -19,7 +19,10 @@ from legoworld.places import Place
 from legoworld.wording import counted
 
 if TYPE_CHECKING:
+    from click._termui_impl import ProgressBar
+
     from legoworld.evaluation.evaluators import EvaluatorKind
+    from legoworld.records.evaluation_rows import DepthRow
     from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 
 
@@ -142,6 +145,8 @@ def _text(summary: DetectionSummary | DepthSummary) -> str:
 @contextmanager
 def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
     """Notices on a terminal or with -v; images that are scored one by one as a bar there."""
+    from legoworld.records.evaluation_rows import ScoredDepthRow
+
     on_terminal = options.on_terminal()
     notice, warn = options.notifier(quiet or not (verbose or on_terminal)), options.notifier(quiet)
     if quiet or not on_terminal:
@@ -149,13 +154,13 @@ def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
         return
     images = failed = 0
     with ExitStack() as stack:
-        bar: Any = None
+        bar: ProgressBar[int] | None = None
 
         def total(n: int) -> None:
             nonlocal images
             images = n
 
-        def row(done: dict[str, Any]) -> None:
+        def scored(row: DepthRow) -> None:
             nonlocal bar, failed
             if bar is None:  # only depth scores image by image
                 bar = stack.enter_context(
@@ -163,11 +168,11 @@ def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
                         length=images, label="scoring", file=sys.stderr, show_pos=True
                     )
                 )
-            failed += "metrics" not in done
+            failed += not isinstance(row, ScoredDepthRow)
             bar.label = f"scoring, {failed} without a score" if failed else "scoring"
             bar.update(1)
 
-        yield Listener(total=total, row=row, notice=notice, warn=warn)
+        yield Listener(total=total, scored=scored, notice=notice, warn=warn)
 
 
 def _depth_text(summary: DepthSummary) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from legoworld.comparison.pairing import is_scored
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.depth.rows import SCORED
 from legoworld.evaluation.stored import Evaluated
 from legoworld.wording import counted
 
@@ -89,12 +89,13 @@ def _truth_files(side: Evaluated) -> str:
 
 def _image_differences(first: Evaluated, other: Evaluated) -> list[str]:
     """Images that only one side has, or whose truth is not the same."""
-    ours, theirs = ({(r["image_id"], r["file_name"]) for r in s.rows} for s in (first, other))
+    ours, theirs = ({(r.image_id, r.file_name) for r in s.rows} for s in (first, other))
     if ours != theirs:
         example = min(ours ^ theirs)
         return [f"images: {len(ours ^ theirs)} in one alone, such as {example[0]} ({example[1]})"]
     facts = [
-        {r["image_id"]: [r.get(k) for k in _TRUTH_FACTS] for r in s.rows} for s in (first, other)
+        {r.image_id: [getattr(r, k, None) for k in _TRUTH_FACTS] for r in s.rows}
+        for s in (first, other)
     ]
     unlike = [i for i in facts[0] if facts[0][i] != facts[1][i]]
     return [f"the truth of image {unlike[0]}"] if unlike else []
@@ -127,7 +128,7 @@ def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:
     for scene, baseline in ((first, other), (other, first)):
         if scene.max_side is None:
             continue
-        full = [r for r in baseline.rows if r["status"] in SCORED and not r["resampled"]]
+        full = [r for r in baseline.depth_rows if r.resampled is False and is_scored(r)]
         if full:
             images = counted(len(full), "image", "images")
             return [f"depth {_size(scene)} and {images} of full size"]

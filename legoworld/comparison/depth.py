@@ -24,8 +24,8 @@ from legoworld.evaluation.bootstrap import resample_counts, resampled_means
 from legoworld.evaluation.depth.eth3d import scene_of
 from legoworld.evaluation.depth.protocol import PRIMARY_POLICY, HolePolicy
 from legoworld.evaluation.depth.summary import metric_policies
-from legoworld.evaluation.folder import Row
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 
 #: The one metric a missing image has a value for.
 _WITH_MISSING: Final = "abs_rel"
@@ -55,15 +55,15 @@ def depth_metrics() -> list[Metric]:
     return found
 
 
-def group_unit(rows: Sequence[Row]) -> str:
+def group_unit(rows: Sequence[DepthRow]) -> str:
     """What is drawn: scenes where every photo is named after one, else images."""
-    named = bool(rows) and all(scene_of(row["file_name"]) for row in rows)
+    named = bool(rows) and all(scene_of(row.file_name) for row in rows)
     return "scene" if named else "image"
 
 
-def shared_group_draws(rows: Sequence[Row], draws: int, seed: int) -> GroupDraws:
+def shared_group_draws(rows: Sequence[DepthRow], draws: int, seed: int) -> GroupDraws:
     """The draws over the groups of these rows; both sides' rows have the same groups."""
-    names = sorted({row["group"] for row in rows})
+    names = sorted({row.group for row in rows})
     counts = resample_counts(len(names), draws, seed) if len(names) > 1 else None
     return GroupDraws(counts=counts, column={name: k for k, name in enumerate(names)})
 
@@ -76,19 +76,22 @@ def measure_depth(
     images "scored": of the kept, those this side has scores of; "paired": the kept are scored;
     "attempted": AbsRel alone, a kept image without a score given the declared error.
     """
-    rows = [row for row, keep in zip(side.rows, kept, strict=True) if keep]
+    rows = [row for row, keep in zip(side.depth_rows, kept, strict=True) if keep]
     found: Measures = {}
     if images == "attempted":
         given = side.depth.all_attempted.missing_abs_rel
         for name, policy in metric_policies():
             if name == _WITH_MISSING:
-                values = [row["metrics"][name][policy] if is_scored(row) else given for row in rows]
+                values = [
+                    row.metrics[name][policy] if isinstance(row, ScoredDepthRow) else given
+                    for row in rows
+                ]
                 over = {"images": len(rows), "missing": sum(not is_scored(r) for r in rows)}
                 found[f"{name}.{policy}"] = _mean(values, rows, shared, over, {})
         return found
-    scored = [row for row in rows if is_scored(row)]
+    scored = [row for row in rows if isinstance(row, ScoredDepthRow)]
     for name, policy in metric_policies():
-        values = [row["metrics"][name][policy] for row in scored]
+        values = [row.metrics[name][policy] for row in scored]
         extra = {"constant": _constant(scored, name, policy)}
         found[f"{name}.{policy}"] = _mean(values, scored, shared, {"images": len(scored)}, extra)
     return found
@@ -99,15 +102,15 @@ def with_truth(side: Evaluated) -> NDArray[np.bool_]:
     return np.array([has_truth(row) for row in side.rows], bool)
 
 
-def _constant(rows: Sequence[Row], name: str, policy: HolePolicy) -> float:
+def _constant(rows: Sequence[ScoredDepthRow], name: str, policy: HolePolicy) -> float:
     """The mean of the constant that knows nothing of the picture, on the same pixels."""
-    values = [row["constant"][name][policy] for row in rows]
+    values = [row.constant[name][policy] for row in rows]
     return float(np.mean(np.array(values, np.float64))) if values else float("nan")
 
 
 def _mean(
     values: Sequence[float],
-    rows: Sequence[Row],
+    rows: Sequence[DepthRow],
     shared: GroupDraws,
     over: dict[str, int],
     extra: dict[str, float],
@@ -116,6 +119,6 @@ def _mean(
     value = float(np.mean(numbers)) if len(numbers) else float("nan")
     samples = None
     if shared.counts is not None and len(numbers):
-        groups = np.array([shared.column[row["group"]] for row in rows], np.int64)
+        groups = np.array([shared.column[row.group] for row in rows], np.int64)
         samples = resampled_means(numbers, groups, shared.counts)
     return Measure(value=value, samples=samples, over=over, extra=extra)

@@ -75,7 +75,7 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
 
 def frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
     """(K,) LVIS's frequency letters; empty for categories with neither truth nor predictions."""
-    letters = {row["category_id"]: row.get("frequency", "") for row in side.categories}
+    letters = {row.category_id: row.frequency or "" for row in side.categories}
     return np.array([letters.get(int(i), "") for i in category_ids])
 
 

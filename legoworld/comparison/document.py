@@ -58,7 +58,9 @@ def compare(
     settings enters, so equal inputs give equal documents.
     """
     rows = sides[0].rows
-    unit = "image" if sides[0].task in PROTOCOLS else group_unit(_rows_with_truth(sides[0]))
+    unit = "image"
+    if sides[0].task not in PROTOCOLS:
+        unit = group_unit([row for row in sides[0].depth_rows if has_truth(row)])
     by_field = provenance_by_field(sides)
     pairs = []
     for baseline in sides[1:]:
@@ -77,16 +79,12 @@ def compare(
             "level": LEVEL,
             "unit": unit,
         },
-        "images": [{"image_id": r["image_id"], "file_name": r["file_name"]} for r in rows],
+        "images": [{"image_id": r.image_id, "file_name": r.file_name} for r in rows],
         "methods": [_method(side, first=side is sides[0]) for side in sides],
         "pairs": pairs,
         "provenance": by_field,
         "notes": notes_of(sides, by_field),
     }
-
-
-def _rows_with_truth(side: Evaluated) -> list[Row]:
-    return [row for row in side.rows if has_truth(row)]
 
 
 def _protocol(side: Evaluated) -> dict[str, Any] | None:
@@ -106,7 +104,7 @@ def _method(side: Evaluated, *, first: bool) -> Row:
             k: getattr(coverage, k) for k in ("attempted", "scored", "with_truth", "by_status")
         },
         "not_scored": [
-            {k: row[k] for k in ("image_id", "file_name", "status")}
+            {k: getattr(row, k) for k in ("image_id", "file_name", "status")}
             for row in side.rows
             if not is_scored(row)
         ],
@@ -120,14 +118,14 @@ def _method(side: Evaluated, *, first: bool) -> Row:
 
 def _pair(scene: Evaluated, baseline: Evaluated, settings: Settings, unit: str) -> dict[str, Any]:
     pairing = pair_images(scene, baseline)
-    ids = [row["image_id"] for row in scene.rows]
+    ids = [row.image_id for row in scene.rows]
     measured = _measured_detections if scene.task in PROTOCOLS else _measured_depth
     return {
         "scene": scene.name,
         "baseline": baseline.name,
         "coverage": {
             "attempted": len(scene.rows),
-            "with_truth": len(_rows_with_truth(scene)),
+            "with_truth": sum(has_truth(row) for row in scene.rows),
             "scene_scored": sum(is_scored(row) for row in scene.rows),
             "baseline_scored": sum(is_scored(row) for row in baseline.rows),
             "paired": int(pairing.kept.sum()),
@@ -172,7 +170,7 @@ def _measured_depth(
         kept = paired if images == "paired" else with_truth(scene)
         if not kept.any():
             continue
-        drawn = [row for row, keep in zip(scene.rows, kept, strict=True) if keep]
+        drawn = [row for row, keep in zip(scene.depth_rows, kept, strict=True) if keep]
         shared = shared_group_draws(drawn, settings.draws, settings.seed)
         ours, theirs = (measure_depth(s, images, kept, shared) for s in (scene, baseline))
         rows += _rows(depth_metrics(), images, ours, theirs, rule)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.rows import SCORED
 from legoworld.evaluation.folder import Row
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.evaluation_rows import DepthRow, DetectionRow, ScoredDepthRow
+
+AnyRow = DetectionRow | DepthRow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,31 +38,33 @@ def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
             kept[k] = False
             row = rows[0]
             dropped.append(
-                {"image_id": row["image_id"], "file_name": row["file_name"], "reasons": reasons}
+                {"image_id": row.image_id, "file_name": row.file_name, "reasons": reasons}
             )
     return Pairing(kept=kept, dropped=tuple(dropped))
 
 
-def is_scored(row: dict[str, Any]) -> bool:
+def is_scored(row: AnyRow) -> bool:
     """Whether an evaluation's row of an image counts as scored."""
-    return bool(row["scored"]) if "scored" in row else row["status"] in SCORED
+    return row.scored if isinstance(row, DetectionRow) else isinstance(row, ScoredDepthRow)
 
 
-def has_truth(row: dict[str, Any]) -> bool:
+def has_truth(row: AnyRow) -> bool:
     """Whether an image has truth that a prediction can be right or wrong about."""
-    return bool(row["n_truth"] > 0) if "n_truth" in row else row["status"] != "no_gt"
+    return row.n_truth > 0 if isinstance(row, DetectionRow) else row.status != "no_gt"
 
 
-def _without_score(name: str, row: dict[str, Any]) -> list[str]:
+def _without_score(name: str, row: AnyRow) -> list[str]:
     """Why a side has no score, beyond having no truth: what became of its own output."""
-    status = row["run_status"] if row["status"] == "no_gt" else row["status"]
+    status = row.status
+    if isinstance(row, DepthRow) and status == "no_gt":
+        status = row.run_status
     return [] if is_scored(row) or status == "ok" else [f"{name}: {status}"]
 
 
-def _without_truth(row: dict[str, Any]) -> list[str]:
+def _without_truth(row: AnyRow) -> list[str]:
     if has_truth(row):
         return []
-    if "n_valid" in row:
-        return [f"no truth: {row['n_valid']} valid pixels"]
-    ignored = row["n_ignored_truth"]
+    if isinstance(row, DepthRow):
+        return [f"no truth: {row.n_valid} valid pixels"]
+    ignored = row.n_ignored_truth
     return [f"no truth: {ignored} crowd or ignored instances" if ignored else "no truth"]

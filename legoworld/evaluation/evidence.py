@@ -18,11 +18,10 @@ from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.folder import (
     EVIDENCE,
     MATCHES,
-    PER_IMAGE,
     VIEW,
     EvaluationFolderError,
     Row,
-    read_rows,
+    read_image_rows,
     read_summary,
 )
 from legoworld.evaluation.input_hash import hash_and_size, without_of
@@ -33,6 +32,7 @@ from legoworld.evaluation.predictions import sha256_of_entries
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.scoring import AGREEMENT
 from legoworld.records.base import as_json
+from legoworld.records.evaluation_rows import DepthRow, ImageRow
 from legoworld.records.evaluation_summary import DetectionSummary, Summary
 
 
@@ -69,16 +69,18 @@ def until_damage(checks: Iterator[Check]) -> Iterator[Check]:
 def _made_again(
     folder: Path, evidence: dict[str, Any], root: Path | None, *, inputs_hold: bool
 ) -> Iterator[Check]:
-    summary, rows = read_summary(folder), read_rows(folder / PER_IMAGE)
+    summary = read_summary(folder)
+    rows = read_image_rows(folder, summary)
     yield from _coverage(summary, rows)
     if isinstance(summary, DetectionSummary):
         yield from _numbers(folder, evidence, summary)
     else:
         from legoworld.evaluation.depth.verification import depth_checks, depth_rows
 
-        yield from depth_checks(evidence, summary, rows)
+        scored = [row for row in rows if isinstance(row, DepthRow)]
+        yield from depth_checks(folder, evidence, summary, scored)
         if inputs_hold:
-            yield from depth_rows(folder, evidence, summary, rows, root)
+            yield from depth_rows(folder, evidence, summary, scored, root)
 
 
 def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> dict[str, Any]:
@@ -169,9 +171,9 @@ def _hashed(what: str, path: Path | None, sha256: str, without: Sequence[str] = 
     return Check("ok", what, found[:12])
 
 
-def _coverage(summary: Summary, rows: list[Row]) -> Iterator[Check]:
+def _coverage(summary: Summary, rows: Sequence[ImageRow]) -> Iterator[Check]:
     coverage = summary.coverage
-    statuses = dict(sorted(Counter(row["status"] for row in rows).items()))
+    statuses = dict(sorted(Counter(row.status for row in rows).items()))
     yield check_equal("images attempted", len(rows), coverage.attempted)
     yield check_equal("images by status", statuses, coverage.by_status)
 

@@ -29,7 +29,21 @@ from legoworld.files import (
     write_npz,
     write_text,
 )
-from legoworld.records.base import RecordError, as_json, readable
+from legoworld.records.base import (
+    Record,
+    RecordError,
+    as_json,
+    canonical,
+    decode_lines,
+    readable,
+)
+from legoworld.records.evaluation_rows import (
+    CategoryRow,
+    DepthRow,
+    DetectionRow,
+    ImageRow,
+    depth_rows,
+)
 from legoworld.records.evaluation_summary import (
     DepthSummary,
     DetectionSummary,
@@ -86,8 +100,8 @@ class Evaluation(Generic[S]):
     summary: S
     configuration: dict[str, Any]
     inputs: Sequence[InputFile]
-    per_image: Sequence[Row]
-    per_category: Sequence[Row] = ()
+    per_image: Sequence[ImageRow]
+    per_category: Sequence[CategoryRow] = ()
     matches: Mapping[str, NDArray[Any]] | None = None
     view: Mapping[str, Any] = field(default_factory=dict)
     evidence: Mapping[str, Any] = field(default_factory=dict)
@@ -202,12 +216,35 @@ def require_finished(folder: Path) -> None:
 def read_summary(folder: Path) -> DetectionSummary | DepthSummary:
     """summary.json of a finished evaluation. EvaluationFolderError."""
     require_finished(folder)
+    with reading(folder, SUMMARY) as path:
+        return summary_of(path.read_bytes())
+
+
+def read_image_rows(
+    folder: Path, summary: DetectionSummary | DepthSummary
+) -> Sequence[DetectionRow | DepthRow]:
+    """per_image.jsonl: a row of each image, ascending id. EvaluationFolderError."""
+    with reading(folder, PER_IMAGE) as path:
+        if isinstance(summary, DepthSummary):
+            return depth_rows(path.read_bytes())
+        return decode_lines(DetectionRow, path.read_bytes())
+
+
+def read_category_rows(folder: Path) -> list[CategoryRow]:
+    """per_category.jsonl, ascending id. EvaluationFolderError."""
+    with reading(folder, PER_CATEGORY) as path:
+        return decode_lines(CategoryRow, path.read_bytes())
+
+
+@contextmanager
+def reading(folder: Path, name: str) -> Iterator[Path]:
+    """EvaluationFolderError for a file that is not as it was written."""
     try:
-        return summary_of((folder / SUMMARY).read_bytes())
-    except RecordError as error:
+        yield folder / name
+    except (OSError, RecordError) as error:
         raise EvaluationFolderError(
-            f"{folder.name or folder}/{SUMMARY} cannot be read",
-            found=str(error),
+            f"{folder.name or folder}/{name} cannot be read",
+            found=getattr(error, "strerror", None) or str(error),
             expected="what `legoworld evaluate` wrote",
             next_step="evaluate the run again with --overwrite",
         ) from error
@@ -293,20 +330,20 @@ def _delete_earlier(folder: Path) -> None:
 
 
 def _write_json(path: Path, value: Any) -> None:
-    """canonical_json and a newline, whole or not at all; a list's text is never all in memory."""
+    """Canonical JSON and a newline, whole or not at all; a list's text is never all in memory."""
     items = value if isinstance(value, list) else None
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         if items is None:
-            stream.write(canonical_json(value).encode())
+            stream.write(canonical(value).encode())
         else:
             for index, item in enumerate(items):
-                stream.write(f"{',' if index else '['}{canonical_json(item)}".encode())
+                stream.write(f"{',' if index else '['}{canonical(item)}".encode())
             stream.write(b"]" if items else b"[]")
         stream.write(b"\n")
 
 
-def _lines(rows: Sequence[Row]) -> str:
-    return "".join(canonical_json(row) + "\n" for row in rows)
+def _lines(rows: Sequence[Record]) -> str:
+    return "".join(canonical(row) + "\n" for row in rows)
 
 
 def _short(value: Any) -> str:

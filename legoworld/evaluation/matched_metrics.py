@@ -13,6 +13,7 @@ from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.folder import number
 from legoworld.evaluation.pairing import HIT, Pairs
 from legoworld.evaluation.problem import Floats, Ints, Problem
+from legoworld.records.evaluation_rows import PairSums
 from legoworld.records.evaluation_summary import Matched
 
 #: Columns of MatchedCounts.per_image. quality: pairs above HIT, panoptic quality's own rule.
@@ -122,15 +123,17 @@ def matched_document(counts: MatchedCounts, *, class_aware: bool) -> Matched:
     return Matched(**point)
 
 
-def image_rows(counts: MatchedCounts) -> list[dict[str, float]]:
+def image_sums(counts: MatchedCounts, *, class_aware: bool) -> list[PairSums]:
     """The sums of each image, as per_image.jsonl holds them."""
-    return [
-        {
+    columns = _COLUMNS[:-1] if class_aware else _COLUMNS  # the last is right by construction
+    found = []
+    for row in counts.per_image:
+        sums: dict[str, Any] = {
             name: float(value) if name.endswith("_sum") else int(value)
-            for name, value in zip(_COLUMNS, row, strict=True)
+            for name, value in zip(columns, row, strict=False)
         }
-        for row in counts.per_image
-    ]
+        found.append(PairSums(**sums))
+    return found
 
 
 def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:

@@ -5,21 +5,24 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legoworld.evaluation.accumulation import truths_per_category
-from legoworld.evaluation.folder import Row, number
-from legoworld.evaluation.matched_metrics import image_rows
+from legoworld.evaluation.folder import number
+from legoworld.evaluation.matched_metrics import image_sums
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.predictions import Predictions
 from legoworld.evaluation.problem import Ints
 from legoworld.evaluation.run import Run
 from legoworld.evaluation.scoring import Score, category_precision
 from legoworld.evaluation.truth import Truth
+from legoworld.records.base import UNSET
+from legoworld.records.evaluation_rows import CategoryRow, DetectionRow, Outcomes
 
 _OUTCOMES = {FALSE_POSITIVE: "fp", TRUE_POSITIVE: "tp", IGNORED: "ignored"}
 
 
-def per_image_rows(run: Run, predictions: Predictions, score: Score) -> list[Row]:
+def per_image_rows(run: Run, predictions: Predictions, score: Score) -> list[DetectionRow]:
     """One row for every attempted image, ascending id."""
     problem, table = score.problem, score.table
     n = len(problem.image_ids)
@@ -28,34 +31,29 @@ def per_image_rows(run: Run, predictions: Predictions, score: Score) -> list[Row
     n_kept = np.bincount(problem.detections.image, minlength=n)
     n_unverified = np.bincount(problem.detections.image[~problem.detections.verified], minlength=n)
     n_ignored = np.bincount(problem.truths.image[problem.truths.ignored], minlength=n)
-    outcomes = {
-        name: np.bincount(table.image[table.state[0, 0] == kind], minlength=n)
-        for kind, name in _OUTCOMES.items()
-    }
-    aware, agnostic = image_rows(score.aware), image_rows(score.agnostic)
-    rows = []
-    for k, image in enumerate(run.images):
-        del aware[k]["n_hits_right_label"]
-        rows.append(
-            {
-                "image_id": image.id,
-                "file_name": image.file_name,
-                "status": image.status,
-                "scored": image.status == "ok",
-                "n_truth": int(aware[k]["n_gt"]),
-                "n_ignored_truth": int(n_ignored[k]),
-                "n_predictions": int(n_predictions[k]),
-                "n_lost_to_cap": int(n_predictions[k] - n_kept[k]),
-                "n_unverified": int(n_unverified[k]),
-                "greedy_50": {name: int(found[k]) for name, found in outcomes.items()},
-                "class_aware": aware[k],
-                "class_agnostic": agnostic[k],
-            }
+    outcomes = _outcomes(table.state[0, 0], table.image, n)
+    aware = image_sums(score.aware, class_aware=True)
+    agnostic = image_sums(score.agnostic, class_aware=False)
+    return [
+        DetectionRow(
+            image_id=image.id,
+            file_name=image.file_name,
+            status=image.status,
+            scored=image.status == "ok",
+            n_truth=aware[k].n_gt,
+            n_ignored_truth=int(n_ignored[k]),
+            n_predictions=int(n_predictions[k]),
+            n_lost_to_cap=int(n_predictions[k] - n_kept[k]),
+            n_unverified=int(n_unverified[k]),
+            greedy_50=outcomes[k],
+            class_aware=aware[k],
+            class_agnostic=agnostic[k],
         )
-    return rows
+        for k, image in enumerate(run.images)
+    ]
 
 
-def per_category_rows(truth: Truth, score: Score) -> list[Row]:
+def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
     """One row for every category that has truth or predictions, ascending id."""
     table = score.table
     n = len(table.category_ids)
@@ -63,10 +61,7 @@ def per_category_rows(truth: Truth, score: Score) -> list[Row]:
     cells = table.n_truths[0] > 0
     n_images = np.bincount(table.truth_category[cells], minlength=n)
     n_predictions = np.bincount(table.category, minlength=n)
-    outcomes = {
-        name: np.bincount(table.category[table.state[0, 0] == kind], minlength=n)
-        for kind, name in _OUTCOMES.items()
-    }
+    outcomes = _outcomes(table.state[0, 0], table.category, n)
     iou_sum = np.bincount(score.aware.cell_category, score.aware.cell_iou_sum, minlength=n)
     precision = category_precision(score.curves)
     recall = np.where(n_truths > 0, score.curves.recall[:, :, 0, -1].mean(axis=0), np.nan)
@@ -74,24 +69,36 @@ def per_category_rows(truth: Truth, score: Score) -> list[Row]:
     rows = []
     for k in np.flatnonzero((n_truths > 0) | (n_predictions > 0)):
         category = by_id[int(table.category_ids[k])]
-        row: Row = {
-            "category_id": category["id"],
-            "name": category["name"],
-            "n_truth": int(n_truths[k]),
-            "n_images": int(n_images[k]),
-            "n_predictions": int(n_predictions[k]),
-            **{
-                name: number(float(precision[k, i]))
-                for i, name in enumerate(("AP", "AP50", "AP75"))
-            },
-            "AR": number(float(recall[k])),
-            "greedy_50": {name: int(found[k]) for name, found in outcomes.items()},
-            "miou_gt": number(iou_sum[k] / n_truths[k]) if n_truths[k] else None,
-        }
-        if "frequency" in category:
-            row["frequency"] = category["frequency"]
-        rows.append(row)
+        ap, ap50, ap75 = (number(value) for value in precision[k])
+        rows.append(
+            CategoryRow(
+                category_id=category["id"],
+                name=category["name"],
+                n_truth=int(n_truths[k]),
+                n_images=int(n_images[k]),
+                n_predictions=int(n_predictions[k]),
+                AP=ap,
+                AP50=ap50,
+                AP75=ap75,
+                AR=number(recall[k]),
+                greedy_50=outcomes[k],
+                miou_gt=number(iou_sum[k] / n_truths[k]) if n_truths[k] else None,
+                frequency=category.get("frequency", UNSET),
+            )
+        )
     return rows
+
+
+def _outcomes(state: NDArray[np.uint8], group: Ints, n_groups: int) -> list[Outcomes]:
+    """What became of the predictions of each group; state, group: of every prediction."""
+    counts = {
+        name: np.bincount(group[state == kind], minlength=n_groups).tolist()
+        for kind, name in _OUTCOMES.items()
+    }
+    return [
+        Outcomes(tp=tp, fp=fp, ignored=ignored)
+        for tp, fp, ignored in zip(counts["tp"], counts["fp"], counts["ignored"], strict=True)
+    ]
 
 
 def views(truth: Truth, predictions: Predictions, score: Score) -> dict[str, Any]:

@@ -20,13 +20,18 @@ from legoworld.evaluation.folder import (
     SUMMARY,
     VIEW,
     Row,
-    read_rows,
+    read_category_rows,
+    read_image_rows,
     read_summary,
+    reading,
     require_finished,
 )
 from legoworld.evaluation.protocols import PROTOCOLS
 from legoworld.files import sha256_of_file
+from legoworld.records.base import decode
+from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+from legoworld.records.evaluation_view import DepthView
 
 RUN_VIEW: Final = f"{VIEW}/run.json"
 #: What is read besides evidence.json, in the order it is listed; absent files are none of the task.
@@ -52,8 +57,8 @@ class Evaluated:
     summary: DetectionSummary | DepthSummary
     evidence: dict[str, Any]
     run: dict[str, Any]
-    rows: tuple[Row, ...]
-    categories: tuple[Row, ...]
+    rows: tuple[DetectionRow | DepthRow, ...]
+    categories: tuple[CategoryRow, ...]
 
     @property
     def task(self) -> str:
@@ -76,6 +81,16 @@ class Evaluated:
         """The summary, of depth."""
         assert isinstance(self.summary, DepthSummary)
         return self.summary
+
+    @property
+    def detection_rows(self) -> list[DetectionRow]:
+        """The rows, of boxes or masks."""
+        return [row for row in self.rows if isinstance(row, DetectionRow)]
+
+    @property
+    def depth_rows(self) -> list[DepthRow]:
+        """The rows, of depth."""
+        return [row for row in self.rows if isinstance(row, DepthRow)]
 
     @property
     def camera_model(self) -> str | None:
@@ -124,9 +139,14 @@ class Evaluated:
         path = checked(self.folder, self.evidence, f"{VIEW}/{name}")
         return json.loads(path.read_text(encoding="utf-8"))
 
-    def has_view(self, name: str) -> bool:
-        """Whether view/ holds a file."""
-        return f"{VIEW}/{name}" in self.evidence["files"]
+    def depth_view(self, image_id: int) -> DepthView | None:
+        """Depth only: an image's view, None where it was not scored."""
+        name = f"{image_id}.json"
+        if f"{VIEW}/{name}" not in self.evidence["files"]:
+            return None
+        with reading(self.folder, f"{VIEW}/{name}"):
+            path = checked(self.folder, self.evidence, f"{VIEW}/{name}")
+            return decode(DepthView, path.read_bytes())
 
 
 def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
@@ -160,8 +180,8 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
         summary=summary,
         evidence=evidence,
         run=run,
-        rows=tuple(read_rows(folder / PER_IMAGE)),
-        categories=tuple(read_rows(folder / PER_CATEGORY)) if PER_CATEGORY in found else (),
+        rows=tuple(read_image_rows(folder, summary)),
+        categories=tuple(read_category_rows(folder)) if PER_CATEGORY in found else (),
     )
 
 

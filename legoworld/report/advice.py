@@ -256,12 +256,12 @@ def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> 
 def _counted(side: SideImage) -> list[Advice]:
     row = side.row
     found = []
-    if row["n_unverified"]:
-        are = counted(row["n_unverified"], "prediction is", "predictions are")
+    if row.n_unverified:
+        are = counted(row.n_unverified, "prediction is", "predictions are")
         what = f"{are} of categories nobody checked in this photo"
         found.append(Advice(level="note", what=f"{what}: LVIS neither rewards nor punishes that"))
-    if row["n_lost_to_cap"]:
-        are = counted(row["n_lost_to_cap"], "prediction is", "predictions are")
+    if row.n_lost_to_cap:
+        are = counted(row.n_lost_to_cap, "prediction is", "predictions are")
         what = f"{are} beyond the evaluator's cap"
         found.append(Advice(level="warn", what=what, do="export fewer objects"))
     return found

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from legoworld.evaluation.depth.view import decoded
 from legoworld.evaluation.folder import Row
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
+from legoworld.records.evaluation_view import DepthView
 from legoworld.report.advice import Advice, failure_advice, sorted_advice
 
 #: The code of a pixel without depth.
@@ -29,7 +31,7 @@ F32 = NDArray[np.float32]
 class DepthImage:
     """One photo. rows: each side's row; view: what the page draws, None where no side scored."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[DepthRow, ...]
     run_rows: tuple[Row, ...]
     scenes: tuple[dict[str, Any] | None, ...]
     view: dict[str, Any] | None
@@ -37,10 +39,9 @@ class DepthImage:
 
 def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
     """The photos of a section's track, ascending id, one at a time."""
-    for rows in zip(*(side.rows for side in sides), strict=True):
-        image_id = rows[0]["image_id"]
-        name = f"{image_id}.json"
-        views = [side.view(name) if side.has_view(name) else None for side in sides]
+    for rows in zip(*(side.depth_rows for side in sides), strict=True):
+        image_id = rows[0].image_id
+        views = [side.depth_view(image_id) for side in sides]
         yield DepthImage(
             rows=rows,
             run_rows=tuple(side.run_rows[image_id] for side in sides),
@@ -49,7 +50,7 @@ def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
         )
 
 
-def depth_view(views: Sequence[Any]) -> dict[str, Any] | None:
+def depth_view(views: Sequence[DepthView | None]) -> dict[str, Any] | None:
     """The drawn arrays of one photo on one scale.
 
     size_wh of the arrays; near_far_z_m: the colour scale's ends, the 2nd and 98th percentile of
@@ -60,16 +61,16 @@ def depth_view(views: Sequence[Any]) -> dict[str, Any] | None:
     known = [v for v in views if v is not None]
     if not known:
         return None
-    truth = decoded(known[0], "truth_z_m")
-    aligned = [None if v is None else decoded(v, "aligned_z_m") for v in views]
+    truth = decoded(known[0].truth_z_m, known[0].size_wh)
+    aligned = [None if v is None else decoded(v.aligned_z_m, v.size_wh) for v in views]
     every = [truth, *(a for a in aligned if a is not None)]
     values = np.concatenate([a[np.isfinite(a) & (a > 0)] for a in every]).astype(np.float64)
     low, high = np.percentile(1.0 / values, _LIMITS_PERCENT)
     errors = np.concatenate([_errors(a, truth) for a in aligned if a is not None])
     z0_m, step = float(values.min()), float(np.log(values.max() / values.min()) / (NO_DEPTH - 1))
     return {
-        "size_wh": known[0]["size_wh"],
-        "image_wh": known[0]["image_wh"],
+        "size_wh": known[0].size_wh,
+        "image_wh": known[0].image_wh,
         "near_far_z_m": [float(1.0 / high), float(1.0 / low)],
         "error_m": float(np.percentile(errors, _LIMITS_PERCENT[1])) if len(errors) else 0.0,
         "z0_m": z0_m,
@@ -96,23 +97,23 @@ def _errors(aligned: F32, truth: F32) -> NDArray[np.float64]:
     return found
 
 
-def depth_advice(row: Row, run_row: Row, *, scene: bool) -> list[dict[str, str]]:
+def depth_advice(row: DepthRow, run_row: Row, *, scene: bool) -> list[dict[str, str]]:
     """Everything to say of one side's depth of a photo; what to do only where it is a scene."""
     found = failure_advice(run_row)
-    if not found and "metrics" not in row:
-        found.append(Advice(level="bad", what=f"not scored ({row['status']}): {row['reason']}"))
-    elif not found:
+    if not found and isinstance(row, ScoredDepthRow):
         found += _scored(row)
+    elif not found:
+        found.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
     if not scene:
         found = [Advice(level=a.level, what=a.what) for a in found]
-    warnings = {*(row.get("warnings") or ()), *(run_row.get("warnings") or ())}
+    warnings = {*row.warnings, *(run_row.get("warnings") or ())}
     found += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
     return sorted_advice(found)
 
 
-def _scored(row: Row) -> list[Advice]:
+def _scored(row: ScoredDepthRow) -> list[Advice]:
     found = []
-    if row["worse_than_constant"]:
+    if row.worse_than_constant:
         found.append(
             Advice(
                 level="bad",
@@ -120,21 +121,21 @@ def _scored(row: Row) -> list[Advice]:
                 do="check the camera first, then which surfaces are near and which far",
             )
         )
-    if row["status"] == "inverted":
+    if row.status == "inverted":
         what = "near and far are exchanged: the aligned scale is negative"
         found.append(Advice(level="bad", what=what, do="check the order of things along the view"))
-    if row["hole_share"] > _MANY_HOLES:
+    if row.hole_share > _MANY_HOLES:
         found.append(
             Advice(
                 level="bad",
-                what=f"{row['hole_share']:.1%} of the measured pixels have no geometry",
+                what=f"{row.hole_share:.1%} of the measured pixels have no geometry",
                 do="close floor, walls and background: under error_1 a hole is a whole error",
             )
         )
-    if row["outside_view_share"] > _MANY_HOLES:
-        what = f"{row['outside_view_share']:.1%} of the measured pixels are outside the view"
+    if row.outside_view_share > _MANY_HOLES:
+        what = f"{row.outside_view_share:.1%} of the measured pixels are outside the view"
         found.append(Advice(level="warn", what=what, do="widen the camera's field of view"))
-    if row["clamped_share"] > _MUCH_CLAMPED:
-        what = f"{row['clamped_share']:.1%} of the pixels were held at the deepest truth"
+    if row.clamped_share > _MUCH_CLAMPED:
+        what = f"{row.clamped_share:.1%} of the pixels were held at the deepest truth"
         found.append(Advice(level="warn", what=what, do="the far end of the scene is too far"))
     return found

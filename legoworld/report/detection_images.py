@@ -13,6 +13,7 @@ from legoworld.evaluation.folder import Row
 from legoworld.evaluation.masks import compressed, overlaps
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.evaluation_rows import DetectionRow
 from legoworld.report.error_kinds import ImageErrors, image_errors
 from legoworld.report.sources import ReportInputError
 from legoworld.wording import counted
@@ -26,7 +27,7 @@ class SideImage:
     photo's own panoptic quality, None where there is neither truth nor a false positive.
     """
 
-    row: Row
+    row: DetectionRow
     run_row: Row
     scene: dict[str, Any] | None
     entries: tuple[Row, ...]
@@ -35,9 +36,9 @@ class SideImage:
     @property
     def quality(self) -> float | None:
         """Sum of IoU over pairs at 0.5, by TP + FP / 2 + FN / 2 (Kirillov et al., CVPR 2019)."""
-        found = self.row["class_aware"]
-        total = found["n_gt"] + found["n_dt"]
-        return 2 * found["quality_sum"] / total if total else None
+        found = self.row.class_aware
+        total = found.n_gt + found.n_dt
+        return 2 * found.quality_sum / total if total else None
 
     @property
     def unfound(self) -> int:
@@ -59,7 +60,7 @@ def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
     truth = sides[0].view("truth.json")
     truths = _by_image(truth["annotations"])
     entries = [_by_image(side.view("predictions.json")) for side in sides]
-    rows = [{row["image_id"]: row for row in side.rows} for side in sides]
+    rows = [{row.image_id: row for row in side.detection_rows} for side in sides]
     for image in sorted(truth["images"], key=lambda i: int(i["id"])):
         found = tuple(truths.get(image["id"], ()))
         answers = []

@@ -10,6 +10,8 @@ from typing import Any
 
 from legoworld.evaluation.stored import Evaluated
 from legoworld.processors import usable_cores
+from legoworld.records.base import UNSET
+from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 from legoworld.report.advice import detection_advice
 from legoworld.report.depth_images import DepthImage, depth_advice, depth_images
 from legoworld.report.detection_images import DetectionImage, detection_images
@@ -120,7 +122,7 @@ def _detections(section: Section, document: PageDocument, places: _Photos) -> Js
     truth = sides[0].view("truth.json")
     names = {c["id"]: c["name"] for c in truth["categories"]}
     sizes_wh = {i["id"]: (i["width"], i["height"]) for i in truth["images"]}
-    places.read([(row["file_name"], sizes_wh[row["image_id"]]) for row in sides[0].rows])
+    places.read([(row.file_name, sizes_wh[row.image_id]) for row in sides[0].rows])
     rows: list[Json] = []
     used: set[int] = set()
     errors = [dict.fromkeys(KINDS, 0) for _ in sides]
@@ -155,7 +157,7 @@ def _detection_view(
     section: Section, image: DetectionImage, names: dict[int, str], places: _Photos
 ) -> Json:
     size_wh = image.image["width"], image.image["height"]
-    file_name = image.sides[0].row["file_name"]
+    file_name = image.sides[0].row.file_name
     answers = []
     for side, answer in zip(section.sides, image.sides, strict=True):
         answers.append(
@@ -194,8 +196,8 @@ def _detection_row(image: DetectionImage, view: Json, at: int) -> Json:
             {
                 "status": drawn["status"],
                 "quality": side.quality,
-                "tp": side.row["greedy_50"]["tp"],
-                "fp": side.row["greedy_50"]["fp"],
+                "tp": side.row.greedy_50.tp,
+                "fp": side.row.greedy_50.fp,
                 "unfound": side.unfound,
                 "kinds": [k for k in KINDS if counts[k]],
                 "advice": drawn["advice"][0]["what"] if drawn["advice"] else "",
@@ -208,7 +210,7 @@ def _detection_row(image: DetectionImage, view: Json, at: int) -> Json:
         "id": view["id"],
         "file_name": view["file_name"],
         "view": at,
-        "n_truth": image.sides[0].row["n_truth"],
+        "n_truth": image.sides[0].row.n_truth,
         "cells": cells,
         "categories": sorted(here),
     }
@@ -222,7 +224,7 @@ def _lowest_quality_first(row: Json) -> tuple[bool, float, int]:
 
 def _depth(section: Section, document: PageDocument, places: _Photos) -> Json:
     rows: list[Json] = []
-    places.read([(row["file_name"], None) for row in section.sides[0].rows])
+    places.read([(row.file_name, None) for row in section.sides[0].rows])
     for image in depth_images(section.sides):
         view = _depth_view(section, image, places)
         rows.append(_depth_row(image, view, len(document.views)))
@@ -239,28 +241,28 @@ def _depth_view(section: Section, image: DepthImage, places: _Photos) -> Json:
     ):
         facts = _side_facts(side, run_row, scene)
         facts["facts"] += _fit_facts(row)
-        facts["status"] = row["status"]
+        facts["status"] = row.status
         advice = depth_advice(row, run_row, scene=side.is_scene)
         answers.append({**facts, "advice": advice})
     return {
         "section": section.key,
-        "id": first["image_id"],
-        "file_name": first["file_name"],
-        "size_wh": first["truth_wh"],
+        "id": first.image_id,
+        "file_name": first.file_name,
+        "size_wh": first.truth_wh,
         "sides": answers,
         "depth": image.view,
-        **places.place(first["file_name"], None),
+        **places.place(first.file_name, None),
     }
 
 
-def _fit_facts(row: Json) -> list[tuple[str, str]]:
+def _fit_facts(row: DepthRow) -> list[tuple[str, str]]:
     """How the depth was aligned and what it scored, as text."""
-    found = [("valid truth", f"{row['n_valid']} px of {row['truth_wh'][0]}x{row['truth_wh'][1]}")]
-    if "metrics" not in row:
+    found = [("valid truth", f"{row.n_valid} px of {row.truth_wh[0]}x{row.truth_wh[1]}")]
+    if not isinstance(row, ScoredDepthRow):
         return found
-    found.append(("fit", f"1/z = {row['s']:.6g} x + {row['t']:.6g}, x in {row['space']}"))
-    found.append(("holes", f"{row['hole_share']:.2%} of the valid truth"))
-    for metric, values in row["metrics"].items():
+    found.append(("fit", f"1/z = {row.s:.6g} x + {row.t:.6g}, x in {row.space}"))
+    found.append(("holes", f"{row.hole_share:.2%} of the valid truth"))
+    for metric, values in row.metrics.items():
         text = ", ".join(f"{policy} {value:.4f}" for policy, value in values.items())
         found.append((metric, text))
     return found
@@ -269,14 +271,14 @@ def _fit_facts(row: Json) -> list[tuple[str, str]]:
 def _depth_row(image: DepthImage, view: Json, at: int) -> Json:
     cells = []
     for row, drawn in zip(image.rows, view["sides"], strict=True):
-        metrics = row.get("metrics")
+        scored = row if isinstance(row, ScoredDepthRow) else None
         cells.append(
             {
-                "status": row["status"],
-                "abs_rel": metrics["abs_rel"] if metrics else None,
-                "delta1": metrics["delta1"]["error_1"] if metrics else None,
-                "constant": row["constant"]["abs_rel"]["error_1"] if metrics else None,
-                "holes": row.get("hole_share"),
+                "status": row.status,
+                "abs_rel": scored.metrics["abs_rel"] if scored else None,
+                "delta1": scored.metrics["delta1"]["error_1"] if scored else None,
+                "constant": scored.constant["abs_rel"]["error_1"] if scored else None,
+                "holes": None if row.hole_share is UNSET else row.hole_share,
                 "advice": drawn["advice"][0]["what"] if drawn["advice"] else "",
                 "findings": sum(a["level"] == "bad" for a in drawn["advice"]),
             }
@@ -285,7 +287,7 @@ def _depth_row(image: DepthImage, view: Json, at: int) -> Json:
         "id": view["id"],
         "file_name": view["file_name"],
         "view": at,
-        "n_truth": image.rows[0]["n_valid"],
+        "n_truth": image.rows[0].n_valid,
         "cells": cells,
         "categories": [],
     }

@@ -84,7 +84,7 @@ def _section(task: str, sides: Sequence[Evaluated], comparison: dict[str, Any] |
         s if labels.count(s.name) == 1 else replace(s, name=f"{s.name} ({s.folder.name})")
         for s in ordered
     ]
-    images = [[(r["image_id"], r["file_name"]) for r in s.rows] for s in named]
+    images = [[(r.image_id, r.file_name) for r in s.rows] for s in named]
     if any(other != images[0] for other in images[1:]):
         raise ReportInputError(
             f"evaluations of {task} are over different images",

@@ -8,6 +8,7 @@ from typing import Any, Final
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.text import metric_rows, notes
+from legoworld.records.base import UNSET, as_json
 from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.wording import counted, share
 
@@ -108,22 +109,22 @@ def category_rows(sides: Sequence[Evaluated]) -> Rows:
     for k, side in enumerate(sides):
         for row in side.categories:
             mine = found.setdefault(
-                row["category_id"],
+                row.category_id,
                 {
-                    "id": row["category_id"],
-                    "name": row["name"],
-                    "frequency": row.get("frequency"),
-                    "n_truth": row["n_truth"],
-                    "n_images": row["n_images"],
+                    "id": row.category_id,
+                    "name": row.name,
+                    "frequency": None if row.frequency is UNSET else row.frequency,
+                    "n_truth": row.n_truth,
+                    "n_images": row.n_images,
                     "cells": [None] * len(sides),
                 },
             )
             mine["cells"][k] = {
-                "ap": row["AP"],
-                "ap50": row["AP50"],
-                "miou": row["miou_gt"],
-                "n": row["n_predictions"],
-                **row["greedy_50"],
+                "ap": row.AP,
+                "ap50": row.AP50,
+                "miou": row.miou_gt,
+                "n": row.n_predictions,
+                **as_json(row.greedy_50),
             }
     return [found[key] for key in sorted(found)]
 

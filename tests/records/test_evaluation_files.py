@@ -7,8 +7,14 @@ from pathlib import Path
 import pytest
 from comparison.evaluations import depth_scene_and_baseline, scene_and_baseline
 
-from legoworld.evaluation.folder import EvaluationFolderError, read_summary
-from legoworld.records.base import readable
+from legoworld.evaluation.folder import (
+    EvaluationFolderError,
+    read_category_rows,
+    read_image_rows,
+    read_summary,
+)
+from legoworld.records.base import canonical, decode, readable
+from legoworld.records.evaluation_view import DepthView
 
 
 @pytest.fixture(scope="module", params=["coco", "coco-masks", "lvis", "eth3d"])
@@ -23,6 +29,33 @@ def evaluations(request, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
 def test_summaries(evaluations: tuple[Path, Path]) -> None:
     for folder in evaluations:
         assert readable(read_summary(folder)) == (folder / "summary.json").read_text()
+
+
+def test_rows(evaluations: tuple[Path, Path]) -> None:
+    for folder in evaluations:
+        rows = read_image_rows(folder, read_summary(folder))
+        text = "".join(canonical(row) + "\n" for row in rows)
+        assert text == (folder / "per_image.jsonl").read_text()
+        categories = folder / "per_category.jsonl"
+        if categories.is_file():
+            lines = (canonical(row) + "\n" for row in read_category_rows(folder))
+            assert "".join(lines) == categories.read_text()
+
+
+def test_views_of_depth(tmp_path: Path) -> None:
+    folder, _ = depth_scene_and_baseline(tmp_path)
+    views = [p for p in (folder / "view").iterdir() if p.name != "run.json"]
+    assert len(views) == 3
+    for path in views:
+        assert canonical(decode(DepthView, path.read_bytes())) + "\n" == path.read_text()
+
+
+def test_a_scored_row_has_its_numbers(tmp_path: Path) -> None:
+    folder, _ = depth_scene_and_baseline(tmp_path)
+    path = folder / "per_image.jsonl"
+    path.write_text(path.read_text().replace('"hole_share"', '"hole_scare"', 1))
+    with pytest.raises(EvaluationFolderError, match=r"image 1: object missing .* hole_share"):
+        read_image_rows(folder, read_summary(folder))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
 from legoworld.report.advice import detection_advice
 from legoworld.report.detection_images import DetectionImage, SideImage, _errors
 
@@ -15,6 +16,14 @@ NAMES = {CUP: "cup", TABLE: "table", DINING_TABLE: "dining_table"}
 SIZE = (100, 120)  # height, width
 
 Box = tuple[int, int, int, int]
+
+
+_NO_PAIRS = PairSums(n_gt=0, n_dt=0, iou_sum=0, n_matched=0, n_hits=0, n_quality=0, quality_sum=0)
+ROW = DetectionRow(
+    image_id=1, file_name="1.jpg", status="ok", scored=True, n_truth=0, n_ignored_truth=0,
+    n_predictions=0, n_lost_to_cap=0, n_unverified=0, greedy_50=Outcomes(tp=0, fp=0, ignored=0),
+    class_aware=_NO_PAIRS, class_agnostic=_NO_PAIRS,
+)  # fmt: skip
 
 
 def shaped(task: str, box: Box) -> dict[str, Any]:
@@ -49,7 +58,7 @@ def advice(
         for b, c, outcome in predictions
     )
     side = SideImage(
-        row={"n_unverified": 0, "n_lost_to_cap": 0},
+        row=ROW,
         run_row={"status": "ok"},
         scene=None,
         entries=entries,
@@ -138,7 +147,7 @@ def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
     true = ({**ring, "category_id": CUP, "id": 1},)
     entry = {**shaped("lvis", frame), "category_id": CUP, "score": 1.0, "outcome_50": "fp"}
     side = SideImage(
-        row={"n_unverified": 0, "n_lost_to_cap": 0},
+        row=ROW,
         run_row={"status": "ok"},
         scene=None,
         entries=(entry,),

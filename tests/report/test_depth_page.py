@@ -13,6 +13,8 @@ from report.pages import Tables, document_of, page_of
 
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.view import decoded
+from legoworld.records import base as record
+from legoworld.records.evaluation_view import DepthView
 from legoworld.report.depth_images import NO_DEPTH, depth_view, encoded
 
 NAMES = ("a.png", "b.png", "c.png")
@@ -38,11 +40,14 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_codes_are_within_half_a_step(evaluation: Path) -> None:
-    stored = json.loads((evaluation / "view" / "1.json").read_text())
+    stored = record.decode(DepthView, (evaluation / "view" / "1.json").read_bytes())
     view = depth_view([stored])
     assert view is not None
-    for name, codes in (("truth_z_m", view["truth"]), ("aligned_z_m", view["aligned"][0])):
-        exact = decoded(stored, name)
+    for text, codes in (
+        (stored.truth_z_m, view["truth"]),
+        (stored.aligned_z_m, view["aligned"][0]),
+    ):
+        exact = decoded(text, stored.size_wh)
         shown = decode(codes, view)
         known = np.isfinite(exact)
         assert np.array_equal(known, np.isfinite(shown))
@@ -53,10 +58,11 @@ def test_codes_are_within_half_a_step(evaluation: Path) -> None:
 
 
 def test_one_scale_holds_truth_and_prediction(evaluation: Path) -> None:
-    stored = json.loads((evaluation / "view" / "1.json").read_text())
+    stored = record.decode(DepthView, (evaluation / "view" / "1.json").read_bytes())
     view = depth_view([stored])
     assert view is not None
-    both = np.concatenate([decoded(stored, n).ravel() for n in ("truth_z_m", "aligned_z_m")])
+    texts = (stored.truth_z_m, stored.aligned_z_m)
+    both = np.concatenate([decoded(text, stored.size_wh).ravel() for text in texts])
     low, high = np.percentile(1 / both[np.isfinite(both)].astype(np.float64), (2, 98))
     assert view["near_far_z_m"] == pytest.approx([1 / high, 1 / low])
     assert depth_view([None]) is None

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import ShapeError
+from legoworld.records.evaluation_view import Fit
 
 F64 = NDArray[np.float64]
-FitStatus = Literal["ok", "inverted", "degenerate"]
 
 #: A spread below float32's resolution of the mean is rounding, not information.
 _NO_SPREAD: Final = 2.0**-24
@@ -27,15 +27,6 @@ class Moments:
     mean_y: float = 0.0
     m_xx: float = 0.0
     m_xy: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fit:
-    """aligned disparity = scale * predicted disparity + shift."""
-
-    scale: float
-    shift: float
-    status: FitStatus
 
 
 def moments_of(x: F64, y: F64) -> Moments:

@@ -17,7 +17,6 @@ from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.evaluation.folder import (
     Evaluation,
     InputFile,
-    Row,
     input_file,
     prepare_folder,
     write_evaluation,
@@ -26,6 +25,7 @@ from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
 from legoworld.records.base import as_json
+from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.running.run_folder import ROWS, RUN
 from legoworld.running.tasks import ALONE, Crew
@@ -41,7 +41,7 @@ def evaluate_depth(
     draws: int = 2000,
     seed: int = 0,
     overwrite: bool = False,
-    progress: Callable[[Row], None] | None = None,
+    progress: Callable[[DepthRow], None] | None = None,
     crew: Crew = ALONE,
     origins: Origins = HERE,
 ) -> DepthSummary:
@@ -62,7 +62,7 @@ def evaluate_depth(
     inputs = recorded_inputs(_inputs(depth_run, truth, files), run, origins)
     configuration = _configuration(protocol, settings)
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
-    rows: list[Row] = []
+    rows: list[DepthRow] = []
     views: dict[str, Any] = {"run.json": run_view(depth_run.run)}
     tasks = image_tasks(depth_run.images, files, warped=camera_model == "dataset")
     for task, result in zip(tasks, scored_images(tasks, crew), strict=True):

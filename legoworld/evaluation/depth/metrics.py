@@ -9,9 +9,7 @@ import numpy as np
 
 from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.protocol import DepthProtocol, HolePolicy
-
-#: {metric: {policy: value}}
-Metrics = dict[str, dict[str, float]]
+from legoworld.records.evaluation_rows import Metrics
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.alignment import (
     F64,
-    Fit,
     Moments,
     aligned_z,
     merged,
@@ -19,9 +18,11 @@ from legoworld.evaluation.depth.alignment import (
     solve,
 )
 from legoworld.evaluation.depth.arrays import in_range
-from legoworld.evaluation.depth.metrics import ErrorSums, Metrics, error_sums, metrics_of
+from legoworld.evaluation.depth.metrics import ErrorSums, error_sums, metrics_of
 from legoworld.evaluation.depth.protocol import DepthProtocol
 from legoworld.evaluation.depth.resampling import Sample, Sampled
+from legoworld.records.evaluation_rows import Metrics
+from legoworld.records.evaluation_view import Fit
 
 #: Pixels of a band, about: large enough for numpy, small beside a 6048x4032 picture.
 _BAND_PX: Final = 1 << 18

@@ -17,9 +17,8 @@ from legoworld.evaluation.depth.protocol import (
     DepthProtocol,
     HolePolicy,
 )
-from legoworld.evaluation.depth.rows import SCORED
-from legoworld.evaluation.folder import Row
 from legoworld.records.base import UNSET, UnsetType
+from legoworld.records.evaluation_rows import DepthRow, Metrics, ScoredDepthRow
 from legoworld.records.evaluation_summary import (
     AllAttempted,
     DepthBootstrap,
@@ -43,7 +42,7 @@ class Settings:
 
 
 def summarise(
-    rows: Sequence[Row],
+    rows: Sequence[DepthRow],
     *,
     kind: str,
     partial: bool,
@@ -51,8 +50,8 @@ def summarise(
     settings: Settings,
 ) -> DepthSummary:
     """summary.json. rows: of every attempted image, ascending id."""
-    scored = [row for row in rows if row["status"] in SCORED]
-    with_truth = [row for row in rows if row["status"] != "no_gt"]
+    scored = [row for row in rows if isinstance(row, ScoredDepthRow)]
+    with_truth = [row for row in rows if row.status != "no_gt"]
     bootstrap, intervals = _intervals(with_truth, scored, settings)
     return DepthSummary(
         task="eth3d",
@@ -64,25 +63,30 @@ def summarise(
             attempted=len(rows),
             scored=len(scored),
             with_truth=len(with_truth),
-            by_status=dict(sorted(Counter(row["status"] for row in rows).items())),
+            by_status=dict(sorted(Counter(row.status for row in rows).items())),
             eth3d=_part_of_eth3d(rows),
         ),
-        metrics=_means(scored, "metrics"),
-        constant=_means(scored, "constant"),
+        metrics=_means([row.metrics for row in scored]),
+        constant=_means([row.constant for row in scored]),
         all_attempted=_all_attempted(with_truth, protocol),
         intervals=intervals,
         bootstrap=bootstrap,
-        mean_hole_share=_mean([row["hole_share"] for row in scored]),
-        mean_outside_view_share=_mean([row["outside_view_share"] for row in scored]),
-        mean_clamped_share=_mean([row["clamped_share"] for row in scored]),
-        resampled=sum(row["resampled"] for row in scored),
-        worse_than_constant=sum(bool(row["worse_than_constant"]) for row in scored),
+        mean_hole_share=_mean([row.hole_share for row in scored]),
+        mean_outside_view_share=_mean([row.outside_view_share for row in scored]),
+        mean_clamped_share=_mean([row.clamped_share for row in scored]),
+        resampled=sum(row.resampled for row in scored),
+        worse_than_constant=sum(bool(row.worse_than_constant) for row in scored),
         not_scored=tuple(
-            NotScored(**{k: row[k] for k in ("image_id", "file_name", "status", "reason")})
+            NotScored(
+                image_id=row.image_id,
+                file_name=row.file_name,
+                status=row.status,
+                reason=row.reason,
+            )
             for row in rows
-            if row["status"] not in SCORED
+            if not isinstance(row, ScoredDepthRow)
         ),
-        warnings=sum(len(row["warnings"]) for row in rows),
+        warnings=sum(len(row.warnings) for row in rows),
     )
 
 
@@ -93,9 +97,9 @@ def metric_policies() -> list[tuple[str, HolePolicy]]:
     return pairs + [(metric, "exclude") for metric in EXCLUDE_METRICS]
 
 
-def _part_of_eth3d(rows: Sequence[Row]) -> PartOfEth3d | UnsetType:
+def _part_of_eth3d(rows: Sequence[DepthRow]) -> PartOfEth3d | UnsetType:
     """How much of ETH3D's training set the images are; UNSET where one is of another dataset."""
-    names = {row["file_name"] for row in rows}
+    names = {row.file_name for row in rows}
     whole = {image.file_name for image in training_images()}
     if not names or not names <= whole:
         return UNSET
@@ -105,43 +109,42 @@ def _part_of_eth3d(rows: Sequence[Row]) -> PartOfEth3d | UnsetType:
     )
 
 
-def _means(scored: Sequence[Row], which: str) -> Means:
+def _means(of_images: Sequence[Metrics]) -> Means:
     """Unweighted means of per-image values; None when nothing was scored."""
     means: Means = {}
     for metric, policy in metric_policies():
-        values = [row[which][metric][policy] for row in scored]
-        means.setdefault(metric, {})[policy] = _mean(values)
+        means.setdefault(metric, {})[policy] = _mean([m[metric][policy] for m in of_images])
     return means
 
 
-def _all_attempted(with_truth: Sequence[Row], protocol: DepthProtocol) -> AllAttempted:
+def _all_attempted(with_truth: Sequence[DepthRow], protocol: DepthProtocol) -> AllAttempted:
     """AbsRel over every image with truth; one without a score counts as a whole error."""
     given = protocol.failed_image_abs_rel
     by_policy: dict[str, float | None] = {
         policy: _mean(
             [
-                row["metrics"]["abs_rel"][policy] if row["status"] in SCORED else given
+                row.metrics["abs_rel"][policy] if isinstance(row, ScoredDepthRow) else given
                 for row in with_truth
             ]
         )
         for policy in HOLE_POLICIES
     }
-    missing = sum(row["status"] not in SCORED for row in with_truth)
+    missing = sum(not isinstance(row, ScoredDepthRow) for row in with_truth)
     return AllAttempted(
         abs_rel=by_policy, images=len(with_truth), missing=missing, missing_abs_rel=given
     )
 
 
 def _intervals(
-    with_truth: Sequence[Row], scored: Sequence[Row], settings: Settings
+    with_truth: Sequence[DepthRow], scored: Sequence[ScoredDepthRow], settings: Settings
 ) -> tuple[DepthBootstrap, dict[str, dict[str, Interval]]]:
     """Bootstrap intervals of the means, over the groups of every image with truth.
 
     The groups do not depend on what was scored, so two runs over one track share their draws. One
     group alone says nothing of its spread: its intervals are None.
     """
-    by_scene = bool(with_truth) and all(scene_of(row["file_name"]) for row in with_truth)
-    names = sorted({row["group"] for row in with_truth})
+    by_scene = bool(with_truth) and all(scene_of(row.file_name) for row in with_truth)
+    names = sorted({row.group for row in with_truth})
     bootstrap = DepthBootstrap(
         draws=settings.draws,
         seed=settings.seed,
@@ -153,12 +156,12 @@ def _intervals(
     if len(names) > 1 and scored:
         counts = resample_counts(len(names), settings.draws, settings.seed)
     column = {name: i for i, name in enumerate(names)}
-    group_of_row = np.array([column[row["group"]] for row in scored], np.int64)
+    group_of_row = np.array([column[row.group] for row in scored], np.int64)
     intervals: dict[str, dict[str, Interval]] = {}
     for metric, policy in metric_policies():
         samples = np.full(settings.draws, np.nan)
         if counts is not None:
-            values = np.array([row["metrics"][metric][policy] for row in scored], np.float64)
+            values = np.array([row.metrics[metric][policy] for row in scored], np.float64)
             samples = resampled_means(values, group_of_row, counts)
         intervals.setdefault(metric, {})[policy] = interval(samples, unit=bootstrap.unit)
     return bootstrap, intervals

@@ -15,20 +15,21 @@ from legoworld.evaluation.depth.rows import score_row
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.evaluation.evidence import Check, located
-from legoworld.evaluation.folder import Row
+from legoworld.evaluation.folder import SUMMARY
 from legoworld.evaluation.run import RunImage
-from legoworld.files import canonical_json
 from legoworld.records.base import as_json
+from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
 
 #: Images scored again, spread evenly over the track: a full-size one takes seconds.
 SCORED_AGAIN: Final = 10
 #: Logarithms differ in the last bits between machines.
 _RELATIVE: Final = 1e-9
+_LISTS: Final = (tuple, list)
 
 
 def depth_checks(
-    evidence: dict[str, Any], summary: DepthSummary, rows: Sequence[Row]
+    folder: Path, evidence: dict[str, Any], summary: DepthSummary, rows: Sequence[DepthRow]
 ) -> Iterator[Check]:
     """Means, intervals and counts of the summary against those that follow from the rows."""
     again = summarise(
@@ -38,9 +39,10 @@ def depth_checks(
         protocol=depth_protocol(),
         settings=_settings(summary),
     )
-    found, recorded = as_json(again), as_json(summary)
-    for key in sorted(found):
-        yield _agreement(f"{key} from the rows", found[key], recorded[key])
+    # All that the file says: a key that no reader knows follows from no row.
+    found, recorded = as_json(again), json.loads((folder / SUMMARY).read_bytes())
+    for key in sorted({*found, *recorded}):
+        yield _agreement(f"{key} from the rows", found.get(key), recorded.get(key))
     yield _agreement("metrics in the evidence", evidence.get("metrics"), summary.metrics)
 
 
@@ -48,7 +50,7 @@ def depth_rows(
     folder: Path,
     evidence: dict[str, Any],
     summary: DepthSummary,
-    rows: Sequence[Row],
+    rows: Sequence[DepthRow],
     root: Path | None,
 ) -> Iterator[Check]:
     """Rows of up to `SCORED_AGAIN` images, scored again from run and truth, which are all there."""
@@ -59,11 +61,11 @@ def depth_rows(
     protocol, warped = depth_protocol(), summary.protocol.camera_model == "dataset"
     run = read_depth_run(_known(paths["run"][0]).parent)
     files = _truth_files(_known(paths["truth"][0]), [image.image for image in run.images])
-    recorded = {row["image_id"]: row for row in rows}
+    recorded = {row.image_id: as_json(row) for row in rows}
     step = max(1, math.ceil(len(run.images) / SCORED_AGAIN))
     for image, file in list(zip(run.images, files, strict=True))[::step]:
         row = score_row(image, file, file.camera if warped else None, protocol).row
-        again = json.loads(canonical_json(row))
+        again = as_json(row)
         yield _agreement(f"row of image {image.image.id}", again, recorded.get(image.image.id))
 
 
@@ -108,7 +110,7 @@ def _first_difference(found: Any, recorded: Any, place: str) -> str | None:
         if found.keys() != recorded.keys():
             return f"{place} keys {sorted(found.keys() ^ recorded.keys())}"
         pairs = [(found[k], recorded[k], f"{place} {k}") for k in sorted(found)]
-    elif isinstance(found, list) and isinstance(recorded, list) and len(found) == len(recorded):
+    elif isinstance(found, _LISTS) and isinstance(recorded, _LISTS) and len(found) == len(recorded):
         pairs = [
             (a, b, f"{place} {i}") for i, (a, b) in enumerate(zip(found, recorded, strict=True))
         ]

@@ -8,15 +8,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.alignment import Fit, aligned_z
+from legoworld.evaluation.depth.alignment import aligned_z
 from legoworld.evaluation.depth.resampling import Sample
 from legoworld.evaluation.depth.scoring import valid_truth
+from legoworld.records.evaluation_view import DepthView, Fit
 
 LONGEST_SIDE: Final = 256
 
 
-def small_view(truth_z_m: NDArray[Any], sample: Sample, fit: Fit, deepest_z_m: float) -> Any:
-    """The JSON value of one image's view.
+def small_view(truth_z_m: NDArray[Any], sample: Sample, fit: Fit, deepest_z_m: float) -> DepthView:
+    """One image's view.
 
     The picture is cut into at most 256 blocks a side. A block shows its first pixel, in row order,
     that has valid truth, else its middle pixel: truth and prediction are always of the same pixel.
@@ -31,18 +32,18 @@ def small_view(truth_z_m: NDArray[Any], sample: Sample, fit: Fit, deepest_z_m: f
     true_z_m = np.where(valid_truth(true_z_m), true_z_m, np.inf)
     sampled = sample(rows, cols)
     z_m, _ = aligned_z(sampled.disparity, fit, 1.0 / deepest_z_m)
-    return {
-        "size_wh": [view_w, view_h],
-        "image_wh": [width, height],
-        "truth_z_m": _base64(true_z_m),
-        "aligned_z_m": _base64(np.where(sampled.predicted, z_m, np.inf)),
-    }
+    return DepthView(
+        size_wh=(view_w, view_h),
+        image_wh=(width, height),
+        truth_z_m=_base64(true_z_m),
+        aligned_z_m=_base64(np.where(sampled.predicted, z_m, np.inf)),
+        fit=fit,
+    )
 
 
-def decoded(view: Any, name: str) -> NDArray[np.float32]:
+def decoded(text: str, size_wh: tuple[int, int]) -> NDArray[np.float32]:
     """An array of a view, (height, width) float32."""
-    width, height = view["size_wh"]
-    return np.frombuffer(base64.b64decode(view[name]), "<f4").reshape(height, width)
+    return np.frombuffer(base64.b64decode(text), "<f4").reshape(size_wh[::-1])
 
 
 def _pixels_shown(

@@ -29,7 +29,8 @@ from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.depth.view import decoded
 from legoworld.evaluation.run import RunUnusableError
-from legoworld.records.base import as_json
+from legoworld.records.base import as_json, decode
+from legoworld.records.evaluation_view import DepthView
 
 SIZE = (32, 20)
 
@@ -320,9 +321,9 @@ def test_the_view_shows_real_pixels(tmp_path: Path) -> None:
     prediction = plane((700, 300))
     prediction[:, 350:] = np.inf
     score(tmp_path, {"a.jpg": prediction}, {"a.jpg": truth})
-    view = json.loads((tmp_path / "evaluation/view/1.json").read_text())
-    shown, aligned = decoded(view, "truth_z_m"), decoded(view, "aligned_z_m")
-    assert view["size_wh"] == [256, 109]
+    view = decode(DepthView, (tmp_path / "evaluation/view/1.json").read_bytes())
+    shown, aligned = (decoded(a, view.size_wh) for a in (view.truth_z_m, view.aligned_z_m))
+    assert view.size_wh == (256, 109)
     assert shown.shape == (109, 256)
     valid = np.isfinite(shown)
     assert np.isin(shown[valid], truth.astype(np.float32)).all()
@@ -336,8 +337,8 @@ def test_the_view_shows_real_pixels(tmp_path: Path) -> None:
 def test_a_small_picture_is_shown_whole(tmp_path: Path) -> None:
     z = plane(SIZE)
     score(tmp_path, {"a.jpg": z}, {"a.jpg": z})
-    view = json.loads((tmp_path / "evaluation/view/1.json").read_text())
-    assert np.array_equal(decoded(view, "truth_z_m"), z.astype(np.float32))
+    view = decode(DepthView, (tmp_path / "evaluation/view/1.json").read_bytes())
+    assert np.array_equal(decoded(view.truth_z_m, view.size_wh), z.astype(np.float32))
 
 
 def test_coverage_says_how_much_of_eth3d_was_attempted(

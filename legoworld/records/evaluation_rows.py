@@ -1,0 +1,137 @@
+"""per_image.jsonl and per_category.jsonl of an evaluation."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, decode_lines
+
+#: Depth: statuses of images that have numbers; every other status has none.
+SCORED: Final = ("ok", "inverted", "degenerate")
+#: Depth: metric -> hole policy -> value.
+Metrics = dict[str, dict[str, float]]
+
+
+class ImageRow(Record, frozen=True, kw_only=True):
+    """One image of an evaluation. status: ok, or why there is nothing to score."""
+
+    image_id: int
+    file_name: str
+    status: str
+
+
+class Outcomes(Record, frozen=True, kw_only=True):
+    """What became of predictions at IoU 0.5."""
+
+    tp: int
+    fp: int
+    ignored: int
+
+
+class PairSums(Record, frozen=True, kw_only=True):
+    """Sums over one-to-one pairs of an image; quality: pairs above IoU 0.5."""
+
+    n_gt: int
+    n_dt: int
+    iou_sum: float
+    n_matched: int
+    n_hits: int
+    n_quality: int
+    quality_sum: float
+    n_hits_right_label: int | UnsetType = UNSET
+
+
+class DetectionRow(ImageRow, frozen=True, kw_only=True):
+    """One image of boxes or masks."""
+
+    scored: bool
+    n_truth: int
+    n_ignored_truth: int
+    n_predictions: int
+    n_lost_to_cap: int
+    n_unverified: int
+    greedy_50: Outcomes
+    class_aware: PairSums
+    class_agnostic: PairSums
+
+
+class CategoryRow(Record, frozen=True, kw_only=True):
+    """One category that has truth or predictions; None where a number is undefined."""
+
+    category_id: int
+    name: str
+    n_truth: int
+    n_images: int
+    n_predictions: int
+    AP: float | None
+    AP50: float | None
+    AP75: float | None
+    AR: float | None
+    greedy_50: Outcomes
+    miou_gt: float | None
+    frequency: str | UnsetType = UNSET
+
+
+class DepthRow(ImageRow, frozen=True, kw_only=True):
+    """One image of depth, scored or not.
+
+    group: what is drawn with it, its scene or itself. run_status: the run's own. Sizes are (width,
+    height); shares are of the valid truth. What is known of the prediction alone comes with one
+    that could be read, though too few of its pixels may be left to score.
+    """
+
+    group: str
+    code: str | None
+    reason: str | None
+    run_status: str
+    truth_wh: tuple[int, int]
+    n_valid: int
+    truth_inf_px: int
+    truth_nan_px: int
+    truth_non_positive_px: int
+    warnings: tuple[str, ...]
+    prediction_wh: tuple[int, int] | UnsetType = UNSET
+    space: str | UnsetType = UNSET
+    unit: str | UnsetType = UNSET
+    resampled: bool | UnsetType = UNSET
+    warped: bool | UnsetType = UNSET
+    n_predicted: int | UnsetType = UNSET
+    hole_share: float | UnsetType = UNSET
+    outside_view_share: float | UnsetType = UNSET
+
+
+class ScoredDepthRow(DepthRow, frozen=True, kw_only=True):
+    """One image of depth with its numbers.
+
+    s, t: aligned disparity = s * predicted + t. worse_than_constant: the hole policies under which
+    AbsRel is above that of `constant`, which knows nothing of the picture.
+    """
+
+    prediction_wh: tuple[int, int]
+    space: str
+    unit: str
+    resampled: bool
+    warped: bool
+    n_predicted: int
+    hole_share: float
+    outside_view_share: float
+    s: float
+    t: float
+    clamped_share: float
+    deepest_truth_z_m: float
+    metrics: Metrics
+    constant: Metrics
+    worse_than_constant: tuple[str, ...]
+
+
+def depth_rows(data: bytes) -> list[DepthRow]:
+    """The lines of a depth evaluation's per_image.jsonl. RecordError."""
+    rows = decode_lines(DepthRow, data)
+    lines = [line for line in data.split(b"\n") if line.strip()]
+    for k, line in enumerate(lines):
+        if rows[k].status in SCORED:
+            try:
+                rows[k] = decode(ScoredDepthRow, line)
+            except RecordError as error:
+                raise RecordError(f"image {rows[k].image_id}: {error}") from error
+    return rows
