@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from legoworld.comparison.pairing import is_scored
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.evaluation_rows import ScoredDepthRow
 from legoworld.wording import counted
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
@@ -128,7 +128,7 @@ def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:
     for scene, baseline in ((first, other), (other, first)):
         if scene.max_side is None:
             continue
-        full = [r for r in baseline.depth_rows if r.resampled is False and is_scored(r)]
+        full = [r for r in baseline.rows if isinstance(r, ScoredDepthRow) and not r.resampled]
         if full:
             images = counted(len(full), "image", "images")
             return [f"depth {_size(scene)} and {images} of full size"]

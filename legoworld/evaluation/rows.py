@@ -69,7 +69,7 @@ def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
     rows = []
     for k in np.flatnonzero((n_truths > 0) | (n_predictions > 0)):
         category = by_id[int(table.category_ids[k])]
-        ap, ap50, ap75 = (number(value) for value in precision[k])
+        ap, ap50, ap75 = (number(float(value)) for value in precision[k])
         rows.append(
             CategoryRow(
                 category_id=category["id"],
@@ -80,7 +80,7 @@ def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
                 AP=ap,
                 AP50=ap50,
                 AP75=ap75,
-                AR=number(recall[k]),
+                AR=number(float(recall[k])),
                 greedy_50=outcomes[k],
                 miou_gt=number(iou_sum[k] / n_truths[k]) if n_truths[k] else None,
                 frequency=category.get("frequency", UNSET),

@@ -72,12 +72,10 @@ class CategoryRow(Record, frozen=True, kw_only=True):
     frequency: str | UnsetType = UNSET
 
 
-class DepthRow(ImageRow, frozen=True, kw_only=True):
-    """One image of depth, scored or not.
+class DepthTruthRow(ImageRow, frozen=True, kw_only=True):
+    """One image of depth: its verdict and its truth.
 
-    group: what is drawn with it, its scene or itself. run_status: the run's own. Sizes are (width,
-    height); shares are of the valid truth. What is known of the prediction alone comes with one
-    that could be read, though too few of its pixels may be left to score.
+    group: what is drawn with it, its scene or itself. run_status: the run's own.
     """
 
     group: str
@@ -90,6 +88,11 @@ class DepthRow(ImageRow, frozen=True, kw_only=True):
     truth_nan_px: int
     truth_non_positive_px: int
     warnings: tuple[str, ...]
+
+
+class UnscoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
+    """One image of depth without numbers, with what is known of a prediction that could be read."""
+
     prediction_wh: tuple[int, int] | UnsetType = UNSET
     space: str | UnsetType = UNSET
     unit: str | UnsetType = UNSET
@@ -100,8 +103,8 @@ class DepthRow(ImageRow, frozen=True, kw_only=True):
     outside_view_share: float | UnsetType = UNSET
 
 
-class ScoredDepthRow(DepthRow, frozen=True, kw_only=True):
-    """One image of depth with its numbers.
+class ScoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
+    """One image of depth with its numbers; shares are of the valid truth.
 
     s, t: aligned disparity = s * predicted + t. worse_than_constant: the hole policies under which
     AbsRel is above that of `constant`, which knows nothing of the picture.
@@ -124,14 +127,16 @@ class ScoredDepthRow(DepthRow, frozen=True, kw_only=True):
     worse_than_constant: tuple[str, ...]
 
 
+DepthRow = UnscoredDepthRow | ScoredDepthRow
+
+
 def depth_rows(data: bytes) -> list[DepthRow]:
     """The lines of a depth evaluation's per_image.jsonl. RecordError."""
-    rows = decode_lines(DepthRow, data)
     lines = [line for line in data.split(b"\n") if line.strip()]
-    for k, line in enumerate(lines):
-        if rows[k].status in SCORED:
-            try:
-                rows[k] = decode(ScoredDepthRow, line)
-            except RecordError as error:
-                raise RecordError(f"image {rows[k].image_id}: {error}") from error
+    rows: list[DepthRow] = []
+    for row, line in zip(decode_lines(UnscoredDepthRow, data), lines, strict=True):
+        try:
+            rows.append(decode(ScoredDepthRow, line) if row.status in SCORED else row)
+        except RecordError as error:
+            raise RecordError(f"image {row.image_id}: {error}") from error
     return rows

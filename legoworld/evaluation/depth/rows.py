@@ -21,7 +21,7 @@ from legoworld.evaluation.depth.resampling import Sample, check_size, sampler
 from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
 from legoworld.evaluation.depth.truth import DepthTruth, TruthFile, load_truth
 from legoworld.evaluation.depth.view import small_view
-from legoworld.records.evaluation_rows import DepthRow, Metrics, ScoredDepthRow
+from legoworld.records.evaluation_rows import DepthRow, Metrics, ScoredDepthRow, UnscoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 
 #: What a flagged fit may mean. A disparity labelled as depth can score well: only its sign tells.
@@ -69,7 +69,7 @@ def score_row(
 
 
 def _predicted_row(
-    truth_row: DepthRow,
+    truth_row: UnscoredDepthRow,
     image: DepthImage,
     truth: DepthTruth,
     camera: Camera | None,
@@ -89,7 +89,7 @@ def _predicted_row(
     return _scored(row, truth, sample, score_image(truth.z_m, sample, protocol), protocol)
 
 
-def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> DepthRow:
+def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> UnscoredDepthRow:
     step = max(1, (1 << 20) // truth.size_wh[0])
     starts = range(0, truth.size_wh[1], step)
     n_valid = sum(int(valid_truth(truth.z_m[i : i + step]).sum()) for i in starts)
@@ -100,7 +100,7 @@ def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> DepthRo
         warnings.append(
             f"invalid truth left out: {truth.nan_px} NaN, {truth.non_positive_px} not positive"
         )
-    return DepthRow(
+    return UnscoredDepthRow(
         image_id=image.image.id,
         file_name=image.image.file_name,
         group=scene_of(image.image.file_name) or image.image.file_name,
@@ -118,7 +118,11 @@ def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> DepthRo
 
 
 def _scored(
-    row: DepthRow, truth: DepthTruth, sample: Sample, score: ImageScore, protocol: DepthProtocol
+    row: UnscoredDepthRow,
+    truth: DepthTruth,
+    sample: Sample,
+    score: ImageScore,
+    protocol: DepthProtocol,
 ) -> ImageResult:
     counts = score.counts
     row = replace(
