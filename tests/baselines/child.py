@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import pytest
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
@@ -110,6 +111,25 @@ def ask(name: str | Path, request: dict[str, Any]) -> Said:
             code = process.wait()
         log.seek(0)
         return Said(lines=lines, exit_code=code, log=log.read())
+
+
+def ask_here(name: str, request: dict[str, Any]) -> Said:
+    """What the process would say, by the same load and predict in this one: no import anew."""
+    run = program(name)
+    model, provenance = run.load(request)
+    answers = [{"image_id": i["image_id"]} | run.predict(model, i) for i in request["images"]]
+    lines = [{"provenance": provenance}, *answers, {"done": True}]
+    return Said(lines=json.loads(json.dumps(lines)), exit_code=0, log="")
+
+
+def refusal(name: str, request: dict[str, Any]) -> dict[str, str]:
+    """The words of a baseline's refusal, in this process: what `Said.refused` is of another one."""
+    from legoworld_baseline import Refused
+
+    with pytest.raises(Refused) as caught:
+        program(name).load(request)
+    words: dict[str, str] = caught.value.reason
+    return words
 
 
 def defaults(name: str) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from baselines.child import ask, defaults, importable, program, request, some_photo
+from baselines.child import ask, defaults, importable, program, refusal, request, some_photo
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -209,9 +209,9 @@ def test_a_semantic_head_of_the_same_type_is_refused(tmp_path, photo):
     config = dpt_config()
     transformers.DPTForSemanticSegmentation(config).save_pretrained(tmp_path / "model")
     transformers.DPTImageProcessorPil(**square(32)).save_pretrained(tmp_path / "model")
-    said = ask("hf-depth", depth_request(tmp_path / "model", tmp_path / "run", photo))
-    assert "head" in said.refused["found"]
-    assert "does not fill" in said.refused["message"]
+    words = refusal("hf-depth", depth_request(tmp_path / "model", tmp_path / "run", photo))
+    assert "head" in words["found"]
+    assert "does not fill" in words["message"]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from baselines.child import ask, defaults, importable, program, request, some_photo, spread
+from baselines.child import ask, defaults, importable, program, refusal, request, some_photo, spread
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -327,10 +327,10 @@ def test_a_semantic_head_is_refused(tmp_path, photo):
         depths=[1, 1, 1, 1], hidden_sizes=[8, 8, 16, 16], decoder_hidden_size=16
     )
     transformers.SegformerForSemanticSegmentation(config).save_pretrained(tmp_path)
-    said = ask("hf-segmenter", segment_request("lvis", tmp_path, photo))
-    assert "no instances" in said.refused["message"]
-    assert "segformer" in said.refused["found"]
-    assert "baseline import" in said.refused["next_step"]
+    words = refusal("hf-segmenter", segment_request("lvis", tmp_path, photo))
+    assert "no instances" in words["message"]
+    assert "segformer" in words["found"]
+    assert "baseline import" in words["next_step"]
 
 
 @pytest.mark.parametrize(

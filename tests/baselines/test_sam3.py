@@ -7,7 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
-from baselines.child import ROOT, ask, defaults, importable, program, request
+from baselines.child import ROOT, ask, ask_here, defaults, importable, program, refusal, request
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -297,7 +297,7 @@ def test_end_to_end(everything, photo):
 def test_end_to_end_on_a_real_photo(checkpoint, tmp_path, real_data):
     photo = real_data / "coco/val2017/000000000139.jpg"
     options = {"per_image": 12, "prompts_at_once": 2}
-    check(ask("sam3", lvis_request(checkpoint, tmp_path, [photo], options)), photo, 12)
+    check(ask_here("sam3", lvis_request(checkpoint, tmp_path, [photo], options)), photo, 12)
 
 
 def test_coco_masks_are_the_same_masks(everything, checkpoint, tmp_path, photo):
@@ -328,7 +328,7 @@ def test_prompts_of_an_image_give_the_same_masks_for_their_categories(
     everything, checkpoint, tmp_path, photo
 ):
     prompts = {"1": [20, 3], "2": []}
-    some = ask("sam3", lvis_request(checkpoint, tmp_path, [photo, photo], prompts=prompts))
+    some = ask_here("sam3", lvis_request(checkpoint, tmp_path, [photo, photo], prompts=prompts))
     assert some.provenance["prompts"]["asked"] == "per_image"
     assert some.results[1]["counts"]["prompts"] == 2
     assert some.results[2]["predictions"] == []
@@ -348,7 +348,7 @@ def test_the_published_layout_gives_the_same_masks(everything, checkpoint, tmp_p
     config = json.loads((checkpoint / "config.json").read_text())
     outer = {"model_type": "sam3_video", "architectures": ["Sam3VideoModel"]}
     (folder / "config.json").write_text(json.dumps({**outer, "detector_config": config}))
-    said = ask("sam3", lvis_request(folder, tmp_path, [photo]))
+    said = ask_here("sam3", lvis_request(folder, tmp_path, [photo]))
     assert said.results[1]["predictions"] == everything.results[1]["predictions"]
 
 
@@ -377,8 +377,8 @@ def changed(checkpoint, tmp_path, change):
 
 def test_a_checkpoint_with_a_missing_parameter_is_refused(checkpoint, tmp_path, photo):
     folder = changed(checkpoint, tmp_path, without_a_projection)
-    said = ask("sam3", lvis_request(folder, tmp_path, [photo]))
-    assert "text_projection.weight" in said.refused["found"]
+    words = refusal("sam3", lvis_request(folder, tmp_path, [photo]))
+    assert "text_projection.weight" in words["found"]
 
 
 @pytest.mark.parametrize(
@@ -393,9 +393,9 @@ def test_another_model_or_preprocessing_is_refused(checkpoint, tmp_path, file, c
     folder = tmp_path / "other"
     shutil.copytree(checkpoint, folder)
     (folder / file).write_text(json.dumps(content))
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused) as caught:
         sam3_loading.load_network(folder, "cpu")
-    assert found in refusal.value.reason["found"]
+    assert found in caught.value.reason["found"]
 
 
 def test_names_longer_than_the_text_encoder_reads_are_refused(checkpoint):
@@ -416,4 +416,4 @@ def test_names_longer_than_the_text_encoder_reads_are_refused(checkpoint):
 )
 def test_what_was_asked_wrongly_is_refused(checkpoint, tmp_path, photo, more, found):
     asked = {**lvis_request(checkpoint, tmp_path, [photo]), **more}
-    assert found in ask("sam3", asked).refused["found"]
+    assert found in refusal("sam3", asked)["found"]
