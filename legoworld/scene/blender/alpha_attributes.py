@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.blender.meshes import Triangles
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError
+
+if TYPE_CHECKING:
+    import bpy
 
 #: Rec. 709 weights by which Cycles turns a colour into a value.
 LUMINANCE_RGB: Final = (0.2126, 0.7152, 0.0722)
@@ -80,7 +83,7 @@ def attribute_source(source: Feed) -> AttributeSource:
 
 
 def corner_values(
-    mesh: Any, shown: Any, source: AttributeSource, triangles: Triangles
+    mesh: bpy.types.Mesh, shown: bpy.types.Object, source: AttributeSource, triangles: Triangles
 ) -> NDArray[np.float64]:
     """(T, 3) values at the triangles' corners; Cycles interpolates linearly between them.
 
@@ -108,7 +111,7 @@ def corner_values(
     return weights
 
 
-def _stored(attribute: Any, source: AttributeSource) -> NDArray[np.float64]:
+def _stored(attribute: bpy.types.Attribute, source: AttributeSource) -> NDArray[np.float64]:
     """(N, 4) values: x, y, z and alpha, which is 1 where the type has none."""
     if attribute.data_type not in _STORED:
         kind = attribute.data_type.lower().replace("_", " ")
@@ -138,7 +141,9 @@ def _channel(xyzw: NDArray[np.float64], channel: Channel) -> NDArray[np.float64]
     return np.asarray(xyzw[:, :3] @ np.array(weights), np.float64)
 
 
-def _elements(mesh: Any, attribute: Any, triangles: Triangles) -> NDArray[np.int32]:
+def _elements(
+    mesh: bpy.types.Mesh, attribute: bpy.types.Attribute, triangles: Triangles
+) -> NDArray[np.int32]:
     """(T, 3), the attribute's element at each corner of each triangle."""
     if attribute.domain == "POINT":
         return triangles.vertices
@@ -153,7 +158,7 @@ def _elements(mesh: Any, attribute: Any, triangles: Triangles) -> NDArray[np.int
     raise UnreadableAlphaError(f"alpha comes from an attribute of every {attribute.domain.lower()}")
 
 
-def _weights(mesh: Any, group: int) -> NDArray[np.float64]:
+def _weights(mesh: bpy.types.Mesh, group: int) -> NDArray[np.float64]:
     """(V,) weights of a vertex group, 0 for vertices outside it."""
     weights = np.zeros(len(mesh.vertices))
     for i, vertex in enumerate(mesh.vertices):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError
 from legoworld.scene.snapshot import Interpolation, Wrap
+
+if TYPE_CHECKING:
+    import bpy
 
 Affine2 = tuple[float, float, float, float, float, float]
 """u' = a*u + b*v + c, v' = d*u + e*v + f, as (a, b, c, d, e, f)."""
@@ -59,7 +62,9 @@ def image_source(source: Feed) -> ImageSource:
     )
 
 
-def _channel(node: Any, image: Any, output: Any) -> Literal["alpha", "luminance", "premultiplied"]:
+def _channel(
+    node: bpy.types.Node, image: bpy.types.Image, output: bpy.types.NodeSocket
+) -> Literal["alpha", "luminance", "premultiplied"]:
     """Cycles multiplies colour by alpha unless the node's Alpha output is in use, too."""
     if output.name == "Alpha":
         return "alpha"

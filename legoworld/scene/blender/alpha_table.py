@@ -68,7 +68,7 @@ class AlphaTable:
     _by_material: dict[int, int] = field(default_factory=dict)
     _values: dict[ImageSource, NDArray[np.float32] | None] = field(default_factory=dict)
 
-    def index(self, material: Any, warnings: set[str]) -> int:
+    def index(self, material: bpy.types.Material, warnings: set[str]) -> int:
         """The number of a material's rule; warnings grow by what could not be read."""
         if material is None:
             return _OPAQUE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from legoworld.scene.blender.alpha_attributes import (
     LUMINANCE_RGB,
@@ -14,6 +14,9 @@ from legoworld.scene.blender.alpha_attributes import (
 )
 from legoworld.scene.blender.alpha_images import ImageSource, image_source
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError
+
+if TYPE_CHECKING:
+    import bpy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,7 +216,7 @@ def _ramp(source: Feed) -> Value:
     return lifted(at, read_value(source.input("Fac" if "Fac" in source.node.inputs else "Factor")))
 
 
-def _described(node: Any) -> str:
+def _described(node: bpy.types.Node) -> str:
     if node.type == "MATH":
         return f"Math ({node.operation.lower().replace('_', ' ')})"
     return str(node.bl_label)

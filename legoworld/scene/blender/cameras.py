@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from typing import TYPE_CHECKING, cast
 
 from legoworld.conventions import CV_FROM_BLENDER_CAMERA
 from legoworld.errors import NoCameraError, NonFiniteGeometryError, UnsupportedCameraError
 from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
 
+if TYPE_CHECKING:
+    import bpy
+    import mathutils
+
 _Pose = tuple[tuple[float, float, float, float], ...]
 
 
-def refuse_missing_camera(scene: Any) -> None:
+def refuse_missing_camera(scene: bpy.types.Scene) -> None:
     """Raises NoCameraError when no object is the scene's camera and no marker brings one."""
     if scene.camera is not None or any(m.camera for m in scene.timeline_markers):
         return
@@ -27,7 +31,7 @@ def refuse_missing_camera(scene: Any) -> None:
     )
 
 
-def scene_camera(scene: Any) -> SceneCamera:
+def scene_camera(scene: bpy.types.Scene) -> SceneCamera:
     """The camera a render of an evaluated scene uses.
 
     Raises NoCameraError, UnsupportedCameraError or NonFiniteGeometryError.
@@ -98,7 +102,7 @@ def _refuse_broken(name: str, kind: str, numbers: dict[str, float], pose: _Pose)
         )
 
 
-def _pose(world_from_object: Any) -> _Pose:
+def _pose(world_from_object: mathutils.Matrix) -> _Pose:
     """The camera's pose in OpenCV axes.
 
     The scale of each axis is removed, as a Blender render removes it; axes that are not at right

@@ -10,10 +10,13 @@ the check fails, the slow way is taken; the numbers are the same.
 from __future__ import annotations
 
 import ctypes
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import bpy
 
 _TRIANGLE_BYTES: Final = 3 * 4
 
@@ -24,7 +27,7 @@ class _Trust:
     verdict: bool | None = None
 
 
-def triangle_corners(mesh: Any) -> NDArray[np.int32]:
+def triangle_corners(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """(T, 3) int32 face corners of a mesh whose loop triangles have been calculated."""
     if not len(mesh.loop_triangles):
         return np.empty((0, 3), np.int32)
@@ -37,7 +40,7 @@ def triangle_corners(mesh: Any) -> NDArray[np.int32]:
     return asked
 
 
-def _from_memory(mesh: Any) -> NDArray[np.int32] | None:
+def _from_memory(mesh: bpy.types.Mesh) -> NDArray[np.int32] | None:
     """A copy of the array behind the loop triangles; None where it does not lie as expected."""
     entries = mesh.loop_triangles
     n_triangles = len(entries)
@@ -52,7 +55,7 @@ def _from_memory(mesh: Any) -> NDArray[np.int32] | None:
     return corners
 
 
-def _asked_one_by_one(mesh: Any) -> NDArray[np.int32]:
+def _asked_one_by_one(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     corners = np.empty((len(mesh.loop_triangles), 3), np.int32)
     mesh.loop_triangles.foreach_get("loops", corners.ravel())
     return corners

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from legoworld.scene.blender.meshes import MeshCuts, Triangles, corner_uv, trans
 from legoworld.scene.blender.shader_links import UnreadableAlphaError
 from legoworld.scene.snapshot import Sides
 
+if TYPE_CHECKING:
+    import bpy
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Piece:
@@ -43,8 +46,8 @@ class _Piece:
 class MeshCutter:
     """Applies alpha rules to one mesh. shown: the evaluated object that shows it."""
 
-    mesh: Any
-    shown: Any
+    mesh: bpy.types.Mesh
+    shown: bpy.types.Object
     alphas: AlphaTable
     warnings: set[str]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import bpy
 
@@ -36,7 +36,7 @@ def dependencies(blend: Path) -> list[str]:
     return sorted(found)
 
 
-def library_path(library: Any) -> Path:
+def library_path(library: bpy.types.Library) -> Path:
     """Where a linked library's file is; its own path may be relative to the library it is in."""
     return Path(bpy.path.abspath(library.filepath, library=library.parent))
 
@@ -63,7 +63,7 @@ def _cache_folders(blend: Path) -> list[Path]:
     return sorted(folder for folder in folders if folder.is_dir())
 
 
-def _cache_settings(modifier: Any) -> list[str]:
+def _cache_settings(modifier: bpy.types.Modifier) -> list[str]:
     if modifier.type == "NODES" and modifier.bake_directory:
         return [modifier.bake_directory]
     if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
@@ -71,5 +71,5 @@ def _cache_settings(modifier: Any) -> list[str]:
     return []
 
 
-def _absolute(directory: str, block: Any) -> Path:
+def _absolute(directory: str, block: bpy.types.ID) -> Path:
     return Path(bpy.path.abspath(directory, library=block.library))

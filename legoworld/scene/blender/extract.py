@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from legoworld.scene.blender.placements import resolve_placements
 from legoworld.scene.blender.render_state import rendered_view_layer, visit_render_state
 from legoworld.scene.blender.tree import scene_tree
 from legoworld.scene.snapshot import Cutout, RenderSettings, SceneCamera, Snapshot
+
+if TYPE_CHECKING:
+    import bpy
 
 
 def snapshot_of_blend(path: Path) -> Snapshot:
@@ -34,7 +37,7 @@ def snapshot_of_blend(path: Path) -> Snapshot:
     refuse_missing_camera(scene)
     copied: list[tuple[Walk, SceneCamera]] = []
 
-    def copy(graph: Any) -> None:
+    def copy(graph: bpy.types.Depsgraph) -> None:
         seen_by = scene_camera(graph.scene_eval)
         copied.append((walk(graph, seen_by), seen_by))
 
@@ -44,7 +47,11 @@ def snapshot_of_blend(path: Path) -> Snapshot:
 
 
 def _assemble(
-    walked: Walk, camera: SceneCamera, render: RenderSettings, scene: Any, warnings: list[str]
+    walked: Walk,
+    camera: SceneCamera,
+    render: RenderSettings,
+    scene: bpy.types.Scene,
+    warnings: list[str],
 ) -> Snapshot:
     if not walked.meshes:
         raise NoMeshError(
@@ -112,7 +119,7 @@ def _cutout(cut: Cut) -> Cutout:
     )
 
 
-def _render_settings(scene: Any) -> RenderSettings:
+def _render_settings(scene: bpy.types.Scene) -> RenderSettings:
     render, units = scene.render, scene.unit_settings
     return RenderSettings(
         resolution_x=render.resolution_x,

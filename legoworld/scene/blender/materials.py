@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from legoworld.scene.blender.alpha_values import (
     read_value,
 )
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError, feed
+
+if TYPE_CHECKING:
+    import bpy
 
 #: Steps of 0..1 in which alpha is searched for its cut; a picture has 255.
 _GRID: Final = 255 * 4
@@ -71,7 +74,7 @@ class SidedAlpha:
 AlphaRule = OneSided | SidedAlpha
 
 
-def material_rule(material: Any) -> tuple[AlphaRule, list[str]]:
+def material_rule(material: bpy.types.Material) -> tuple[AlphaRule, list[str]]:
     """Where a material's surface is there, and warnings for what could not be read."""
     if material is None or material.node_tree is None:
         return "there", []
@@ -94,7 +97,7 @@ def material_rule(material: Any) -> tuple[AlphaRule, list[str]]:
         return "there", warnings
 
 
-def image_value(image: Any, source: ImageSource) -> NDArray[np.float32] | None:
+def image_value(image: bpy.types.Image, source: ImageSource) -> NDArray[np.float32] | None:
     """(H, W) float32 of one channel, top row first; None when the image has no pixels."""
     width, height = image.size
     if width == 0 or height == 0:

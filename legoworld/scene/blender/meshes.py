@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.blender.corner_triangles import triangle_corners
+
+if TYPE_CHECKING:
+    import bpy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +55,7 @@ class CopiedMesh:
     cuts: MeshCuts | None
 
 
-def mesh_vertices(mesh: Any) -> NDArray[np.float32]:
+def mesh_vertices(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     """(V, 3) float32 positions of an evaluated bpy.types.Mesh, in its own frame."""
     vertices = np.empty((len(mesh.vertices), 3), np.float32)
     if len(vertices):
@@ -60,7 +63,7 @@ def mesh_vertices(mesh: Any) -> NDArray[np.float32]:
     return vertices
 
 
-def mesh_triangles(mesh: Any) -> Triangles:
+def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     """The triangles of an evaluated bpy.types.Mesh; n-gons are divided as Blender draws them."""
     n_corners = len(mesh.loops)
     corner_vertex = np.empty(n_corners, np.int32)
@@ -73,7 +76,7 @@ def mesh_triangles(mesh: Any) -> Triangles:
     return Triangles(vertices=corner_vertex.take(corners), corners=corners)
 
 
-def triangle_materials(mesh: Any) -> NDArray[np.int32]:
+def triangle_materials(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """(T,) int32, the material slot of each triangle, in the order of `mesh_triangles`."""
     material = np.zeros(len(mesh.polygons), np.int32)
     attribute = mesh.attributes.get("material_index")
@@ -89,7 +92,7 @@ def triangle_materials(mesh: Any) -> NDArray[np.int32]:
 
 
 def corner_uv(
-    mesh: Any, name: str | None, corners: NDArray[np.int32]
+    mesh: bpy.types.Mesh, name: str | None, corners: NDArray[np.int32]
 ) -> NDArray[np.float32] | None:
     """(T, 3, 2) float32 texture coordinates of a UV map; None when the mesh does not have it.
 
@@ -117,5 +120,5 @@ def transformed(
     return np.stack([a * u + b * v + c, d * u + e * v + f], axis=-1, dtype=np.float32)
 
 
-def _all_triangles(mesh: Any) -> bool:
+def _all_triangles(mesh: bpy.types.Mesh) -> bool:
     return len(mesh.loops) == 3 * len(mesh.polygons)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from legoworld.scene.blender.placements import Generator, Identity, Matrix
+
+if TYPE_CHECKING:
+    import bpy
+    import mathutils
 
 _MESHED_APART: Final = ("CURVE", "FONT", "META", "SURFACE")
 """Types Blender draws through a mesh that is an entry of its own in the dependency graph."""
@@ -31,13 +35,13 @@ class ObjectFacts:
 class ObjectTable:
     """Facts by object, and what about these objects cannot be read."""
 
-    view_layer: Any
+    view_layer: bpy.types.ViewLayer
     warnings: set[str]
     generators: dict[Identity, Generator] = field(default_factory=dict)
     _facts: dict[int, ObjectFacts] = field(default_factory=dict)
     _members: dict[int, frozenset[Identity]] = field(default_factory=dict)
 
-    def facts(self, evaluated: Any) -> ObjectFacts:
+    def facts(self, evaluated: bpy.types.Object) -> ObjectFacts:
         """The facts of an object as the render evaluates it."""
         original = evaluated.original
         key = original.as_pointer()
@@ -53,13 +57,13 @@ class ObjectTable:
             self._note_unread(original)
         return self._facts[key]
 
-    def note_type(self, shown: Any) -> None:
+    def note_type(self, shown: bpy.types.Object) -> None:
         """Warn about an entry that a render shows and that is no mesh."""
         if shown.type not in _NOT_A_SURFACE and shown.type not in _MESHED_APART:
             name = shown.original.name
             self.warnings.add(f"{shown.type.lower()} object {name!r} is not read: it has no mesh")
 
-    def _generator(self, evaluated: Any, original: Any) -> Generator:
+    def _generator(self, evaluated: bpy.types.Object, original: bpy.types.Object) -> Generator:
         nodes = any(m.type == "NODES" for m in original.modifiers)
         members: frozenset[Identity] = frozenset()
         collection = original.instance_collection
@@ -77,7 +81,7 @@ class ObjectTable:
             stands_at=_invertible(evaluated.matrix_world),
         )
 
-    def _note_unread(self, original: Any) -> None:
+    def _note_unread(self, original: bpy.types.Object) -> None:
         for modifier in original.modifiers:
             if modifier.type == "SUBSURF" and modifier.use_adaptive_subdivision:
                 self.warnings.add(
@@ -86,12 +90,12 @@ class ObjectTable:
                 )
 
 
-def identity(block: Any) -> Identity:
+def identity(block: bpy.types.ID) -> Identity:
     """A datablock's name and the path of the library it comes from ("" for none)."""
     return (block.name, block.library.filepath if block.library else "")
 
 
-def ancestors(block: Any) -> list[Any]:
+def ancestors(block: bpy.types.ID) -> list[Any]:
     """An object's parent, that one's parent, and so on."""
     chain = []
     parent = block.parent
@@ -101,7 +105,7 @@ def ancestors(block: Any) -> list[Any]:
     return chain
 
 
-def _invertible(matrix: Any) -> Matrix | None:
+def _invertible(matrix: mathutils.Matrix) -> Matrix | None:
     determinant = matrix.determinant()
     if determinant == 0.0 or determinant != determinant or abs(determinant) == float("inf"):
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,10 @@ from legoworld.scene.blender.strands import hair_systems
 from legoworld.scene.blender.thin_meshes import ThinMeshes
 from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
 
+if TYPE_CHECKING:
+    import bpy
+    import mathutils
+
 _NOTHING: Final = (-1, -1)
 _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
 
@@ -40,7 +44,7 @@ class Walk:
     warnings: set[str] = field(default_factory=set)
 
 
-def walk(depsgraph: Any, camera: SceneCamera) -> Walk:
+def walk(depsgraph: bpy.types.Depsgraph, camera: SceneCamera) -> Walk:
     """Copy all occurrences and every mesh they show. Raises NonFiniteGeometryError.
 
     camera: the one the snapshot will have; hair and points are meshed for it.
@@ -49,7 +53,7 @@ def walk(depsgraph: Any, camera: SceneCamera) -> Walk:
 
 
 class _Walker:
-    def __init__(self, depsgraph: Any, camera: SceneCamera) -> None:
+    def __init__(self, depsgraph: bpy.types.Depsgraph, camera: SceneCamera) -> None:
         self.depsgraph = depsgraph
         self.result = Walk()
         self.objects = ObjectTable(view_layer=depsgraph.view_layer, warnings=self.result.warnings)
@@ -73,7 +77,7 @@ class _Walker:
         _refuse_broken_matrices(self.result.seen)
         return self.result
 
-    def _see(self, instance: Any) -> None:
+    def _see(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         shown = instance.object
         real = instance.instance_object or shown
         facts = self.objects.facts(real)
@@ -101,7 +105,9 @@ class _Walker:
             if mesh >= 0 or holdout >= 0:
                 self.result.seen.append(replace(entry, mesh=mesh, holdout_mesh=holdout))
 
-    def _shown(self, entry: Seen, shown: Any, matrix: Any, *, held_out: bool) -> Seen:
+    def _shown(
+        self, entry: Seen, shown: bpy.types.Object, matrix: mathutils.Matrix, *, held_out: bool
+    ) -> Seen:
         """The entry with what it shows itself: its hair is not in it."""
         if shown.type == "MESH":
             mesh, holdout = self._mesh(shown, held_out=held_out)
@@ -116,7 +122,7 @@ class _Walker:
             return entry
         return replace(entry, mesh=mesh, holdout_mesh=holdout)
 
-    def _mesh(self, shown: Any, *, held_out: bool) -> tuple[int, int]:
+    def _mesh(self, shown: bpy.types.Object, *, held_out: bool) -> tuple[int, int]:
         """The meshes an entry shows and holds out, copied on first sight; -1 where there is none.
 
         held_out: the whole object is a holdout.
@@ -136,7 +142,7 @@ class _Walker:
                 self._mesh_by_rule[by_rule] = self._mesh_of[key]
         return self._mesh_of[key]
 
-    def _rules(self, shown: Any) -> tuple[int, ...]:
+    def _rules(self, shown: bpy.types.Object) -> tuple[int, ...]:
         """The alpha rule of each material slot; evaluated slots are what Cycles asks for, too."""
         materials = [slot.material for slot in shown.material_slots] or [None]
         if self.override is not None:
@@ -144,7 +150,12 @@ class _Walker:
         return tuple(self.result.alphas.index(m, self.result.warnings) for m in materials)
 
     def _copy(
-        self, shown: Any, mesh: Any, rules: tuple[int, ...], *, held_out: bool
+        self,
+        shown: bpy.types.Object,
+        mesh: bpy.types.Mesh,
+        rules: tuple[int, ...],
+        *,
+        held_out: bool,
     ) -> tuple[int, int]:
         vertices = mesh_vertices(mesh)
         limit = LARGEST_COORDINATE
@@ -171,7 +182,7 @@ class _Walker:
 
     def _add(
         self,
-        shown: Any,
+        shown: bpy.types.Object,
         vertices: NDArray[np.float32],
         triangles: Triangles,
         rule: NDArray[np.int32],
@@ -203,7 +214,7 @@ def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
     return holder.holdout or not holder.indirect
 
 
-def _owns(real: Any, shown: Any) -> bool:
+def _owns(real: bpy.types.Object, shown: bpy.types.Object) -> bool:
     """Whether an entry shows its object's own mesh, and so its hair: not what nodes made of it."""
     return bool(hair_systems(real)) and real.data.as_pointer() == shown.data.as_pointer()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import bpy
 
@@ -29,7 +29,7 @@ class OpenFile:
     The context may have another scene, one that is not the file's: see `viewport`.
     """
 
-    scene: Any
+    scene: bpy.types.Scene
     n_scenes: int
     warnings: list[str]
 

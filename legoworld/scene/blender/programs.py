@@ -40,7 +40,7 @@ class _Replaced:
     bpy.ops makes its groups anew at every access, so the replacement has to stand for the group.
     """
 
-    def __init__(self, operators: Any, name: str, replacement: Callable[..., set[str]]) -> None:
+    def __init__(self, operators: object, name: str, replacement: Callable[..., set[str]]) -> None:
         self._operators = operators
         setattr(self, name, replacement)
 
@@ -111,11 +111,11 @@ def render_picture(output: Path) -> dict[str, Any]:
 def _run(program: Path, skipped: list[str]) -> ProgramError | None:
     """Run the program's text; the error that stopped it, None when it came to its end."""
 
-    def no_render(*_args: Any, **_kwargs: Any) -> set[str]:
+    def no_render(*_args: object, **_kwargs: object) -> set[str]:
         skipped.append("render")
         return {"FINISHED"}
 
-    def no_quit(*_args: Any, **_kwargs: Any) -> set[str]:
+    def no_quit(*_args: object, **_kwargs: object) -> set[str]:
         raise _BlenderQuitError
 
     bpy.ops.render = _Replaced(bpy.ops.render, "render", no_render)

@@ -28,7 +28,7 @@ class SnapshotEngine(bpy.types.RenderEngine):  # type: ignore[misc]
     view_layer: ClassVar[str] = ""
     error: ClassVar[BaseException | None] = None
 
-    def render(self, depsgraph: Any) -> None:
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Called by Blender once per view layer."""
         cls = SnapshotEngine
         if depsgraph.view_layer.name != cls.view_layer or cls.visit is None:
@@ -40,7 +40,7 @@ class SnapshotEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         cls.visit = None
 
 
-def visit_render_state(scene: Any, visit: Callable[[Any], None]) -> None:
+def visit_render_state(scene: bpy.types.Scene, visit: Callable[[Any], None]) -> None:
     """Call `visit` once with a scene's render depsgraph, of `rendered_view_layer`.
 
     Evaluated data is gone when `visit` returns: it must copy what it keeps. Changes the open
@@ -74,7 +74,7 @@ def visit_render_state(scene: Any, visit: Callable[[Any], None]) -> None:
         raise RuntimeError("Blender did not render the view layer")
 
 
-def rendered_view_layer(scene: Any) -> Any:
+def rendered_view_layer(scene: bpy.types.Scene) -> Any:
     """The view layer a render's picture of a scene shows: the first that renders at all."""
     layers = scene.view_layers
     for layer in layers:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import bpy
 
 
 class UnreadableAlphaError(Exception):
@@ -39,7 +43,7 @@ class Feed:
         return self.node is None or self.node.type == "VALUE"
 
 
-def feed(socket: Any, groups: tuple[Any, ...] = ()) -> Feed:
+def feed(socket: bpy.types.NodeSocket, groups: tuple[Any, ...] = ()) -> Feed:
     """What feeds a socket of a node that lies in those groups. Raises UnreadableAlphaError."""
     while socket.is_linked:
         link = socket.links[0]
@@ -59,14 +63,14 @@ def feed(socket: Any, groups: tuple[Any, ...] = ()) -> Feed:
     return Feed(socket, None, None, groups)
 
 
-def _group_result(group: Any, identifier: str) -> Any:
+def _group_result(group: bpy.types.ShaderNodeGroup, identifier: str) -> Any:
     for node in group.node_tree.nodes:
         if node.type == "GROUP_OUTPUT" and node.is_active_output:
             return _named(node.inputs, identifier)
     raise UnreadableAlphaError(f"the node group {group.node_tree.name!r} has no output")
 
 
-def _named(sockets: Any, identifier: str) -> Any:
+def _named(sockets: Iterable[bpy.types.NodeSocket], identifier: str) -> Any:
     for socket in sockets:
         if socket.identifier == identifier:
             return socket

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import bpy
 
@@ -48,14 +48,14 @@ def read_own_copies() -> None:
             image.reload()
 
 
-def is_needed(library: Any) -> bool:
+def is_needed(library: bpy.types.Library) -> bool:
     """Whether a library's file is read: it has data that is neither packed nor an archive."""
     if library.packed_file is not None or getattr(library, "is_archive", False):
         return False
     return any(block.library == library for block in library.users_id)
 
 
-def _misplaced(block: Any) -> Path | None:
+def _misplaced(block: bpy.types.ID) -> Path | None:
     """The running Blender's copy of a block's file, where it names another Blender's."""
     if block.packed_file is not None or not block.filepath:
         return None

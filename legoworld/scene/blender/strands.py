@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from legoworld.errors import NonFiniteGeometryError
 from legoworld.scene.affine import inverse, length, transformed
 from legoworld.scene.snapshot import LARGEST_COORDINATE
 from legoworld.scene.strands import Strands, usable
+
+if TYPE_CHECKING:
+    import bpy
 
 #: Radii Cycles takes where there is no attribute of that name.
 _STRAND_RADIUS: Final = 0.005
@@ -28,7 +31,7 @@ class HairSystem:
     slot: int
 
 
-def hair_systems(holder: Any) -> list[Any]:
+def hair_systems(holder: bpy.types.Object) -> list[Any]:
     """The particle systems of an evaluated object that a render draws as strands."""
     if holder.mode in ("PARTICLE_EDIT", "EDIT"):
         return []
@@ -40,7 +43,9 @@ def hair_systems(holder: Any) -> list[Any]:
     return [s for s in systems if s.settings.type == "HAIR" and s.settings.render_type == "PATH"]
 
 
-def particle_hair(holder: Any, system: Any, elsewhere: Any) -> HairSystem:
+def particle_hair(
+    holder: bpy.types.Object, system: bpy.types.ParticleSystem, elsewhere: bpy.types.Object
+) -> HairSystem:
     """The strands of a particle system. Raises NonFiniteGeometryError.
 
     Children, where there are any, are drawn in their parents' place. elsewhere: any object that
@@ -74,7 +79,7 @@ def particle_hair(holder: Any, system: Any, elsewhere: Any) -> HairSystem:
     )
 
 
-def curve_strands(holder: Any) -> tuple[Strands, bool]:
+def curve_strands(holder: bpy.types.Object) -> tuple[Strands, bool]:
     """The strands of a hair curves object, and whether they are straight pieces.
 
     Raises NonFiniteGeometryError.
@@ -93,7 +98,7 @@ def curve_strands(holder: Any) -> tuple[Strands, bool]:
     return usable(points, radius, start.astype(np.int64)), straight
 
 
-def cloud_points(holder: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def cloud_points(holder: bpy.types.Object) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(P, 3) points and (P,) radii of a point cloud object. Raises NonFiniteGeometryError."""
     points = _positions(holder.data)
     _refuse_broken(holder, points)
@@ -101,7 +106,12 @@ def cloud_points(holder: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]
     return points, np.abs(_radius(holder.data, start, _POINT_RADIUS))
 
 
-def _keep_last_key(world: NDArray[np.float64], system: Any, first: int, elsewhere: Any) -> None:
+def _keep_last_key(
+    world: NDArray[np.float64],
+    system: bpy.types.ParticleSystem,
+    first: int,
+    elsewhere: bpy.types.Object,
+) -> None:
     """Where a strand has fewer keys than the others, its last one counts for the rest.
 
     For a key that is not there Blender answers (0, 0, 0), whatever object it is asked for; a key
@@ -113,7 +123,7 @@ def _keep_last_key(world: NDArray[np.float64], system: Any, first: int, elsewher
             world[strand, step] = world[strand, step - 1]
 
 
-def _in_own_frame(holder: Any, world: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_own_frame(holder: bpy.types.Object, world: NDArray[np.float64]) -> NDArray[np.float64]:
     matrix = np.array(holder.matrix_world, np.float64)
     try:
         back = np.array(inverse(matrix[:3, :3].tolist()), np.float64)
@@ -122,7 +132,9 @@ def _in_own_frame(holder: Any, world: NDArray[np.float64]) -> NDArray[np.float64
     return transformed(np.c_[back, np.zeros(3)], world - matrix[:3, 3])
 
 
-def _radii(settings: Any, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _radii(
+    settings: bpy.types.ParticleSettings, points: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """(C, S) radius at each key, by how far along its strand it is (Cycles' shaperadius)."""
     steps = length(points[:, 1:] - points[:, :-1])
     along = np.concatenate([np.zeros((len(points), 1)), np.cumsum(steps, axis=1)], axis=1)
@@ -143,14 +155,16 @@ def _radii(settings: Any, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(radius)
 
 
-def _positions(data: Any) -> NDArray[np.float64]:
+def _positions(data: bpy.types.Curves | bpy.types.PointCloud) -> NDArray[np.float64]:
     points = np.zeros((len(data.points), 3), np.float32)
     if len(points):
         data.attributes["position"].data.foreach_get("vector", points.ravel())
     return points.astype(np.float64)
 
 
-def _radius(data: Any, start: NDArray[np.int32], otherwise: float) -> NDArray[np.float64]:
+def _radius(
+    data: bpy.types.Curves | bpy.types.PointCloud, start: NDArray[np.int32], otherwise: float
+) -> NDArray[np.float64]:
     """(P,) radius of each point; an attribute per curve counts for all points of the curve."""
     attribute = data.attributes.get("radius")
     n_points = len(data.points)
@@ -163,7 +177,7 @@ def _radius(data: Any, start: NDArray[np.int32], otherwise: float) -> NDArray[np
     return radius.astype(np.float64)
 
 
-def _refuse_broken(holder: Any, points: NDArray[np.float64]) -> None:
+def _refuse_broken(holder: bpy.types.Object, points: NDArray[np.float64]) -> None:
     broken = ~(np.abs(points) <= LARGEST_COORDINATE).all(axis=-1)
     if broken.any():
         raise NonFiniteGeometryError(

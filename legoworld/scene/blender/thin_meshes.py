@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,10 @@ from legoworld.scene.spheres import sphere, sphere_levels
 from legoworld.scene.strands import Eye, Strands
 from legoworld.scene.tubes import linear_tubes, round_tubes
 
+if TYPE_CHECKING:
+    import bpy
+    import mathutils
+
 #: Embree's limit on the quads of a ribbon between two keys.
 _MOST_QUADS: Final = 16
 
@@ -40,8 +44,8 @@ class ThinMeshes:
     """
 
     camera: SceneCamera
-    camera_object: Any
-    curve_settings: Any
+    camera_object: bpy.types.Object
+    curve_settings: bpy.types.PropertyGroup
     drawn: bool
     meshes: list[CopiedMesh]
     alphas: AlphaTable
@@ -51,7 +55,12 @@ class ThinMeshes:
     _spheres: dict[int, int] = field(default_factory=dict)
 
     def hair(
-        self, real: Any, world_from_mesh: Any, rules: tuple[int, ...], *, held_out: bool
+        self,
+        real: bpy.types.Object,
+        world_from_mesh: mathutils.Matrix,
+        rules: tuple[int, ...],
+        *,
+        held_out: bool,
     ) -> tuple[int, int]:
         """Numbers of the meshes of an object's particle hair, seen and held out; -1 for none."""
         key = real.original.as_pointer()
@@ -70,7 +79,12 @@ class ThinMeshes:
         return self._add(seen), self._add(hidden)
 
     def curves(
-        self, shown: Any, world_from_mesh: Any, rules: tuple[int, ...], *, held_out: bool
+        self,
+        shown: bpy.types.Object,
+        world_from_mesh: mathutils.Matrix,
+        rules: tuple[int, ...],
+        *,
+        held_out: bool,
     ) -> tuple[int, int]:
         """Numbers of the meshes of a hair curves object, seen and held out; -1 for none."""
         key = (shown.data.as_pointer(), shown.original.as_pointer())
@@ -85,7 +99,12 @@ class ThinMeshes:
         return (made, -1) if there else (-1, made)
 
     def points(
-        self, shown: Any, world_from_mesh: Any, rules: tuple[int, ...], *, held_out: bool
+        self,
+        shown: bpy.types.Object,
+        world_from_mesh: mathutils.Matrix,
+        rules: tuple[int, ...],
+        *,
+        held_out: bool,
     ) -> Scatter | None:
         """A sphere placed at each point of a point cloud."""
         points, radius = cloud_points(shown)
@@ -105,7 +124,7 @@ class ThinMeshes:
         mesh = np.array([number[level] for level in levels.tolist()], np.int64)
         return Scatter(mesh=mesh, world_from_mesh=placed, holdout=holdout)
 
-    def _fate(self, rule: int, shown: Any, *, held_out: bool) -> tuple[bool, bool]:
+    def _fate(self, rule: int, shown: bpy.types.Object, *, held_out: bool) -> tuple[bool, bool]:
         """Whether a material's surface is there, and whether it holds out; never both."""
         rules = np.array([rule], np.int32)
         if self.alphas.rule_of(rule) is not None:
@@ -127,7 +146,7 @@ class ThinMeshes:
         quads = min(_MOST_QUADS, (1 << min(self.curve_settings.subdivisions, 4)) + 1)
         return lambda strands, eye: ribbons(strands, eye, quads)
 
-    def _eye(self, world_from_mesh: Any) -> Eye | None:
+    def _eye(self, world_from_mesh: mathutils.Matrix) -> Eye | None:
         ortho_scale = self.camera.ortho_scale if self.camera.type == "ORTHO" else None
         return Eye.of(cam_from_mesh(self.camera, _rows(world_from_mesh))[0], ortho_scale)
 
@@ -145,5 +164,5 @@ class ThinMeshes:
         return len(self.meshes) - 1
 
 
-def _rows(matrix: Any) -> NDArray[np.float64]:
+def _rows(matrix: mathutils.Matrix) -> NDArray[np.float64]:
     return np.array([matrix[0][:], matrix[1][:], matrix[2][:]], np.float64)[None]

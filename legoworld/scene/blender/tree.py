@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from legoworld.conventions import CATEGORY_KEY
@@ -13,7 +11,7 @@ from legoworld.scene.snapshot import SceneCollection, SceneObject
 
 
 def scene_tree(
-    scene: Any, met: set[Identity], warnings: set[str]
+    scene: bpy.types.Scene, met: set[Identity], warnings: set[str]
 ) -> tuple[tuple[SceneObject, ...], tuple[SceneCollection, ...], dict[Identity, int]]:
     """Objects and collections sorted by (name, library), and each object's index.
 
@@ -68,7 +66,7 @@ def _collections(
     return collections, holders
 
 
-def _labels(block: Any, warnings: set[str]) -> dict[str, str]:
+def _labels(block: bpy.types.ID, warnings: set[str]) -> dict[str, str]:
     """The custom properties that are labels; numbers are kept as their text."""
     labels = {}
     for key in sorted(block.keys()):

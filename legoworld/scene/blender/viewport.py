@@ -43,7 +43,7 @@ def unwatched() -> Iterator[Callable[[], Any]]:
     kept: list[Any] = []
 
     @bpy.app.handlers.persistent  # type: ignore[untyped-decorator]
-    def look_away(*_arguments: Any) -> None:
+    def look_away(*_arguments: object) -> None:
         scene = bpy.context.scene
         if scene is not None and _is_still(scene):
             kept.append(scene)
@@ -57,7 +57,7 @@ def unwatched() -> Iterator[Callable[[], Any]]:
         handlers.remove(look_away)
 
 
-def _is_still(scene: Any) -> bool:
+def _is_still(scene: bpy.types.Scene) -> bool:
     """Whether an evaluation for the viewport leaves nothing behind in the open file."""
     return not (
         bpy.context.window is None
@@ -72,6 +72,6 @@ def _is_still(scene: Any) -> bool:
     )
 
 
-def _is_driven(block: Any) -> bool:
+def _is_driven(block: bpy.types.ID) -> bool:
     tree = getattr(block, "node_tree", None)
     return block.animation_data is not None or (tree is not None and bool(tree.animation_data))
