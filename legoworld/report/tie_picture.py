@@ -77,7 +77,7 @@ def _bars(aps: NDArray[np.float64], low: float, high: float) -> list[dict[str, A
                 "y": _BASE - height,
                 "w": round(width - 1, 2),
                 "h": height,
-                "text": f"{share(counts[i], len(aps), 'order', 'orders')}: {edges[i]:.4f} to "
+                "text": f"{share(int(counts[i]), len(aps), 'order', 'orders')}: {edges[i]:.4f} to "
                 f"{edges[i + 1]:.4f}",
             }
         )
