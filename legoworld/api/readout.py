@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from legoworld.api.folders import place_of, written_at
 from legoworld.api.listening import SILENT, Listener
@@ -28,8 +28,10 @@ from legoworld.running.readout_run import RunRequest, run_readout, shard_images
 from legoworld.running.run_folder import RUN
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source
-from legoworld.scene_names import Stranger, strangers
 from legoworld.track import Track, track_of_folder
+
+if TYPE_CHECKING:
+    from legoworld.scene_names import Stranger
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +157,8 @@ def readout(
 
 def _strangers(scenes: Place, track: Track) -> list[Stranger]:
     """Scene folders that match no image of a track; of a folder of this machine only."""
+    from legoworld.scene_names import strangers
+
     if not isinstance(scenes, Path):
         return []
     try:

@@ -49,13 +49,14 @@ class DepthNotSharedError(LegoWorldError):
 class SceneReader:
     """Reads image after image with one Blender process of its own.
 
-    started: processes that run already; one of them is taken.
+    started: processes that run already; one of them is taken, and left to its owner to close.
     """
 
     def __init__(
         self, options: ImageOptions, limits: Limits, started: list[BlenderProcess] | None = None
     ) -> None:
         self._options = options
+        self._lent = bool(started)
         self._blender = started.pop() if started else BlenderProcess(limits)
 
     def do(self, image: TrackImage) -> Record:
@@ -71,8 +72,11 @@ class SceneReader:
         self._blender.abort()
 
     def close(self) -> None:
-        """End the Blender process."""
-        self._blender.close()
+        """End the Blender process. Its owner waits for the end of one that was lent."""
+        if self._lent:
+            self._blender.abort()
+        else:
+            self._blender.close()
 
 
 def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess) -> Record:
