@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,6 +16,10 @@ from legoworld.comparison.depth import (
 )
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE
 from legoworld.evaluation.depth.summary import metric_policies
+
+
+def rows_of(*groups: str) -> list[SimpleNamespace]:
+    return [SimpleNamespace(group=group) for group in groups]
 
 
 def test_deltas_are_better_higher_and_errors_lower():
@@ -47,14 +52,12 @@ def test_the_headline_is_abs_rel_and_the_primary_delta1_and_higher_deltas_are_de
     ],
 )
 def test_scenes_are_resampled_only_where_every_photo_is_of_one(names, unit):
-    assert group_unit([{"file_name": name} for name in names]) == unit
+    assert group_unit([SimpleNamespace(file_name=name) for name in names]) == unit
 
 
 def test_one_group_has_no_draws():
-    assert shared_group_draws([{"group": "a"}, {"group": "a"}], 10, 0) == GroupDraws(
-        counts=None, column={"a": 0}
-    )
-    two = shared_group_draws([{"group": "b"}, {"group": "a"}], 10, 0)
+    assert shared_group_draws(rows_of("a", "a"), 10, 0) == GroupDraws(counts=None, column={"a": 0})
+    two = shared_group_draws(rows_of("b", "a"), 10, 0)
     assert two.column == {"a": 0, "b": 1}
     assert two.counts is not None
     assert two.counts.shape == (10, 2)
@@ -63,10 +66,13 @@ def test_one_group_has_no_draws():
 
 def test_a_side_without_a_scored_image_has_no_mean_and_no_samples():
     class Empty:
-        rows = ()
+        depth_rows = ()
 
     measures = measure_depth(
-        Empty(), "scored", (), shared_group_draws([{"group": "a"}, {"group": "b"}], 10, 0)
+        Empty(),
+        "scored",
+        (),
+        shared_group_draws(rows_of("a", "b"), 10, 0),
     )
     assert {f"{name}.{policy}" for name, policy in metric_policies()} == set(measures)
     for measure in measures.values():
