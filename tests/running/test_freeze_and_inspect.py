@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from gltf.documents import Document
 
 from legoworld import cli
+from legoworld.files import TEMPORARY_SUFFIX
+from legoworld.scene.cache import bpy_version
 
 pytestmark = pytest.mark.blender
 
@@ -55,6 +59,69 @@ def test_freeze_checks_every_artefact(scenes, capsys):
     blend = scenes / "good" / "scene.blend"
     assert record["files"]["scene.blend"]["bytes"] == blend.stat().st_size
     assert frozen(scenes / "no_camera")["checks"]["scene.blend"]["code"] == "no_camera"
+
+
+def test_each_artefact_has_its_verdict(scenes, tmp_path, capsys):
+    noise = np.random.default_rng(0).integers(0, 255, (8, 8, 3), np.uint8)
+    for name in ("good", "odd"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.blend").write_bytes((scenes / "good/scene.blend").read_bytes())
+        (tmp_path / name / "scene.py").write_text("# the program")
+        write_picture(tmp_path / name / "final.png", noise)
+    glb = Document()
+    glb.quad("Dog", 0, 0)
+    (tmp_path / "good" / "scene.glb").write_bytes(glb.glb())
+    (tmp_path / "good" / "labels.json").write_text('{"version": 1, "labels": []}')
+    (tmp_path / "good" / "provenance.json").write_text("{}")
+    for file in ("scene.glb", "labels.json", "provenance.json"):
+        (tmp_path / "odd" / file).write_text("neither")
+    (tmp_path / "odd" / f".frozen.json.1{TEMPORARY_SUFFIX}").touch()  # of a killed freeze
+    assert cli.run(["freeze", str(tmp_path), "--json"]) == 1
+    good, odd = json.loads(capsys.readouterr().out)["scenes"]
+    fine = {"status": "ok", "code": "ok", "reason": None}
+    judged = ("scene.blend", "scene.glb", "final.png", "labels.json", "provenance.json")
+    assert good == {
+        "scene": "good", "status": "ok", "checks": dict.fromkeys(judged, fine), "warnings": []
+    }  # fmt: skip
+    assert (odd["scene"], odd["status"]) == ("odd", "invalid")
+    assert {name: check["code"] for name, check in odd["checks"].items()} == {
+        "scene.blend": "ok",
+        "final.png": "ok",
+        "scene.glb": "unreadable_gltf",
+        "labels.json": "invalid_labels",
+        "provenance.json": "invalid_side_file",
+    }
+    for name, row in (("good", good), ("odd", odd)):
+        record = frozen(tmp_path / name)
+        assert record["checks"] == row["checks"]
+        assert record["status"] == row["status"]
+        assert set(record["files"]) == {*judged, "scene.py"}
+        assert record["dependencies"] == {}
+        assert record["bpy"] == bpy_version()
+        for file, found in record["files"].items():
+            content = (tmp_path / name / file).read_bytes()
+            assert found == {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+    assert [path.name for path in (tmp_path / "odd").glob(".*")] == []
+
+
+def test_a_limit_that_is_reached_makes_no_record(scenes, tmp_path, capsys):
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "scene.blend").write_bytes((scenes / "good/scene.blend").read_bytes())
+    arguments = ["freeze", str(tmp_path), "--json", "--memory-limit", "0.1", "--no-cache"]
+    assert cli.run(arguments) == 1
+    (row,) = json.loads(capsys.readouterr().out)["scenes"]
+    assert (row["status"], row["checks"]["scene.blend"]["code"]) == ("invalid", "worker_memory")
+    assert not (tmp_path / "s" / "frozen.json").exists()
+
+
+def test_scenes_are_frozen_by_name_by_several_workers(scenes, tmp_path, capsys):
+    for name in "dbca":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.blend").write_bytes((scenes / "good/scene.blend").read_bytes())
+    assert cli.run(["freeze", str(tmp_path), "--json", "--workers", "2"]) == 0
+    rows = json.loads(capsys.readouterr().out)["scenes"]
+    assert [row["scene"] for row in rows] == [*"abcd"]
+    assert len({(tmp_path / name / "frozen.json").read_bytes() for name in "abcd"}) == 1
 
 
 @pytest.mark.parametrize("content", [b"", b"not a picture", "flat"])

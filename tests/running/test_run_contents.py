@@ -17,6 +17,7 @@ from running.run_folders import readout, tree
 
 import legoworld
 from legoworld import cli
+from legoworld.conventions import SCHEMA_VERSION
 from legoworld.files import canonical_json
 from legoworld.readouts.tasks import protocol
 
@@ -260,8 +261,14 @@ def test_run_json_says_what_made_the_run(done, scenes):
             "bpy": made["versions"]["bpy"],
         }.items()
     )
-    assert not any(key is None for key in configuration)
-    assert "images_per_file" not in configuration
+    assert set(configuration) == {
+        "schema_version", "kind", "task", "card_version", "card_sha256", "vocabulary_sha256",
+        "track_sha256", "images_sha256", "attempted", "partial", "shard", "source",
+        "require_frozen", "max_side", "legoworld", "bpy", "snapshot_schema", "row_schema",
+    }  # fmt: skip
+    card = Path(legoworld.__file__).parents[1] / "readouts" / "coco.toml"
+    assert configuration["card_sha256"] == sha256(card.read_bytes())
+    assert configuration["schema_version"] == SCHEMA_VERSION
 
 
 def test_a_shard_says_which_it_is_of_which_run(scenes, tmp_path):
