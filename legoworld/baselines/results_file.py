@@ -22,6 +22,7 @@ from legoworld.baselines.labels import Matcher
 from legoworld.errors import one_line
 from legoworld.evaluation.masks import MOST_COORDINATE_PX, compressed
 from legoworld.evaluation.prediction_checks import PredictionsInvalidError
+from legoworld.wording import share, word_for
 
 _LISTS: Final = ("annotations", "predictions", "results")
 #: Only a result, or an image's results, has one of these beside what names them.
@@ -89,7 +90,8 @@ def _objects(values: list[Any]) -> tuple[Entry, ...]:
     strangers = [value for value in values if not isinstance(value, dict)]
     if strangers:
         raise PredictionsInvalidError(
-            f"{len(strangers)} of {len(values)} predictions are not JSON objects",
+            f"{share(len(strangers), len(values), 'prediction', 'predictions')} "
+            f"{word_for(len(strangers), 'is no JSON object', 'are not JSON objects')}",
             found=one_line(json.dumps(strangers[0]), 60),
             expected='{"image_id", ...}',
         )

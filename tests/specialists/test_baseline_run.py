@@ -119,7 +119,7 @@ def test_what_it_prints_is_shown_when_asked_for(run):
         ("raise", "failed", "baseline_image", "RuntimeError: out of memory"),
         ("nan", "failed", "baseline_image", "not JSON compliant"),
         ("surrogate", "failed", "baseline_image", "surrogates not allowed"),
-        ("deep", "failed", "baseline_answer", "levels deep"),
+        ("deep", "failed", "baseline_answer", "nested beyond"),
         ("too_deep", "failed", "baseline_image", "RecursionError"),
         ("category", "failed", "predictions_invalid", "the vocabulary does not have"),
         ("extent", "failed", "box_format", "at least 0"),

@@ -362,7 +362,7 @@ def test_results_without_scores_are_said_in_a_sentence(bring):
     code, _, said = bring([box(139), {}])
     assert "1 of 2 predictions has no image_id; found: the first of them has no keys;" in said
     code, _, said = bring([box(139), [1, 2]])
-    assert "1 of 2 predictions is something else than a JSON object; found: [1, 2];" in said
+    assert "1 of 2 predictions is no JSON object; found: [1, 2];" in said
 
 
 def test_a_photo_in_another_folder_is_named_with_the_remedy(bring):
