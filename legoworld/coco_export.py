@@ -10,11 +10,11 @@ from legoworld import catalog
 from legoworld.dataset_versions import dataset_of
 from legoworld.errors import UsageError
 from legoworld.evaluation.box_formats import check_box_values
-from legoworld.evaluation.folder import read_rows
 from legoworld.evaluation.masks import areas_px, bounding_box, compressed
 from legoworld.evaluation.prediction_order import order_of
 from legoworld.evaluation.predictions import Predictions, check_results
 from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.reading import read_rows
 from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
 from legoworld.files import canonical_json, readable_json, write_text
 from legoworld.running.run_folder import ROWS

@@ -9,11 +9,12 @@ from typing import Any
 
 from legoworld.api.evaluation import Evaluation
 from legoworld.api.listening import SILENT, Listener
-from legoworld.comparison.document import Settings
 from legoworld.comparison.making import make_comparison
+from legoworld.comparison.tables import Document, comparisons_of
 from legoworld.comparison.thresholds import Tripped
 from legoworld.errors import UsageError
 from legoworld.records.base import as_json
+from legoworld.records.evidence import ComparisonSettings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +22,7 @@ class Comparison:
     """A comparison folder. document: of comparison.json; below: thresholds that do not hold."""
 
     folder: Path
-    document: dict[str, Any]
+    document: Document
     below: tuple[Tripped, ...]
 
     @property
@@ -31,33 +32,31 @@ class Comparison:
         images: "attempted", "scored" or "paired"; difference: scene minus baseline, with the ends
         of its 95 % bootstrap interval.
         """
-        rows = []
-        for pair in self.document["pairs"]:
-            for row in pair["rows"]:
-                difference = row["difference"]
-                interval = difference["interval"] or {}
-                rows.append(
-                    {
-                        "scene": pair["scene"],
-                        "baseline": pair["baseline"],
-                        "metric": row["metric"],
-                        "policy": row["policy"],
-                        "images": row["images"],
-                        "better": row["better"],
-                        "scene_value": row["scene"]["value"],
-                        "baseline_value": row["baseline"]["value"],
-                        "difference": difference["value"],
-                        "low": interval.get("low"),
-                        "high": interval.get("high"),
-                    }
-                )
-        return rows
+        return [
+            {
+                "task": one.task,
+                "scene": pair.scene,
+                "baseline": pair.baseline,
+                "metric": row.metric,
+                "policy": row.policy,
+                "images": row.images,
+                "better": row.better,
+                "scene_value": row.scene.value,
+                "baseline_value": row.baseline.value,
+                "difference": row.difference.value,
+                "low": row.difference.interval.low if row.difference.interval else None,
+                "high": row.difference.interval.high if row.difference.interval else None,
+            }
+            for one in comparisons_of(self.document)
+            for pair in one.pairs
+            for row in pair.rows
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """What `legoworld compare --json` prints."""
         return {
             "folder": str(self.folder),
-            "comparison": self.document,
+            "comparison": as_json(self.document),
             "below_threshold": [str(one) for one in self.below],
         }
 
@@ -85,12 +84,12 @@ def compare(
     document, below = make_comparison(
         [_folder(one) for one in evaluations],
         Path(output),
-        Settings(draws=draws, seed=seed, allow_truth_prompts=allow_truth_prompts),
+        ComparisonSettings(draws=draws, seed=seed, allow_truth_prompts=allow_truth_prompts),
         thresholds=fail_below,
         overwrite=overwrite,
         notice=listener.notice,
     )
-    return Comparison(folder=Path(output), document=as_json(document), below=tuple(below))
+    return Comparison(folder=Path(output), document=document, below=tuple(below))
 
 
 def _folder(evaluation: Evaluation | str | Path) -> Path:

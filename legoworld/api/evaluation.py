@@ -11,8 +11,8 @@ from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
 from legoworld.errors import UsageError
 from legoworld.evaluation.evaluators import EvaluatorKind
-from legoworld.evaluation.folder import EVIDENCE, read_image_rows, read_summary
 from legoworld.evaluation.origins import Origins
+from legoworld.evaluation.reading import EVIDENCE, read_image_rows, read_summary
 from legoworld.evaluation.run import read_run
 from legoworld.places import Place
 from legoworld.records.base import as_json

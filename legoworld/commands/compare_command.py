@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,6 +13,7 @@ from legoworld.commands.comparison_text import coverage_text, headline_text, not
 
 if TYPE_CHECKING:
     from legoworld.api.comparison import Comparison
+    from legoworld.comparison.tables import Document
 
 
 @click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
@@ -114,7 +115,7 @@ def _show(found: Comparison, as_json: bool, verbose: bool) -> None:
     click.echo(f"\n-> {found.folder}")
 
 
-def _tables(document: dict[str, Any]) -> str:
+def _tables(document: Document) -> str:
     from legoworld.comparison.tables import coverage_table, headline_table
 
     headline = headline_table(document)

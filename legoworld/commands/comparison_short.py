@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from legoworld.commands import options
 from legoworld.commands.comparison_text import notes_text
@@ -10,15 +10,17 @@ from legoworld.comparison.measures import HEADLINE
 from legoworld.comparison.tables import comparisons_of, coverage_table, headline_table
 from legoworld.wording import counted
 
-Document = dict[str, Any]
+if TYPE_CHECKING:
+    from legoworld.comparison.tables import Document
+    from legoworld.records.comparison import ComparisonRow, Difference, Pair
 
 
 def short_comparison(document: Document) -> str:
     """Two methods, their coverage, and the headline metrics with the verdict on the difference."""
     blocks = [
-        f"{_title(one['task'], pair)}\n{_table(pair)}"
+        f"{_title(one.task, pair)}\n{_table(pair)}"
         for one in comparisons_of(document)
-        for pair in one["pairs"]
+        for pair in one.pairs
     ]
     notes = [
         f"not paired in {row[0]}, {row[3]} and {row[5]}: {row[-1]}"
@@ -30,46 +32,42 @@ def short_comparison(document: Document) -> str:
     return "\n\n".join([*blocks, notes_text(notes)])
 
 
-def _title(task: str, pair: Document) -> str:
-    coverage = pair["coverage"]
+def _title(task: str, pair: Pair) -> str:
+    coverage = pair.coverage
     return (
-        f"{task}: {pair['scene']} against {pair['baseline']}, "
-        f"{coverage['paired']} paired of {coverage['attempted']} attempted images"
+        f"{task}: {pair.scene} against {pair.baseline}, "
+        f"{coverage.paired} paired of {coverage.attempted} attempted images"
     )
 
 
-def _table(pair: Document) -> str:
+def _table(pair: Pair) -> str:
     rows = [
-        [row["metric"], _number(row["scene"]), _number(row["baseline"]),
-         _number(row["difference"], signed=True), _word(row)]
+        [row.metric, _number(row.scene), _number(row.baseline),
+         _number(row.difference, signed=True), _word(row)]
         for row in _headline(pair)
     ]  # fmt: skip
     return options.table(["metric", "scene", "against", "difference", ""], rows)
 
 
-def _headline(pair: Document) -> list[Document]:
+def _headline(pair: Pair) -> list[ComparisonRow]:
     """The first metrics over the paired images; over all attempted ones where none is paired."""
-    rows = [row for row in pair["rows"] if row["level"] <= HEADLINE]
-    paired = [row for row in rows if row["images"] == "paired"]
-    return paired or [row for row in rows if row["images"] == "attempted"]
+    rows = [row for row in pair.rows if row.level <= HEADLINE]
+    paired = [row for row in rows if row.images == "paired"]
+    return paired or [row for row in rows if row.images == "attempted"]
 
 
-def _word(row: Document) -> str:
+def _word(row: ComparisonRow) -> str:
     """Which side the interval of the difference is on."""
-    value, interval = row["difference"]["value"], row["difference"]["interval"]
-    if value is None or interval is None or interval["low"] is None:
+    ends = row.difference.ends
+    if row.difference.value is None or ends is None:
         return "no interval"
-    if interval["low"] <= 0 <= interval["high"]:
+    if ends[0] <= 0 <= ends[1]:
         return "undecided"
-    higher_is_better = row["better"] == "higher"
-    return "better" if (interval["low"] > 0) == higher_is_better else "worse"
+    return "better" if (ends[0] > 0) == (row.better == "higher") else "worse"
 
 
-def _number(side: Document, *, signed: bool = False) -> str:
-    value, interval = side["value"], side["interval"]
-    if value is None:
+def _number(side: Difference, *, signed: bool = False) -> str:
+    if side.value is None:
         return "undefined"
-    text = f"{value + 0.0:{'+' if signed else ''}.3f}"
-    if interval is None or interval["low"] is None:
-        return text
-    return f"{text} [{interval['low']:.3f}, {interval['high']:.3f}]"
+    text = f"{side.value + 0.0:{'+' if signed else ''}.3f}"
+    return "{} [{:.3f}, {:.3f}]".format(text, *side.ends) if side.ends else text

@@ -35,10 +35,12 @@ def command(
       legoworld evidence verify evals/coco --root /data
       legoworld evidence verify comparisons/coco
     """
-    from legoworld.comparison.verification import KINDS, verify_comparison
-    from legoworld.evaluation.evidence import read_evidence, verify
+    from legoworld.comparison.folder import KINDS
+    from legoworld.comparison.verification import verify_comparison
+    from legoworld.evaluation.evidence import verify
+    from legoworld.evaluation.reading import read_evidence
 
-    kind = read_evidence(folder, ("evaluation", *KINDS))["kind"]
+    kind = read_evidence(folder, ("evaluation", *KINDS)).kind
     checks = verify_comparison(folder, root) if kind in KINDS else verify(folder, root)
     bad = [check for check in checks if check.status != "ok"]
     if as_json:

@@ -65,7 +65,7 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
     facts: dict[str, Callable[[Evaluated], Any]] = {
         "dataset version": lambda s: s.dataset_version,
         "evaluator": lambda s: f"{s.summary.evaluator.name} {s.summary.evaluator.version}",
-        "card": lambda s: _short(s.evidence["configuration"].get("card_sha256")),
+        "card": lambda s: _short(s.evidence.configuration.card_sha256),
         "truth": _truth_files,
         "categories": lambda s: _short(s.run["configuration"].get("vocabulary_sha256")),
     }
@@ -82,8 +82,8 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
 
 def _truth_files(side: Evaluated) -> str:
     """Short hashes of the truth, in the order of its images."""
-    entries = side.evidence["inputs"]
-    hashes = [e["sha256"] for e in entries if e["role"] in _TRUTH_ROLES]
+    entries = side.evidence.inputs
+    hashes = [e.sha256 for e in entries if e.role in _TRUTH_ROLES]
     return _short(hashes[0]) if len(hashes) == 1 else "+".join(_short(h) for h in hashes)
 
 
@@ -116,7 +116,7 @@ def _depth_differences(first: Evaluated, other: Evaluated) -> list[str]:
 
 
 def _calibration(side: Evaluated) -> list[str]:
-    return [e["sha256"] for e in side.evidence["inputs"] if e["role"] == "calibration"]
+    return [e.sha256 for e in side.evidence.inputs if e.role == "calibration"]
 
 
 def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:

@@ -13,8 +13,6 @@ from legoworld.comparison.measures import (
     EVERYTHING,
     HEADLINE,
     TABLE,
-    Better,
-    Images,
     Measure,
     Measures,
     Metric,
@@ -25,6 +23,7 @@ from legoworld.evaluation.depth.eth3d import scene_of
 from legoworld.evaluation.depth.protocol import PRIMARY_POLICY, HolePolicy
 from legoworld.evaluation.depth.summary import metric_policies
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.comparison import Better, Images, Level
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 
 #: The one metric a missing image has a value for.
@@ -47,7 +46,7 @@ def depth_metrics() -> list[Metric]:
     """Every metric and hole policy, in the order it is shown."""
     found = []
     for name, policy in metric_policies():
-        level = EVERYTHING if name in _DETAILS else TABLE
+        level: Level = EVERYTHING if name in _DETAILS else TABLE
         if name == _WITH_MISSING or (name, policy) == ("delta1", PRIMARY_POLICY):
             level = HEADLINE
         better: Better = "higher" if name.startswith("delta") else "lower"

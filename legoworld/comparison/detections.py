@@ -22,6 +22,7 @@ from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.evaluation.scoring import metrics_of_one_image
 from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.ties import tie_orders
+from legoworld.records.comparison import Level
 
 EQUAL: Final = "equal_confidence."
 TIES: Final = "tie_orders.AP"
@@ -55,7 +56,7 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
     found = []
     for prefix, policy in (("", "own_scores"), (EQUAL, "equal_confidence")):
         for official in protocol.metrics:
-            level = HEADLINE if official.name in _HEADLINE else TABLE
+            level: Level = HEADLINE if official.name in _HEADLINE else TABLE
             if official.name in _SMALL_CAPS or (prefix and official.name != "AP"):
                 level = EVERYTHING
             found.append(

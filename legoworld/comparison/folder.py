@@ -2,22 +2,46 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from legoworld.comparison.document import KIND
+from msgspec.structs import replace
+
 from legoworld.comparison.formats import FORMATS
 from legoworld.comparison.tables import coverage_table, csv_table, headline_table
-from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
-from legoworld.evaluation.folder import EVIDENCE, Row, input_file, installed_versions
+from legoworld.evaluation.folder import input_file, installed_versions
+from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.reading import EVIDENCE, read_evidence
 from legoworld.evaluation.stored import READ, Evaluated
-from legoworld.files import TEMPORARY_SUFFIX, readable_json, sha256_of_file, write_text
+from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file, write_text
+from legoworld.records.base import RecordError, as_json, readable, to_record
+from legoworld.records.comparison import (
+    JOINED,
+    KIND,
+    Comparison,
+    JoinedComparison,
+    Pair,
+    comparison_of,
+)
+from legoworld.records.evidence import (
+    AnyEvidence,
+    ComparisonEvidence,
+    ComparisonSettings,
+    DepthComparison,
+    DepthMethod,
+    DetectionComparison,
+    DetectionMethod,
+    Input,
+    PairedNumbers,
+    PairEvidence,
+)
 
 COMPARISON: Final = "comparison.json"
+KINDS: Final = (KIND, JOINED)
+T = TypeVar("T")
 _TABLES: Final = ("table", "coverage")
 _OURS: Final = (
     COMPARISON,
@@ -32,7 +56,9 @@ class ComparisonFolderError(LegoWorldError):
     code = "comparison_folder"
 
 
-def prepare_folder(folder: Path, evidence: dict[str, Any], *, overwrite: bool) -> None:
+def prepare_folder(
+    folder: Path, evidence: AnyEvidence | ComparisonEvidence, *, overwrite: bool
+) -> None:
     """Make the folder; refuse one that holds another comparison, or something else altogether.
 
     The same comparison is written again over itself. ConfigurationMismatchError names what
@@ -51,7 +77,7 @@ def prepare_folder(folder: Path, evidence: dict[str, Any], *, overwrite: bool) -
         )
     if not (folder / EVIDENCE).is_file() or overwrite:
         return
-    earlier = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
+    earlier = read_evidence(folder, KINDS)
     before, now = _depends_on(earlier), _depends_on(evidence)
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:
@@ -63,30 +89,34 @@ def prepare_folder(folder: Path, evidence: dict[str, Any], *, overwrite: bool) -
         )
 
 
-def _depends_on(evidence: dict[str, Any]) -> dict[str, Any]:
+def _depends_on(evidence: AnyEvidence | ComparisonEvidence) -> dict[str, Any]:
     """Options and input hashes by role: what decides a comparison."""
     hashes: dict[str, list[str]] = {}
-    for entry in evidence["inputs"]:
-        hashes.setdefault(entry["role"], []).append(entry["sha256"][:12])
-    return {"kind": evidence["kind"], **evidence["configuration"], **hashes}
+    for entry in evidence.inputs:
+        hashes.setdefault(entry.role, []).append(entry.sha256[:12])
+    return {"kind": evidence.kind, **as_json(evidence.configuration), **hashes}
 
 
 def write_comparison(
-    folder: Path, document: dict[str, Any], evidence: dict[str, Any], *, overwrite: bool
+    folder: Path,
+    document: Comparison | JoinedComparison,
+    evidence: AnyEvidence | ComparisonEvidence,
+    *,
+    overwrite: bool,
 ) -> None:
     """Write every file, each whole or not at all, evidence.json last; see `prepare_folder`."""
     prepare_folder(folder, evidence, overwrite=overwrite)
     (folder / EVIDENCE).unlink(missing_ok=True)  # half of a comparison is never taken for whole
     for path in folder.iterdir():
         path.unlink()
-    write_text(folder / COMPARISON, readable_json(document))
+    write_text(folder / COMPARISON, readable(document))
     for name, text in rendered_tables(document).items():
         write_text(folder / name, text)
     files = {p.name: sha256_of_file(p) for p in sorted(folder.iterdir())}
-    write_text(folder / EVIDENCE, readable_json({**evidence, "files": files}))
+    write_text(folder / EVIDENCE, readable(replace(evidence, files=files)))
 
 
-def rendered_tables(document: dict[str, Any]) -> dict[str, str]:
+def rendered_tables(document: Comparison | JoinedComparison) -> dict[str, str]:
     """The tables by file name. The CSV has every row, unrounded; the others what people read."""
     headline, coverage = headline_table(document), coverage_table(document)
     found = {}
@@ -97,7 +127,7 @@ def rendered_tables(document: dict[str, Any]) -> dict[str, str]:
     return found
 
 
-def read_document(folder: Path) -> dict[str, Any]:
+def read_document(folder: Path) -> Comparison | JoinedComparison:
     """comparison.json. ComparisonFolderError when the folder is no finished comparison."""
     if not (folder / EVIDENCE).is_file() or not (folder / COMPARISON).is_file():
         raise ComparisonFolderError(
@@ -105,75 +135,86 @@ def read_document(folder: Path) -> dict[str, Any]:
             found=f"no {COMPARISON} with {EVIDENCE}",
             expected="a folder that `legoworld compare` wrote",
         )
-    document: dict[str, Any] = json.loads((folder / COMPARISON).read_text(encoding="utf-8"))
-    return document
+    return read_comparison(folder / COMPARISON)
+
+
+def read_comparison(path: Path) -> Comparison | JoinedComparison:
+    """A comparison.json. ComparisonFolderError when it is not as it was written."""
+    try:
+        return comparison_of(path.read_bytes())
+    except (OSError, RecordError) as error:
+        raise ComparisonFolderError(
+            f"{path.parent.name}/{path.name} cannot be read",
+            found=getattr(error, "strerror", None) or str(error),
+            expected="what `legoworld compare` wrote",
+            next_step="compare again with --overwrite",
+        ) from error
 
 
 def evidence_of(
-    folder: Path, sides: Sequence[Evaluated], configuration: dict[str, Any]
-) -> dict[str, Any]:
+    folder: Path, sides: Sequence[Evaluated], settings: ComparisonSettings
+) -> ComparisonEvidence:
     """What evidence.json says before anything is computed: the evaluations and their raw numbers.
 
     `paired_evidence` completes it.
     """
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "kind": KIND,
+    common: dict[str, Any] = {
         "task": sides[0].task,
-        "configuration": configuration,
+        "configuration": settings,
         "versions": installed_versions(),
-        "inputs": [entry for k, s in enumerate(sides) for entry in _side_inputs(folder, s, k)],
-        "methods": [_raw(side) for side in sides],
+        "inputs": tuple(e for k, s in enumerate(sides) for e in _side_inputs(folder, s, k)),
+        "files": {},
     }
+    if sides[0].task in PROTOCOLS:
+        return DetectionComparison(**common, methods=_raw(sides, DetectionMethod))
+    return DepthComparison(**common, methods=_raw(sides, DepthMethod))
 
 
-def paired_evidence(document: dict[str, Any]) -> list[Row]:
+def paired_evidence(document: Comparison) -> tuple[PairEvidence, ...]:
     """Per pair: the paired images, why each other one was dropped, the paired numbers."""
-    return [_paired(pair) for pair in document["pairs"]]
+    return tuple(_paired(pair) for pair in document.pairs)
 
 
-def _side_inputs(folder: Path, side: Evaluated, place: int) -> list[Row]:
+def _side_inputs(folder: Path, side: Evaluated, place: int) -> list[Input]:
     """The files of an evaluation that a comparison reads; paths relative to the comparison."""
     paths = [(f"evaluation {place}", side.folder / name) for name in (EVIDENCE, *READ)]
     return [input_entry(folder, role, path) for role, path in paths if path.is_file()]
 
 
-def input_entry(folder: Path, role: str, path: Path) -> Row:
+def input_entry(folder: Path, role: str, path: Path) -> Input:
     """An input as evidence.json lists it."""
     found = input_file(role, path)
     relative = os.path.relpath(path.resolve(), folder.resolve())
-    return {
-        "role": role,
-        "path": Path(relative).as_posix(),
-        "sha256": found.sha256,
-        "bytes": found.size_bytes,
-    }
+    return Input(
+        role=role,
+        path=Path(relative).as_posix(),
+        sha256=found.sha256,
+        bytes=found.size_bytes,
+    )
 
 
-def _raw(side: Evaluated) -> Row:
-    """One side's own evidence: what its evaluator said, and of which files."""
-    keys = ("raw", "equal_confidence", "metrics", "protocol", "run", "evaluator", "configuration")
-    kept = {key: side.evidence[key] for key in keys if key in side.evidence}
-    return {"name": side.name, **kept, "inputs": _hashes(side.evidence["inputs"])}
+def _raw(sides: Sequence[Evaluated], kind: type[T]) -> tuple[T, ...]:
+    """Each side's own evidence: what its evaluator said, and of which files by role and hash."""
+    return tuple(to_record(kind, {**as_json(s.evidence), "name": s.name}) for s in sides)
 
 
-def _hashes(inputs: Sequence[Row]) -> list[Row]:
-    """An evaluation's inputs by role and hash; where they lie is in its own evidence."""
-    return [{"role": entry["role"], "sha256": entry["sha256"]} for entry in inputs]
-
-
-def _paired(pair: dict[str, Any]) -> Row:
-    means = {
-        row["metric"]: {
-            "scene": row["scene"]["value"],
-            "baseline": row["baseline"]["value"],
-            "difference": row["difference"]["value"],
-        }
-        for row in pair["rows"]
-        if row["images"] == "paired"
-    }
-    keys = ("scene", "baseline", "coverage", "paired_image_ids", "dropped")
-    return {**{key: pair[key] for key in keys}, "paired_metrics": means}
+def _paired(pair: Pair) -> PairEvidence:
+    return PairEvidence(
+        scene=pair.scene,
+        baseline=pair.baseline,
+        coverage=pair.coverage,
+        paired_image_ids=pair.paired_image_ids,
+        dropped=pair.dropped,
+        paired_metrics={
+            row.metric: PairedNumbers(
+                scene=row.scene.value,
+                baseline=row.baseline.value,
+                difference=row.difference.value,
+            )
+            for row in pair.rows
+            if row.images == "paired"
+        },
+    )
 
 
 def _is_ours(name: str) -> bool:

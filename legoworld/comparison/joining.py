@@ -4,36 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from legoworld.comparison.document import KIND
 from legoworld.comparison.folder import COMPARISON, ComparisonFolderError, input_entry
-from legoworld.comparison.provenance import NOT_RECORDED, ByField, provenance_notes
-from legoworld.conventions import SCHEMA_VERSION
+from legoworld.comparison.provenance import NOT_RECORDED, provenance_notes
 from legoworld.errors import UsageError
-from legoworld.evaluation.folder import EVIDENCE, installed_versions
+from legoworld.evaluation.folder import installed_versions
 from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.reading import EVIDENCE
+from legoworld.records.comparison import JOINED, ByField, Comparison, JoinedComparison
+from legoworld.records.evidence import AnyEvidence
 from legoworld.wording import counted
 
-JOINED: Final = "joined_comparison"
 #: The tasks in the order tables have them.
 _ORDER: Final = (*PROTOCOLS, "eth3d")
 
 
-def join(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def join(documents: Sequence[Comparison | JoinedComparison]) -> JoinedComparison:
     """One document of comparisons of different tasks, whatever order they are given in.
 
     ComparisonFolderError for a document that is joined already; UsageError for fewer than two, or
     two of one task.
     """
-    joined = [d for d in documents if d["kind"] != KIND]
-    if joined:
+    comparisons = [d for d in documents if isinstance(d, Comparison)]
+    if len(comparisons) < len(documents):
         raise ComparisonFolderError(
             "what was joined cannot be joined again",
-            found=f"kind {joined[0]['kind']}",
+            found=f"kind {JOINED}",
             expected="the comparisons of each task",
         )
-    tasks = [d["task"] for d in documents]
+    tasks = [d.task for d in comparisons]
     if len(set(tasks)) < max(2, len(tasks)):
         raise UsageError(
             "comparisons are joined over different tasks",
@@ -41,44 +41,42 @@ def join(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
             expected="one comparison of each of two or more tasks",
             next_step="compare several baselines of a task at once: EVAL_SCENE EVAL_BASELINE...",
         )
-    ordered = sorted(documents, key=lambda d: _ORDER.index(d["task"]))
+    ordered = sorted(comparisons, key=lambda d: _ORDER.index(d.task))
     common = _common_images(ordered)
     by_field = _provenance(ordered)
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "kind": JOINED,
-        "comparisons": ordered,
-        "common_images": common,
-        "provenance": by_field,
-        "notes": [_images_note(ordered, common), *provenance_notes(by_field)],
-    }
+    return JoinedComparison(
+        comparisons=tuple(ordered),
+        common_images=common,
+        provenance=by_field,
+        notes=(_images_note(ordered, common), *provenance_notes(by_field)),
+    )
 
 
 def joined_evidence(
-    folder: Path, document: dict[str, Any], comparisons: Sequence[Path]
-) -> dict[str, Any]:
+    folder: Path, document: JoinedComparison, comparisons: Sequence[Path]
+) -> AnyEvidence:
     """What evidence.json proves of a joined comparison: the comparisons by hash, in task order."""
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "kind": JOINED,
-        "configuration": {},
-        "versions": installed_versions(),
-        "inputs": [
-            input_entry(folder, f"comparison {one['task']}", path / name)
-            for one, path in zip(document["comparisons"], comparisons, strict=True)
+    return AnyEvidence(
+        kind=JOINED,
+        configuration={},
+        versions=installed_versions(),
+        inputs=tuple(
+            input_entry(folder, f"comparison {one.task}", path / name)
+            for one, path in zip(document.comparisons, comparisons, strict=True)
             for name in (COMPARISON, EVIDENCE)
-        ],
-    }
+        ),
+        files={},
+    )
 
 
-def _common_images(documents: Sequence[dict[str, Any]]) -> int:
+def _common_images(documents: Sequence[Comparison]) -> int:
     """Images that occur in every track, by id and file name: ids alone mean nothing across sets."""
-    sets = [{(i["image_id"], i["file_name"]) for i in d["images"]} for d in documents]
+    sets = [{(i.image_id, i.file_name) for i in d.images} for d in documents]
     return len(set.intersection(*sets))
 
 
-def _images_note(documents: Sequence[dict[str, Any]], common: int) -> str:
-    sizes = {d["task"]: len(d["images"]) for d in documents}
+def _images_note(documents: Sequence[Comparison], common: int) -> str:
+    sizes = {d.task: len(d.images) for d in documents}
     if set(sizes.values()) == {common}:
         return f"The {len(sizes)} tracks hold the same {counted(common, 'image', 'images')}."
     listed = ", ".join(f"{task} {n}" for task, n in sizes.items())
@@ -88,17 +86,17 @@ def _images_note(documents: Sequence[dict[str, Any]], common: int) -> str:
     )
 
 
-def _provenance(documents: Sequence[dict[str, Any]]) -> ByField:
+def _provenance(documents: Sequence[Comparison]) -> ByField:
     """field -> "task method" -> value -> images; what nobody of a task recorded is so named."""
-    fields = [name for d in documents for name in d["provenance"]]
+    fields = [name for d in documents for name in d.provenance]
     return {
         field: {
-            f"{d['task']} {method['name']}": d["provenance"]
-            .get(field, {})
-            .get(method["name"], {NOT_RECORDED: len(d["images"])})
+            f"{d.task} {method.name}": d.provenance.get(field, {}).get(
+                method.name, {NOT_RECORDED: len(d.images)}
+            )
             for d in documents
-            for method in d["methods"]
-            if method["kind"] == "scene"
+            for method in d.methods
+            if method.kind == "scene"
         }
         for field in dict.fromkeys(fields)
     }

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+
+from msgspec.structs import replace
 
 from legoworld.comparison.compatibility import check_comparable
-from legoworld.comparison.document import Settings, compare
+from legoworld.comparison.document import compare
 from legoworld.comparison.folder import (
     evidence_of,
     paired_evidence,
@@ -19,17 +19,19 @@ from legoworld.comparison.folder import (
 from legoworld.comparison.joining import join, joined_evidence
 from legoworld.comparison.sides import read_sides
 from legoworld.comparison.thresholds import Tripped, parse_thresholds, tripped
+from legoworld.records.comparison import Comparison, JoinedComparison
+from legoworld.records.evidence import ComparisonSettings
 
 
 def make_comparison(
     evaluations: Sequence[Path],
     output: Path,
-    settings: Settings,
+    settings: ComparisonSettings,
     *,
     thresholds: Sequence[str] = (),
     overwrite: bool = False,
     notice: Callable[[str], None] = lambda _text: None,
-) -> tuple[dict[str, Any], list[Tripped]]:
+) -> tuple[Comparison, list[Tripped]]:
     """Compare the first evaluation with the others and write the folder.
 
     Returns comparison.json's document and the thresholds ("METRIC=DELTA") that do not hold. Every
@@ -38,23 +40,22 @@ def make_comparison(
     sides = read_sides(evaluations)
     check_comparable(sides, allow_truth_prompts=settings.allow_truth_prompts)
     wanted = parse_thresholds(thresholds, sides[0].task)
-    evidence = evidence_of(output, sides, asdict(settings))
+    evidence = evidence_of(output, sides, settings)
     prepare_folder(output, evidence, overwrite=overwrite)
     document = compare(sides, settings, notice)
-    write_comparison(
-        output, document, {**evidence, "pairs": paired_evidence(document)}, overwrite=overwrite
-    )
+    evidence = replace(evidence, pairs=paired_evidence(document))
+    write_comparison(output, document, evidence, overwrite=overwrite)
     return document, tripped(document, wanted)
 
 
 def make_joined(
     comparisons: Sequence[Path], output: Path, *, overwrite: bool = False
-) -> dict[str, Any]:
+) -> JoinedComparison:
     """Join comparisons of different tasks and write the folder; returns its document."""
     documents = [read_document(folder) for folder in comparisons]
     document = join(documents)
-    by_task = {d["task"]: folder for d, folder in zip(documents, comparisons, strict=True)}
-    ordered = [by_task[one["task"]] for one in document["comparisons"]]
+    places = dict(zip((id(d) for d in documents), comparisons, strict=True))
+    ordered = [places[id(one)] for one in document.comparisons]
     evidence = joined_evidence(output, document, ordered)
     write_comparison(output, document, evidence, overwrite=overwrite)
     return document

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
-from legoworld.evaluation.bootstrap import centred_interval, interval
-from legoworld.evaluation.folder import Row, number
+from legoworld.evaluation.bootstrap import centred_interval, interval, number
 from legoworld.evaluation.problem import Floats
-from legoworld.records.base import as_json
+from legoworld.records.comparison import Better, ComparisonRow, Difference, Images, Level, Measured
 from legoworld.records.evaluation_summary import Interval
 
-#: Which images a number is over; docs/protocols/comparison.md says what each means.
-Images = Literal["attempted", "scored", "paired"]
-Better = Literal["higher", "lower"]
-
-#: 1: also in the joined table of several tasks; 2: in a comparison's table; 3: in CSV and JSON.
 HEADLINE: Final = 1
 TABLE: Final = 2
 EVERYTHING: Final = 3
@@ -29,7 +23,7 @@ class Metric:
     id: str
     policy: str
     better: Better
-    level: int
+    level: Level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,31 +69,30 @@ class IntervalRule:
 
 def comparison_row(
     metric: Metric, images: Images, scene: Measure, baseline: Measure, rule: IntervalRule
-) -> Row:
+) -> ComparisonRow:
     """A row of comparison.json. The difference of each draw is taken before any percentile."""
     samples = None
     if scene.samples is not None and baseline.samples is not None:
         samples = scene.samples - baseline.samples
     difference = scene.value - baseline.value
-    return {
-        "metric": metric.id,
-        "policy": metric.policy,
-        "images": images,
-        "better": metric.better,
-        "level": metric.level,
-        "scene": _side(scene, rule),
-        "baseline": _side(baseline, rule),
-        "difference": {
-            "value": number(difference),
-            "interval": as_json(rule.of_difference(samples, difference)),
-        },
-    }
+    return ComparisonRow(
+        metric=metric.id,
+        policy=metric.policy,
+        images=images,
+        better=metric.better,
+        level=metric.level,
+        scene=_side(scene, rule),
+        baseline=_side(baseline, rule),
+        difference=Difference(
+            value=number(difference), interval=rule.of_difference(samples, difference)
+        ),
+    )
 
 
-def _side(measure: Measure, rule: IntervalRule) -> Row:
-    return {
-        "value": number(measure.value),
-        "interval": as_json(rule.of_value(measure.samples, measure.value)),
-        "over": dict(measure.over),
+def _side(measure: Measure, rule: IntervalRule) -> Measured:
+    return Measured(
+        value=number(measure.value),
+        interval=rule.of_value(measure.samples, measure.value),
+        over=dict(measure.over),
         **{name: number(value) for name, value in measure.extra.items()},
-    }
+    )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from legoworld.comparison.provenance import ByField, provenance_notes
+from legoworld.comparison.provenance import provenance_notes
 from legoworld.errors import one_line
 from legoworld.evaluation.protocols import PROTOCOLS
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.comparison import ByField
 
 
 def notes_of(sides: Sequence[Evaluated], by_field: ByField) -> list[str]:
@@ -59,7 +60,7 @@ def _depth(sides: Sequence[Evaluated]) -> list[str]:
 
 def _versions(sides: Sequence[Evaluated]) -> list[str]:
     """Packages of other versions: numbers are held to 1e-12 within one, not between two."""
-    versions = [s.evidence["versions"] for s in sides]
+    versions = [s.evidence.versions for s in sides]
     names = sorted({name for found in versions for name in found})
     notes = []
     for name in names:

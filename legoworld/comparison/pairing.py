@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.folder import Row
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.comparison import Dropped
 from legoworld.records.evaluation_rows import DepthRow, DetectionRow, ScoredDepthRow
 
 AnyRow = DetectionRow | DepthRow
@@ -19,7 +19,7 @@ class Pairing:
     """kept: (images,) bool, images in ascending id; dropped: the others, with every reason."""
 
     kept: NDArray[np.bool_]
-    dropped: tuple[Row, ...]
+    dropped: tuple[Dropped, ...]
 
 
 def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
@@ -28,7 +28,7 @@ def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
     That is at least one truth instance that is neither crowd nor ignored; for depth, enough valid
     truth pixels.
     """
-    dropped: list[Row] = []
+    dropped: list[Dropped] = []
     kept = np.ones(len(scene.rows), bool)
     for k, rows in enumerate(zip(scene.rows, baseline.rows, strict=True)):
         reasons = _without_truth(rows[0])
@@ -38,7 +38,7 @@ def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
             kept[k] = False
             row = rows[0]
             dropped.append(
-                {"image_id": row.image_id, "file_name": row.file_name, "reasons": reasons}
+                Dropped(image_id=row.image_id, file_name=row.file_name, reasons=tuple(reasons))
             )
     return Pairing(kept=kept, dropped=tuple(dropped))
 

@@ -7,14 +7,12 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Final
 
-from legoworld.evaluation.folder import Row
 from legoworld.evaluation.stored import Evaluated
 from legoworld.files import canonical_json
+from legoworld.records.comparison import ByField, MadeBy
 
 NOT_RECORDED: Final = "not recorded"
 
-#: field -> method -> value -> images
-ByField = dict[str, dict[str, dict[str, int]]]
 #: What provenance.json of a scene may say, and so what runs are held against each other by.
 FIELDS: Final = (
     "agent",
@@ -28,7 +26,7 @@ FIELDS: Final = (
 )
 
 
-def recorded_provenance(side: Evaluated) -> list[Row]:
+def recorded_provenance(side: Evaluated) -> list[MadeBy]:
     """Each distinct provenance of a run with the number of its scenes, most frequent first.
 
     A baseline's is one for all its images. Images without a scene have nothing to record.
@@ -41,7 +39,7 @@ def recorded_provenance(side: Evaluated) -> list[Row]:
         found = [recorded] * side.summary.coverage.attempted
     counted = Counter(canonical_json(one) for one in found)
     ordered = sorted(counted.items(), key=lambda item: (-item[1], item[0]))
-    return [{"provenance": json.loads(text), "images": n} for text, n in ordered]
+    return [MadeBy(provenance=json.loads(text), images=n) for text, n in ordered]
 
 
 def provenance_by_field(sides: Sequence[Evaluated]) -> ByField:
@@ -72,10 +70,10 @@ def provenance_notes(by_field: ByField) -> list[str]:
     return notes
 
 
-def _values(groups: Sequence[Row], field: str) -> dict[str, int]:
+def _values(groups: Sequence[MadeBy], field: str) -> dict[str, int]:
     counts: Counter[str] = Counter()
     for group in groups:
-        counts[_shown(group["provenance"], field)] += group["images"]
+        counts[_shown(group.provenance, field)] += group.images
     return dict(sorted(counts.items()))
 
 

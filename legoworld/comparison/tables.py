@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, Final
+from typing import Final
 
 from legoworld.comparison.formats import Table
 from legoworld.comparison.measures import HEADLINE, TABLE
+from legoworld.records.comparison import (
+    Comparison,
+    ComparisonRow,
+    Difference,
+    JoinedComparison,
+    Measured,
+)
+
+Document = Comparison | JoinedComparison
 
 #: How tables name denominators, largest first; a row shows those it has.
 _OVER: Final = {
@@ -21,52 +30,51 @@ _SIDES: Final = ("scene", "baseline", "difference")
 _CSV_SIDE: Final = ("value", "low", "high")
 
 
-def comparisons_of(document: dict[str, Any]) -> list[dict[str, Any]]:
+def comparisons_of(document: Document) -> tuple[Comparison, ...]:
     """The comparisons a document holds: itself, or those that were joined."""
-    found: list[dict[str, Any]] = document.get("comparisons", [document])
-    return found
+    return (document,) if isinstance(document, Comparison) else document.comparisons
 
 
-def headline_table(document: dict[str, Any]) -> Table:
+def headline_table(document: Document) -> Table:
     """Metric by method: values and intervals with denominators, and the difference.
 
     Of joined comparisons the first metrics of each task; of one, all but the details. Two methods
     alone have a column each; more are rows.
     """
-    level = HEADLINE if "comparisons" in document else TABLE
-    pairs = [(one["task"], pair) for one in comparisons_of(document) for pair in one["pairs"]]
-    named = {(pair["scene"], pair["baseline"]) for _, pair in pairs}
+    level = TABLE if isinstance(document, Comparison) else HEADLINE
+    pairs = [(one.task, pair) for one in comparisons_of(document) for pair in one.pairs]
+    named = {(pair.scene, pair.baseline) for _, pair in pairs}
     rows = []
     for task, pair in pairs:
-        for row in pair["rows"]:
-            if row["level"] <= level:
-                cells = [_cell(row["scene"]), _cell(row["baseline"])]
+        for row in pair.rows:
+            if row.level <= level:
+                cells = [_cell(row.scene), _cell(row.baseline)]
                 if len(named) > 1:
-                    cells = [pair["scene"], cells[0], pair["baseline"], cells[1]]
-                difference = _cell(row["difference"], signed=True)
+                    cells = [pair.scene, cells[0], pair.baseline, cells[1]]
+                difference = _cell(row.difference, signed=True)
                 rows.append([task, _name(row), *cells, difference, _denominators(row)])
     methods = [*named.pop()] if len(named) == 1 else ["method", "value", "against", "its value"]
     header = ["task", "metric", *methods, "difference", "over"]
     return Table(header=header, rows=rows, notes=_notes(document))
 
 
-def coverage_table(document: dict[str, Any]) -> Table:
+def coverage_table(document: Document) -> Table:
     """Attempted, scored and paired, one row for every pair, with why images were dropped."""
     rows = []
     for one in comparisons_of(document):
-        for pair in one["pairs"]:
-            coverage = pair["coverage"]
-            dropped = Counter(reason for d in pair["dropped"] for reason in d["reasons"])
+        for pair in one.pairs:
+            coverage = pair.coverage
+            dropped = Counter(reason for d in pair.dropped for reason in d.reasons)
             rows.append(
                 [
-                    one["task"],
-                    str(coverage["attempted"]),
-                    str(coverage["with_truth"]),
-                    pair["scene"],
-                    str(coverage["scene_scored"]),
-                    pair["baseline"],
-                    str(coverage["baseline_scored"]),
-                    str(coverage["paired"]),
+                    one.task,
+                    str(coverage.attempted),
+                    str(coverage.with_truth),
+                    pair.scene,
+                    str(coverage.scene_scored),
+                    pair.baseline,
+                    str(coverage.baseline_scored),
+                    str(coverage.paired),
                     ", ".join(f"{reason} ({n})" for reason, n in sorted(dropped.items())) or "-",
                 ]
             )
@@ -74,7 +82,7 @@ def coverage_table(document: dict[str, Any]) -> Table:
     return Table(header=[*header, "paired", "not paired"], rows=rows)
 
 
-def csv_table(document: dict[str, Any]) -> Table:
+def csv_table(document: Document) -> Table:
     """Every row of every comparison, unrounded; an undefined number is an empty cell."""
     header = ["task", "metric", "policy", "images", "better", "level", "method", "against"]
     for side in _SIDES:
@@ -83,66 +91,66 @@ def csv_table(document: dict[str, Any]) -> Table:
     header += ["interval_level", "interval_unit", "draws"]
     rows = []
     for one in comparisons_of(document):
-        for pair in one["pairs"]:
-            for row in pair["rows"]:
-                cells = [one["task"], *(str(row[k]) for k in header[1:6])]
-                cells += [pair["scene"], pair["baseline"]]
+        for pair in one.pairs:
+            for row in pair.rows:
+                cells = [one.task, *(str(getattr(row, k)) for k in header[1:6])]
+                cells += [pair.scene, pair.baseline]
                 for side in _SIDES:
-                    cells += _csv_side(row[side], with_over=side != "difference")
-                cells += [str(one["bootstrap"][k]) for k in ("level", "unit", "draws")]
+                    cells += _csv_side(getattr(row, side))
+                cells += [str(getattr(one.bootstrap, k)) for k in ("level", "unit", "draws")]
                 rows.append(cells)
     return Table(header=header, rows=rows)
 
 
-def _csv_side(side: dict[str, Any], *, with_over: bool) -> list[str]:
-    interval = side["interval"] or {}
-    numbers = [side["value"], interval.get("low"), interval.get("high")]
-    cells = ["" if n is None else repr(n) for n in numbers]
-    return cells + [str(side["over"].get(name, "")) for name in _OVER if with_over]
+def _csv_side(side: Difference) -> list[str]:
+    low, high = (side.interval.low, side.interval.high) if side.interval else (None, None)
+    cells = ["" if n is None else repr(n) for n in (side.value, low, high)]
+    if not isinstance(side, Measured):
+        return cells
+    return cells + [str(side.over.get(name, "")) for name in _OVER]
 
 
-def _cell(side: dict[str, Any], *, signed: bool = False) -> str:
+def _cell(side: Difference, *, signed: bool = False) -> str:
     """Value and interval; an expected AP has the spread of its tie orders instead."""
     form = "+.4f" if signed else ".4f"
-    value, interval = side["value"], side["interval"]
-    if value is None:
+    if side.value is None:
         return "-"
-    value += 0.0  # -0.0 prints as +0.0000
-    if interval and interval["low"] is not None:
-        low, high = (interval[k] + 0.0 for k in ("low", "high"))
+    value = side.value + 0.0  # -0.0 prints as +0.0000
+    if side.ends:
+        low, high = (end + 0.0 for end in side.ends)
         return f"{value:{form}} [{low:{form}}, {high:{form}}]"
-    return (
-        f"{value:{form}} (sd {side['sd']:.4f})" if side.get("sd") is not None else f"{value:{form}}"
-    )
+    if isinstance(side, Measured) and isinstance(side.sd, float):
+        return f"{value:{form}} (sd {side.sd:.4f})"
+    return f"{value:{form}}"
 
 
-def _name(row: dict[str, Any]) -> str:
+def _name(row: ComparisonRow) -> str:
     """A metric with the direction that is better."""
-    return f"{row['metric']} {'↑' if row['better'] == 'higher' else '↓'}"
+    return f"{row.metric} {'↑' if row.better == 'higher' else '↓'}"
 
 
-def _denominators(row: dict[str, Any]) -> str:
+def _denominators(row: ComparisonRow) -> str:
     """What a row is over; where the two methods differ, both, the scene's first."""
-    ours, theirs = row["scene"]["over"], row["baseline"]["over"]
+    ours, theirs = row.scene.over, row.baseline.over
     parts: list[str] = []
     for name, words in _OVER.items():
         if name in ours:
             counts = [ours[name]] if ours[name] == theirs[name] else [ours[name], theirs[name]]
             word = words[0] if counts == [1] else words[1]
-            which = f"{row['images']} " if name == "images" else ""
+            which = f"{row.images} " if name == "images" else ""
             parts.append(f"{' / '.join(map(str, counts))} {which}{word}")
     return ", ".join(parts)
 
 
-def _notes(document: dict[str, Any]) -> list[str]:
+def _notes(document: Document) -> list[str]:
     notes = []
     for one in comparisons_of(document):
-        drawn, evaluator = one["bootstrap"], one["evaluator"]
+        drawn, evaluator = one.bootstrap, one.evaluator
         notes.append(
-            f"{one['task']}: {evaluator['name']} {evaluator['version']}; "
-            f"{drawn['level']:.0%} intervals from {drawn['draws']} bootstrap samples over "
-            f"{drawn['unit']}s, shared by both methods, seed {drawn['seed']}."
+            f"{one.task}: {evaluator.name} {evaluator.version}; "
+            f"{drawn.level:.0%} intervals from {drawn.draws} bootstrap samples over "
+            f"{drawn.unit}s, shared by both methods, seed {drawn.seed}."
         )
         if one is not document:
-            notes += [f"{one['task']}: {note}" for note in one["notes"]]
-    return [*notes, *document["notes"]]
+            notes += [f"{one.task}: {note}" for note in one.notes]
+    return [*notes, *document.notes]

@@ -6,12 +6,13 @@ import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from legoworld.comparison.depth import depth_metrics
 from legoworld.comparison.detections import detection_metrics
 from legoworld.errors import UsageError
 from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.records.comparison import Comparison, ComparisonRow
 
 _PAIRED: Final = "paired."
 #: Where a metric is looked for: a method that fails on its worst images must not gain by it.
@@ -74,32 +75,32 @@ def _parse(text: str, known: Sequence[str]) -> Threshold:
     return Threshold(metric=metric, paired=paired, least_gain=least)
 
 
-def tripped(document: dict[str, Any], thresholds: Sequence[Threshold]) -> list[Tripped]:
+def tripped(document: Comparison, thresholds: Sequence[Threshold]) -> list[Tripped]:
     """The thresholds that do not hold, against every baseline of a comparison."""
     found = []
     for threshold in thresholds:
-        for pair in document["pairs"]:
-            row = _row(pair["rows"], threshold)
+        for pair in document.pairs:
+            row = _row(pair.rows, threshold)
             gain = None if row is None else _gain(row)
             if gain is None or gain < threshold.least_gain:
-                images = "paired" if row is None else row["images"]
+                images = "paired" if row is None else row.images
                 found.append(
-                    Tripped(
-                        threshold=threshold, baseline=pair["baseline"], images=images, gain=gain
-                    )
+                    Tripped(threshold=threshold, baseline=pair.baseline, images=images, gain=gain)
                 )
     return found
 
 
-def _row(rows: Sequence[dict[str, Any]], threshold: Threshold) -> dict[str, Any] | None:
+def _row(rows: Sequence[ComparisonRow], threshold: Threshold) -> ComparisonRow | None:
     """The metric over attempted images, or, where it is asked for or all there is, paired ones."""
-    by_images = {r["images"]: r for r in rows if r["metric"] == threshold.metric}
+    by_images: dict[str, ComparisonRow] = {
+        r.images: r for r in rows if r.metric == threshold.metric
+    }
     order = ("paired",) if threshold.paired else _ORDER
     return next((by_images[images] for images in order if images in by_images), None)
 
 
-def _gain(row: dict[str, Any]) -> float | None:
-    value: float | None = row["difference"]["value"]
-    if value is None or row["better"] == "higher":
+def _gain(row: ComparisonRow) -> float | None:
+    value = row.difference.value
+    if value is None or row.better == "higher":
         return value
     return -value

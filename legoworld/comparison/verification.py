@@ -6,30 +6,33 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from legoworld.comparison.document import KIND, Settings, compare
+from legoworld.comparison.document import compare
 from legoworld.comparison.folder import (
     COMPARISON,
+    KINDS,
     evidence_of,
     paired_evidence,
+    read_comparison,
     read_document,
     rendered_tables,
 )
-from legoworld.comparison.joining import JOINED, join
+from legoworld.comparison.joining import join
 from legoworld.comparison.sides import read_sides
+from legoworld.comparison.tables import Document
 from legoworld.evaluation.evidence import (
     Check,
     check_files,
     check_inputs,
     located,
-    read_evidence,
     until_damage,
 )
-from legoworld.evaluation.folder import EVIDENCE
+from legoworld.evaluation.reading import EVIDENCE, read_evidence
 from legoworld.evaluation.scoring import AGREEMENT
-
-KINDS: Final = (KIND, JOINED)
+from legoworld.records.base import as_json, to_record
+from legoworld.records.comparison import Comparison, JoinedComparison
+from legoworld.records.evidence import AnyEvidence, ComparisonSettings
 
 
 def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
@@ -42,48 +45,55 @@ def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
     checks = [*check_files(folder, evidence), *check_inputs(folder, evidence, root)]
     if any(c.status != "ok" for c in checks):
         return checks
+    return [*checks, *until_damage(_made_again(folder, evidence, root))]
+
+
+def _made_again(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
     document = read_document(folder)
-    again = _joined if evidence["kind"] == JOINED else _compared
-    checks += until_damage(again(folder, evidence, document, root))
-    return [*checks, *until_damage(_tables(folder, document))]
+    if isinstance(document, JoinedComparison):
+        yield from until_damage(_joined(folder, evidence, root))
+    else:
+        yield from until_damage(_compared(folder, evidence, document, root))
+    yield from _tables(folder, document)
 
 
 def _compared(
-    folder: Path, evidence: dict[str, Any], document: dict[str, Any], root: Path | None
+    folder: Path, evidence: AnyEvidence, document: Comparison, root: Path | None
 ) -> Iterator[Check]:
     """The document from the evaluations, made again."""
     evaluations = [path.parent for path in _inputs_named(folder, evidence, EVIDENCE, root)]
-    names = [method["name"] for method in document["methods"]]
-    sides = read_sides(evaluations, names=names)
-    configuration = evidence["configuration"]
-    again = compare(sides, Settings(**configuration))
-    yield _agrees("numbers from the evaluations", again, document)
-    raw = evidence_of(folder, sides, configuration)["methods"]
-    yield _agrees("raw numbers of the evaluations", raw, evidence["methods"])
-    yield _agrees("paired images and numbers", paired_evidence(again), evidence["pairs"])
+    sides = read_sides(evaluations, names=[method.name for method in document.methods])
+    settings = to_record(ComparisonSettings, evidence.configuration)
+    again = compare(sides, settings)
+    recorded = _json(folder / EVIDENCE)
+    yield _agrees("numbers from the evaluations", again, _json(folder / COMPARISON))
+    raw = evidence_of(folder, sides, settings).methods
+    yield _agrees("raw numbers of the evaluations", raw, recorded["methods"])
+    yield _agrees("paired images and numbers", paired_evidence(again), recorded["pairs"])
 
 
-def _joined(
-    folder: Path, evidence: dict[str, Any], document: dict[str, Any], root: Path | None
-) -> Iterator[Check]:
+def _joined(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
     """The document from the joined comparisons, made again."""
     paths = _inputs_named(folder, evidence, COMPARISON, root)
-    again = join([json.loads(path.read_text(encoding="utf-8")) for path in paths])
-    yield _agrees("numbers from the comparisons", again, document)
+    again = join([read_comparison(path) for path in paths])
+    yield _agrees("numbers from the comparisons", again, _json(folder / COMPARISON))
 
 
-def _inputs_named(
-    folder: Path, evidence: dict[str, Any], name: str, root: Path | None
-) -> list[Path]:
+def _json(path: Path) -> Any:
+    """All that a file says: a key that no type names follows from nothing."""
+    return json.loads(path.read_bytes())
+
+
+def _inputs_named(folder: Path, evidence: AnyEvidence, name: str, root: Path | None) -> list[Path]:
     """Where the inputs of that file name lie, in their recorded order."""
-    entries = [e["path"] for e in evidence["inputs"] if Path(e["path"]).name == name]
+    entries = [e.path for e in evidence.inputs if Path(e.path).name == name]
     found = [located(folder, path, root) for path in entries]
     return [path for path in found if path is not None]
 
 
-def _agrees(what: str, found: Any, recorded: Any) -> Check:
+def _agrees(what: str, found: object, recorded: Any) -> Check:
     """Equal but for summation order: another machine's numpy may add in another one."""
-    worst, where = _largest_difference(json.loads(json.dumps(found)), recorded, "")
+    worst, where = _largest_difference(json.loads(json.dumps(as_json(found))), recorded, "")
     status = "ok" if worst <= AGREEMENT else "DIFFERS"
     return Check(status, what, f"largest difference {worst:.1e}{where and ' at ' + where}")
 
@@ -107,7 +117,7 @@ def _largest_difference(found: Any, recorded: Any, where: str) -> tuple[float, s
     return max(differences, key=lambda one: one[0], default=(0.0, ""))
 
 
-def _tables(folder: Path, document: dict[str, Any]) -> Iterator[Check]:
+def _tables(folder: Path, document: Document) -> Iterator[Check]:
     for name, text in rendered_tables(document).items():
         same = (folder / name).read_bytes() == text.encode("utf-8")
         yield Check("ok" if same else "DIFFERS", f"{name} from {COMPARISON}", "")

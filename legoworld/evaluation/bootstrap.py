@@ -96,3 +96,8 @@ def interval(samples: NDArray[np.float64], *, unit: str) -> Interval:
         draws=len(samples),
         undefined_draws=len(samples) - len(defined),
     )
+
+
+def number(value: float) -> float | None:
+    """A metric as JSON holds it: None for NaN and inf."""
+    return float(value) if np.isfinite(value) else None

@@ -15,6 +15,7 @@ from legoworld.evaluation.folder import (
     Evaluation,
     InputFile,
     input_file,
+    installed_versions,
     prepare_folder,
     write_evaluation,
 )
@@ -52,6 +53,14 @@ from legoworld.records.evaluation_summary import (
     MatchedKinds,
     TruthCounts,
 )
+from legoworld.records.evidence import (
+    CardOrigin,
+    DetectionConfiguration,
+    DetectionEvidence,
+    EqualScores,
+    RawScores,
+    RunOrigin,
+)
 from legoworld.running.tasks import ALONE, Crew
 
 
@@ -80,13 +89,9 @@ def evaluate_detections(
     kind = evaluator or default_evaluator(protocol, warn)
     truth = read_truth(truth_path, run, protocol)
     inputs = _inputs(run, truth_path, origins)
-    configuration = {
-        "task": run.task,
-        "evaluator": kind,
-        "draws": draws,
-        "seed": seed,
-        "card_sha256": protocol.card.sha256,
-    }
+    configuration = DetectionConfiguration(
+        task=run.task, evaluator=kind, draws=draws, seed=seed, card_sha256=protocol.card.sha256
+    )
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
     notice("checking the predictions")
     predictions = check_predictions(read_predictions(run), run=run, truth=truth, protocol=protocol)
@@ -98,15 +103,15 @@ def evaluate_detections(
     if not predictions.equally_confident:
         notice("the same predictions under equal confidence")
         equal = ranked_score(request, _kept_equal(predictions, own), notice)
+    summary = _summary(run, request, predictions, own, equal)
     evaluation = Evaluation(
-        summary=_summary(run, request, predictions, own, equal),
-        configuration=configuration,
+        summary=summary,
+        evidence=_evidence(configuration, summary, run, protocol, predictions, own),
         inputs=inputs,
         per_image=per_image_rows(run, predictions, own),
         per_category=per_category_rows(truth, own),
         matches=matches_file.arrays_of(own, equal),
         view={**views(truth, predictions, own), "run.json": run_view(run)},
-        evidence=_evidence(run, protocol, predictions, own, equal),
     )
     write_evaluation(output, evaluation, overwrite=overwrite)
     return evaluation
@@ -228,31 +233,43 @@ def _frequency_groups(truth: Truth, n_truths: Ints) -> dict[str, FrequencyCounts
 
 
 def _evidence(
+    configuration: DetectionConfiguration,
+    summary: DetectionSummary,
     run: Run,
     protocol: DetectionProtocol,
     predictions: Predictions,
     own: Score,
-    equal: RankedScore | None,
-) -> dict[str, object]:
-    """What evidence.json adds: the raw numbers and the exports they belong to."""
-    return {
-        "run": {
-            key: run.configuration.get(key)
-            for key in ("kind", "source", "track_sha256", "images_sha256", "vocabulary_sha256")
-        },
-        "protocol": {
-            "task": protocol.task,
-            "card_version": protocol.card.version,
-            "card_sha256": protocol.card.sha256,
-        },
-        "raw": {
-            "official": list(own.scores.official),
-            "lines": list(own.scores.lines),
-            "prediction_order": predictions.order,
-            "canonical_predictions_sha256": predictions.sha256,
-        },
-        "equal_confidence": {
-            "predictions_sha256": predictions.sha256_equally_confident,
-            "official": list((equal or own).scores.official),
-        },
-    }
+) -> DetectionEvidence:
+    """The raw numbers and the exports they belong to."""
+    made = run.configuration
+    return DetectionEvidence(
+        versions=installed_versions(),
+        inputs=(),
+        files={},
+        task=summary.task,
+        evaluator=summary.evaluator,
+        coverage=summary.coverage,
+        configuration=configuration,
+        run=RunOrigin(
+            kind=made.get("kind"),
+            source=made.get("source"),
+            track_sha256=made.get("track_sha256"),
+            images_sha256=made.get("images_sha256"),
+            vocabulary_sha256=made.get("vocabulary_sha256"),
+        ),
+        protocol=CardOrigin(
+            task=protocol.task,
+            card_version=protocol.card.version,
+            card_sha256=protocol.card.sha256,
+        ),
+        raw=RawScores(
+            official=own.scores.official,
+            lines=own.scores.lines,
+            prediction_order=predictions.order,
+            canonical_predictions_sha256=predictions.sha256,
+        ),
+        equal_confidence=EqualScores(
+            official=summary.equal_confidence.official,
+            predictions_sha256=predictions.sha256_equally_confident,
+        ),
+    )

@@ -12,28 +12,30 @@ from typing import Any
 import numpy as np
 
 from legoworld.conventions import EQUAL_CONFIDENCE
-from legoworld.errors import one_line
+from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation import matches_file
 from legoworld.evaluation.accumulation import accumulate, metric_value
-from legoworld.evaluation.folder import (
-    EVIDENCE,
-    MATCHES,
-    VIEW,
-    EvaluationFolderError,
-    Row,
-    read_image_rows,
-    read_summary,
-)
 from legoworld.evaluation.input_hash import hash_and_size, without_of
 from legoworld.evaluation.matched_metrics import matched_document
 from legoworld.evaluation.prediction_columns import columns_of
 from legoworld.evaluation.prediction_order import in_order
 from legoworld.evaluation.predictions import sha256_of_entries
 from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.reading import (
+    EVIDENCE,
+    MATCHES,
+    VIEW,
+    Row,
+    read_evaluation_evidence,
+    read_evidence,
+    read_image_rows,
+    read_summary,
+)
 from legoworld.evaluation.scoring import AGREEMENT
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import DepthRow, ImageRow
-from legoworld.records.evaluation_summary import DetectionSummary, Summary
+from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, Summary
+from legoworld.records.evidence import AnyEvidence, DepthEvidence, DetectionEvidence
 
 
 @dataclass(frozen=True)
@@ -52,99 +54,57 @@ def verify(folder: Path, root: Path | None) -> list[Check]:
     if any(c.status != "ok" for c in checks if c.what.startswith("file ")):
         return checks  # numbers of altered files prove nothing
     inputs_hold = all(c.status == "ok" for c in checks if c.what.startswith("input "))
-    return [*checks, *until_damage(_made_again(folder, evidence, root, inputs_hold=inputs_hold))]
+    return [*checks, *until_damage(_made_again(folder, root, inputs_hold=inputs_hold))]
 
 
 def until_damage(checks: Iterator[Check]) -> Iterator[Check]:
     """Checks of numbers; what is not even numbers ends them as a difference."""
     try:
         yield from checks
-    except EvaluationFolderError as error:
-        yield Check("DIFFERS", EVIDENCE, one_line(str(error), 100))
+    except LegoWorldError as error:
+        yield Check("DIFFERS", "the numbers made again", one_line(str(error), 100))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         problem = one_line(f"{type(error).__name__}: {error}", 100)
         yield Check("DIFFERS", EVIDENCE, f"the numbers cannot be made again: {problem}")
 
 
-def _made_again(
-    folder: Path, evidence: dict[str, Any], root: Path | None, *, inputs_hold: bool
-) -> Iterator[Check]:
-    summary = read_summary(folder)
+def _made_again(folder: Path, root: Path | None, *, inputs_hold: bool) -> Iterator[Check]:
+    evidence, summary = read_evaluation_evidence(folder), read_summary(folder)
     rows = read_image_rows(folder, summary)
     yield from _coverage(summary, rows)
-    if isinstance(summary, DetectionSummary):
+    if isinstance(evidence, DetectionEvidence) and isinstance(summary, DetectionSummary):
         yield from _numbers(folder, evidence, summary)
-    else:
+    elif isinstance(evidence, DepthEvidence) and isinstance(summary, DepthSummary):
         from legoworld.evaluation.depth.verification import depth_checks, depth_rows
 
         scored = [row for row in rows if isinstance(row, DepthRow)]
         yield from depth_checks(folder, evidence, summary, scored)
         if inputs_hold:
             yield from depth_rows(folder, evidence, summary, scored, root)
+    else:
+        yield check_equal("task", summary.task, evidence.task)
 
 
-def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> dict[str, Any]:
-    """evidence.json. EvaluationFolderError when it cannot be read or is of none of the kinds."""
-    try:
-        evidence = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise EvaluationFolderError(
-            f"{folder.name or folder} has no readable {EVIDENCE}",
-            found=getattr(error, "strerror", None) or str(error),
-            expected="a folder that `legoworld evaluate` or `legoworld compare` wrote",
-        ) from error
-    if not isinstance(evidence, dict) or evidence.get("kind") not in kinds:
-        raise EvaluationFolderError(
-            f"{EVIDENCE} is of another kind",
-            found=repr(evidence.get("kind")) if isinstance(evidence, dict) else "no object",
-            expected=" or ".join(map(repr, kinds)),
-        )
-    if not _is_evidence(evidence):
-        raise EvaluationFolderError(
-            f"{folder.name or folder}/{EVIDENCE} is damaged",
-            found="files or inputs that are not as they were written",
-            expected="a sha256 for each file, and a role, a path and a sha256 for each input",
-            next_step="evaluate or compare again with --overwrite",
-        )
-    return evidence
-
-
-def _is_evidence(evidence: dict[str, Any]) -> bool:
-    """Whether there are files and inputs to check, whatever they say."""
-    files, inputs = evidence.get("files"), evidence.get("inputs")
-    return (
-        isinstance(files, dict)
-        and all(isinstance(sha256, str) for sha256 in files.values())
-        and isinstance(inputs, list)
-        and all(
-            isinstance(entry, dict)
-            and all(isinstance(entry.get(key), str) for key in ("role", "path", "sha256"))
-            for entry in inputs
-        )
-    )
-
-
-def check_files(folder: Path, evidence: dict[str, Any]) -> Iterator[Check]:
+def check_files(folder: Path, evidence: AnyEvidence) -> Iterator[Check]:
     """Every file of a folder against the hashes in its evidence."""
-    for name, sha256 in evidence["files"].items():
+    for name, sha256 in evidence.files.items():
         yield _hashed(f"file {name}", folder / name, sha256)
     present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
-    for name in sorted(present - set(evidence["files"]) - {EVIDENCE}):
+    for name in sorted(present - set(evidence.files) - {EVIDENCE}):
         yield Check("UNLISTED", f"file {name}", f"not in {EVIDENCE}")
 
 
-def check_inputs(folder: Path, evidence: dict[str, Any], root: Path | None) -> Iterator[Check]:
+def check_inputs(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
     """Every input against its hash; looked for below `root` where given."""
-    for entry in evidence["inputs"]:
-        what, without = f"input {entry['role']} {entry['path']}", entry.get("without", [])
-        allowed = list(without_of(entry["role"]))
+    for entry in evidence.inputs:
+        what, without = f"input {entry.role} {entry.path}", entry.without or ()
+        allowed = without_of(entry.role)
         # Evidence of before the time was left out leaves nothing out.
-        if without in ([], allowed):
-            path = located(folder, entry["path"], root)
-            yield _hashed(what, path, entry["sha256"], without)
+        if without in ((), allowed):
+            yield _hashed(what, located(folder, entry.path, root), entry.sha256, without)
         else:
             may = ", ".join(allowed) or "nothing"
-            yield Check("DIFFERS", what, f"its hash leaves out {without!r:.60}; may: {may}")
+            yield Check("DIFFERS", what, f"its hash leaves out {[*without]!r:.60}; may: {may}")
 
 
 def located(folder: Path, recorded: str, root: Path | None) -> Path | None:
@@ -178,7 +138,9 @@ def _coverage(summary: Summary, rows: Sequence[ImageRow]) -> Iterator[Check]:
     yield check_equal("images by status", statuses, coverage.by_status)
 
 
-def _numbers(folder: Path, evidence: dict[str, Any], summary: DetectionSummary) -> Iterator[Check]:
+def _numbers(
+    folder: Path, evidence: DetectionEvidence, summary: DetectionSummary
+) -> Iterator[Check]:
     """The evaluator's raw numbers against those that follow from matches.npz, and the exports."""
     protocol = detection_protocol(summary.task)
     with np.load(folder / MATCHES) as stored:
@@ -186,7 +148,7 @@ def _numbers(folder: Path, evidence: dict[str, Any], summary: DetectionSummary) 
     truth = json.loads((folder / VIEW / "truth.json").read_text(encoding="utf-8"))
     letters = {c["id"]: c.get("frequency", "") for c in truth["categories"]}
     frequencies = np.array([letters[int(i)] for i in arrays["category_ids"]])
-    raw = evidence["raw"]["official"], evidence["equal_confidence"]["official"]
+    raw = evidence.raw.official, evidence.equal_confidence.official
     shown = summary.official, summary.equal_confidence.official
     for policy, name, official, again in zip(
         (matches_file.OWN, matches_file.EQUAL),
@@ -200,15 +162,15 @@ def _numbers(folder: Path, evidence: dict[str, Any], summary: DetectionSummary) 
         worst = float(np.abs(ours - official).max())
         status = "ok" if worst <= AGREEMENT else "DIFFERS"
         yield Check(status, f"metrics from matches, {name}", f"largest difference {worst:.1e}")
-        yield check_equal(f"summary against raw metrics, {name}", list(again), official)
+        yield check_equal(f"summary against raw metrics, {name}", list(again), list(official))
     for kind, aware in (("class_aware", True), ("class_agnostic", False)):
         counts = matches_file.counts_from(arrays, class_aware=aware)
         document = as_json(matched_document(counts, class_aware=aware))
         yield check_equal(f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind)))
     predictions = json.loads((folder / VIEW / "predictions.json").read_text(encoding="utf-8"))
-    recorded = evidence["raw"]["canonical_predictions_sha256"]
+    recorded = evidence.raw.canonical_predictions_sha256
     yield check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
-    recorded = evidence["equal_confidence"]["predictions_sha256"]
+    recorded = evidence.equal_confidence.predictions_sha256
     yield check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
 
 

@@ -13,62 +13,55 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
-import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld import __version__
-from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import ConfigurationMismatchError, LegoWorldError
+from legoworld.errors import ConfigurationMismatchError
 from legoworld.evaluation.input_hash import hash_and_size, without_of
+from legoworld.evaluation.reading import (
+    EVIDENCE,
+    MATCHES,
+    PER_CATEGORY,
+    PER_IMAGE,
+    SUMMARY,
+    VIEW,
+    EvaluationFolderError,
+    read_evidence,
+)
 from legoworld.files import (
     TEMPORARY_SUFFIX,
     atomic_path,
-    canonical_json,
-    readable_json,
     sha256_of_file,
     write_npz,
     write_text,
 )
 from legoworld.records.base import (
+    UNSET,
     Record,
-    RecordError,
     as_json,
     canonical,
-    decode_lines,
     readable,
 )
 from legoworld.records.evaluation_rows import (
     CategoryRow,
-    DepthRow,
-    DetectionRow,
     ImageRow,
-    depth_rows,
 )
 from legoworld.records.evaluation_summary import (
-    DepthSummary,
-    DetectionSummary,
     Summary,
-    summary_of,
 )
-
-SUMMARY: Final = "summary.json"
-PER_IMAGE: Final = "per_image.jsonl"
-PER_CATEGORY: Final = "per_category.jsonl"
-MATCHES: Final = "matches.npz"
-EVIDENCE: Final = "evidence.json"
-VIEW: Final = "view"
+from legoworld.records.evidence import (
+    DepthConfiguration,
+    DepthEvidence,
+    DetectionConfiguration,
+    DetectionEvidence,
+    Input,
+)
 
 #: Packages a score can depend on; those that are installed are named in evidence.json.
 _PACKAGES: Final = ("numpy", "scipy", "pycocotools", "lvis", "hotcoco", "OpenEXR")
 
-Row = dict[str, Any]
 S = TypeVar("S", bound=Summary)
-
-
-class EvaluationFolderError(LegoWorldError):
-    """An evaluation folder is not what it should be."""
-
-    code = "evaluation_folder"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,20 +84,19 @@ class InputFile:
 class Evaluation(Generic[S]):
     """Everything an evaluation folder holds; JSON values only, NaN and inf as None.
 
-    configuration: what the result depends on besides the inputs' bytes; with the inputs it
-    decides whether a folder holds this same evaluation. per_image: ascending image_id, one row
+    per_image: ascending image_id, one row
     for every image of the track. matches: arrays of matches.npz. view: file name in view/ to
-    JSON value. evidence: what the task adds to evidence.json, such as the raw evaluator metrics.
+    JSON value. evidence: with the configuration; its inputs and files are filled in when the
+    others are written.
     """
 
     summary: S
-    configuration: dict[str, Any]
+    evidence: DetectionEvidence | DepthEvidence
     inputs: Sequence[InputFile]
     per_image: Sequence[ImageRow]
     per_category: Sequence[CategoryRow] = ()
     matches: Mapping[str, NDArray[Any]] | None = None
     view: Mapping[str, Any] = field(default_factory=dict)
-    evidence: Mapping[str, Any] = field(default_factory=dict)
 
 
 def input_file(role: str, path: Path) -> InputFile:
@@ -125,13 +117,14 @@ def input_file(role: str, path: Path) -> InputFile:
 def prepare_folder(
     folder: Path,
     *,
-    configuration: Mapping[str, Any],
+    configuration: DetectionConfiguration | DepthConfiguration,
     inputs: Sequence[InputFile],
     overwrite: bool,
 ) -> None:
     """Refuse early what `write_evaluation` would refuse; make the folder otherwise.
 
-    The same evaluation is written again over itself. ConfigurationMismatchError names what differs
+    configuration: what the result depends on besides the inputs' bytes. The same evaluation is
+    written again over itself. ConfigurationMismatchError names what differs
     from an earlier one; with `overwrite` that one is replaced. A folder with other files in it is
     never touched.
     """
@@ -144,12 +137,11 @@ def prepare_folder(
             expected="an empty folder or an earlier evaluation",
             next_step="choose another -o",
         )
-    evidence = folder / EVIDENCE
-    if not evidence.is_file() or overwrite:
+    if not (folder / EVIDENCE).is_file() or overwrite:
         return
-    earlier = json.loads(evidence.read_text(encoding="utf-8"))
-    before = {**earlier["configuration"], **_inputs_by_role(earlier["inputs"])}
-    now = {**json.loads(canonical_json(configuration)), **_inputs_by_role(_entries(inputs, folder))}
+    earlier = read_evidence(folder)
+    before = {**earlier.configuration, **_inputs_by_role(earlier.inputs)}
+    now = {**as_json(configuration), **_inputs_by_role(_entries(inputs, folder))}
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:
         raise ConfigurationMismatchError(
@@ -171,7 +163,7 @@ def write_evaluation(folder: Path, evaluation: Evaluation[S], *, overwrite: bool
     with _locked(folder):
         prepare_folder(
             folder,
-            configuration=evaluation.configuration,
+            configuration=evaluation.evidence.configuration,
             inputs=evaluation.inputs,
             overwrite=overwrite,
         )
@@ -200,64 +192,13 @@ def _write(folder: Path, evaluation: Evaluation[S]) -> None:
     for name, value in sorted(evaluation.view.items()):
         _write_json(folder / VIEW / name, value)
     write_text(folder / SUMMARY, readable(evaluation.summary))
-    write_text(folder / EVIDENCE, readable_json(_evidence(folder, evaluation)))
-
-
-def require_finished(folder: Path) -> None:
-    """EvaluationFolderError when a folder is no finished evaluation."""
-    if not (folder / EVIDENCE).is_file() or not (folder / SUMMARY).is_file():
-        raise EvaluationFolderError(
-            f"{folder.name or folder} is no finished evaluation",
-            found=f"no {SUMMARY} with {EVIDENCE}",
-            expected="a folder that `legoworld evaluate` wrote",
-        )
-
-
-def read_summary(folder: Path) -> DetectionSummary | DepthSummary:
-    """summary.json of a finished evaluation. EvaluationFolderError."""
-    require_finished(folder)
-    with reading(folder, SUMMARY) as path:
-        return summary_of(path.read_bytes())
-
-
-def read_image_rows(
-    folder: Path, summary: DetectionSummary | DepthSummary
-) -> Sequence[DetectionRow | DepthRow]:
-    """per_image.jsonl: a row of each image, ascending id. EvaluationFolderError."""
-    with reading(folder, PER_IMAGE) as path:
-        if isinstance(summary, DepthSummary):
-            return depth_rows(path.read_bytes())
-        return decode_lines(DetectionRow, path.read_bytes())
-
-
-def read_category_rows(folder: Path) -> list[CategoryRow]:
-    """per_category.jsonl, ascending id. EvaluationFolderError."""
-    with reading(folder, PER_CATEGORY) as path:
-        return decode_lines(CategoryRow, path.read_bytes())
-
-
-@contextmanager
-def reading(folder: Path, name: str) -> Iterator[Path]:
-    """EvaluationFolderError for a file that is not as it was written."""
-    try:
-        yield folder / name
-    except (OSError, RecordError) as error:
-        raise EvaluationFolderError(
-            f"{folder.name or folder}/{name} cannot be read",
-            found=getattr(error, "strerror", None) or str(error),
-            expected="what `legoworld evaluate` wrote",
-            next_step="evaluate the run again with --overwrite",
-        ) from error
-
-
-def read_rows(path: Path) -> list[Row]:
-    """The rows of a .jsonl file. Only a newline ends one: names may hold other line separators."""
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]
-
-
-def number(value: float) -> float | None:
-    """A metric as JSON holds it: None for NaN and inf."""
-    return float(value) if np.isfinite(value) else None
+    written = sorted(p for p in folder.rglob("*") if p.is_file())
+    evidence = replace(
+        evaluation.evidence,
+        inputs=tuple(_entries(evaluation.inputs, folder)),
+        files={p.relative_to(folder).as_posix(): sha256_of_file(p) for p in written},
+    )
+    write_text(folder / EVIDENCE, readable(evidence))
 
 
 def installed_versions() -> dict[str, str]:
@@ -271,32 +212,16 @@ def installed_versions() -> dict[str, str]:
     return versions
 
 
-def _evidence(folder: Path, evaluation: Evaluation[S]) -> dict[str, Any]:
-    written = sorted(p for p in folder.rglob("*") if p.is_file())
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "kind": "evaluation",
-        "task": evaluation.summary.task,
-        "evaluator": as_json(evaluation.summary.evaluator),
-        "coverage": as_json(evaluation.summary.coverage),
-        "configuration": dict(evaluation.configuration),
-        "versions": installed_versions(),
-        "inputs": _entries(evaluation.inputs, folder),
-        "files": {p.relative_to(folder).as_posix(): sha256_of_file(p) for p in written},
-        **evaluation.evidence,
-    }
-
-
-def _entries(inputs: Sequence[InputFile], folder: Path) -> list[Row]:
+def _entries(inputs: Sequence[InputFile], folder: Path) -> list[Input]:
     """Inputs as evidence.json lists them."""
     return [
-        {
-            "role": i.role,
-            "path": i.recorded or _relative(i.path, folder),
-            "sha256": i.sha256,
-            "bytes": i.size_bytes,
-            **({"without": list(i.without)} if i.without else {}),
-        }
+        Input(
+            role=i.role,
+            path=i.recorded or _relative(i.path, folder),
+            sha256=i.sha256,
+            bytes=i.size_bytes,
+            without=i.without or UNSET,
+        )
         for i in inputs
     ]
 
@@ -305,11 +230,11 @@ def _relative(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
-def _inputs_by_role(entries: Sequence[Row]) -> dict[str, Any]:
+def _inputs_by_role(entries: Sequence[Input]) -> dict[str, Any]:
     """Hashes by role: the same bytes are the same input wherever they lie."""
     found: dict[str, list[str]] = {}
     for entry in entries:
-        found.setdefault(f"input {entry['role']}", []).append(entry["sha256"])
+        found.setdefault(f"input {entry.role}", []).append(entry.sha256)
     return dict(found)
 
 

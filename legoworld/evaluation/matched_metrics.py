@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.bootstrap import weighted_sums
+from legoworld.evaluation.bootstrap import number, weighted_sums
 from legoworld.evaluation.category_threads import category_threads
-from legoworld.evaluation.folder import number
 from legoworld.evaluation.pairing import HIT, Pairs
 from legoworld.evaluation.problem import Floats, Ints, Problem
 from legoworld.records.evaluation_rows import PairSums

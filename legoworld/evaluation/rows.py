@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.accumulation import truths_per_category
-from legoworld.evaluation.folder import number
+from legoworld.evaluation.bootstrap import number
 from legoworld.evaluation.matched_metrics import image_sums
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.predictions import Predictions

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.folder import read_rows
+from legoworld.evaluation.reading import read_rows
 from legoworld.running.prediction_files import IMAGES_PER_FILE, prediction_files, stored_entries
 from legoworld.running.result_hashes import altered
 from legoworld.running.run_folder import JOURNAL, ROWS, RUN

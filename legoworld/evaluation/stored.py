@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.folder import (
+from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.reading import (
     EVIDENCE,
     MATCHES,
     PER_CATEGORY,
@@ -21,17 +22,18 @@ from legoworld.evaluation.folder import (
     VIEW,
     Row,
     read_category_rows,
+    read_evaluation_evidence,
     read_image_rows,
     read_summary,
     reading,
     require_finished,
 )
-from legoworld.evaluation.protocols import PROTOCOLS
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode
 from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 from legoworld.records.evaluation_view import DepthView
+from legoworld.records.evidence import DepthEvidence, DetectionEvidence, Evidence
 
 RUN_VIEW: Final = f"{VIEW}/run.json"
 #: What is read besides evidence.json, in the order it is listed; absent files are none of the task.
@@ -55,7 +57,7 @@ class Evaluated:
     folder: Path
     name: str
     summary: DetectionSummary | DepthSummary
-    evidence: dict[str, Any]
+    evidence: DetectionEvidence | DepthEvidence
     run: dict[str, Any]
     rows: tuple[DetectionRow | DepthRow, ...]
     categories: tuple[CategoryRow, ...]
@@ -142,7 +144,7 @@ class Evaluated:
     def depth_view(self, image_id: int) -> DepthView | None:
         """Depth only: an image's view, None where it was not scored."""
         name = f"{image_id}.json"
-        if f"{VIEW}/{name}" not in self.evidence["files"]:
+        if f"{VIEW}/{name}" not in self.evidence.files:
             return None
         with reading(self.folder, f"{VIEW}/{name}"):
             path = checked(self.folder, self.evidence, f"{VIEW}/{name}")
@@ -157,9 +159,9 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     evidence.json has on record.
     """
     require_finished(folder)
-    evidence = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
-    found = [name for name in READ if name in evidence["files"]]
-    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence["task"] in PROTOCOLS else [])}
+    evidence = read_evaluation_evidence(folder)
+    found = [name for name in READ if name in evidence.files]
+    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
     if missing := sorted(needed - {*found}):
         raise EvaluationChangedError(
             f"{folder.name} is not of this version",
@@ -185,10 +187,10 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     )
 
 
-def checked(folder: Path, evidence: dict[str, Any], name: str) -> Path:
+def checked(folder: Path, evidence: Evidence, name: str) -> Path:
     """A file's path. EvaluationChangedError when it is not what evidence.json has on record."""
     path = folder / name
-    recorded = evidence["files"].get(name)
+    recorded = evidence.files.get(name)
     found = sha256_of_file(path) if path.is_file() else None
     if found is None or found != recorded:
         raise EvaluationChangedError(

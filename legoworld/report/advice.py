@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-from legoworld.evaluation.folder import Row
 from legoworld.evaluation.masks import overlaps
+from legoworld.evaluation.reading import Row
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, parts_of_truths
 from legoworld.report.shapes import drawn_predictions

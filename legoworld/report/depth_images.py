@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.view import decoded
-from legoworld.evaluation.folder import Row
+from legoworld.evaluation.reading import Row
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.folder import Row
 from legoworld.evaluation.masks import compressed, overlaps
 from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.reading import Row
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.evaluation_rows import DetectionRow
 from legoworld.report.error_kinds import ImageErrors, image_errors

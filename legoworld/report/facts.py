@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from legoworld.evaluation.folder import Row
+from legoworld.evaluation.reading import Row
 
 Pairs = list[tuple[str, str]]
 

@@ -11,6 +11,8 @@ from typing import Any, Final
 from legoworld import catalog
 from legoworld.dataset_versions import dataset_of
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.base import as_json
+from legoworld.records.comparison import Comparison
 
 #: Licences of what a score is computed with, by package.
 _LICENCES: Final = {
@@ -30,34 +32,34 @@ def provenance(side: Evaluated) -> dict[str, Any]:
     """What the page says of where one side's numbers come from."""
     evidence, run = side.evidence, side.run
     cards = _cards()
-    versions = {**(run.get("versions") or {}), **evidence["versions"]}
+    versions = {**(run.get("versions") or {}), **evidence.versions}
     return {
         "label": side.name,
         "folder": side.folder.name,
         "commands": [_made_run(side, cards), _evaluated(side)],
         "partial": side.summary.partial,
         "configuration": _flat(run.get("configuration") or {}),
-        "evaluation": _flat(evidence["configuration"]),
+        "evaluation": _flat(as_json(evidence.configuration)),
         "evaluator": side.summary.evaluator,
         "versions": [
             {"name": n, "version": v, "licence": _LICENCES.get(n, "see the package")}
             for n, v in sorted(versions.items())
         ],
         "inputs": [
-            {**i, "name": PurePosixPath(i["path"]).name, "card": _known(cards, i["sha256"])}
-            for i in evidence["inputs"]
+            {**as_json(i), "name": PurePosixPath(i.path).name, "card": _known(cards, i.sha256)}
+            for i in evidence.inputs
         ],
-        "outputs": sorted(evidence["files"].items()),
+        "outputs": sorted(evidence.files.items()),
         "data": _data_licence(side, cards) + _model_licence(side),
     }
 
 
-def compare_command(comparison: dict[str, Any], sides: Sequence[Evaluated]) -> str:
+def compare_command(comparison: Comparison, sides: Sequence[Evaluated]) -> str:
     """The command that made a comparison of these evaluations."""
-    bootstrap = comparison["bootstrap"]
+    bootstrap = comparison.bootstrap
     names = [side.folder.name for side in sides] or ["EVAL_SCENE", "EVAL_BASELINE"]
     words = ["legoworld", "compare", *names]
-    words += ["--draws", str(bootstrap["draws"]), "--seed", str(bootstrap["seed"])]
+    words += ["--draws", str(bootstrap.draws), "--seed", str(bootstrap.seed)]
     return shlex.join([*words, "-o", "COMPARISON"])
 
 
@@ -84,8 +86,8 @@ def _made_run(side: Evaluated, cards: list[dict[str, Any]]) -> str:
 
 
 def _evaluated(side: Evaluated) -> str:
-    configuration = side.evidence["configuration"]
-    truths = [i["path"] for i in side.evidence["inputs"] if i["role"] == "truth"]
+    configuration = as_json(side.evidence.configuration)
+    truths = [i.path for i in side.evidence.inputs if i.role == "truth"]
     truth = PurePosixPath(truths[0]).name if side.task != "eth3d" and truths else "TRUTH"
     words = ["legoworld", "evaluate", _run_name(side), "--truth", truth]
     for option in ("evaluator", "camera_model", "draws", "seed"):
@@ -95,13 +97,13 @@ def _evaluated(side: Evaluated) -> str:
 
 
 def _run_name(side: Evaluated) -> str:
-    path = next(i["path"] for i in side.evidence["inputs"] if i["role"] == "run")
+    path = next(i.path for i in side.evidence.inputs if i.role == "run")
     return PurePosixPath(path).parent.name
 
 
 def _data_licence(side: Evaluated, cards: list[dict[str, Any]]) -> list[dict[str, str]]:
     """The dataset cards that know the truth by its hash, else the task's usual one."""
-    truths = {i["sha256"] for i in side.evidence["inputs"] if i["role"] == "truth"}
+    truths = {i.sha256 for i in side.evidence.inputs if i.role == "truth"}
     known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
     said = "this truth, by its hash"
     if not known:

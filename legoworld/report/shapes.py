@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from legoworld.evaluation.folder import Row
 from legoworld.evaluation.masks import bounding_box, compressed
 from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.reading import Row
 from legoworld.report.detection_images import DetectionImage, SideImage
 
 _PLACES = 2

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from legoworld.comparison.folder import COMPARISON
+from legoworld.comparison.folder import COMPARISON, KINDS, read_comparison
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.folder import EVIDENCE, SUMMARY
+from legoworld.evaluation.reading import SUMMARY, read_evidence
 from legoworld.evaluation.stored import Evaluated, checked, read_evaluation
 from legoworld.files import sha256_of_file
+from legoworld.records.comparison import JOINED, KIND, Comparison, JoinedComparison
 
 #: What a baseline is called that recorded no name.
 _UNNAMED: Final = "baseline"
@@ -34,7 +34,7 @@ class Section:
     key: str
     task: str
     sides: tuple[Evaluated, ...]
-    comparison: dict[str, Any] | None
+    comparison: Comparison | None
 
 
 def read_sources(folders: Sequence[Path]) -> list[Section]:
@@ -45,7 +45,7 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     is neither, EvaluationChangedError for one that was changed after it was written.
     """
     sides: dict[Path, Evaluated] = {}
-    comparisons: list[tuple[dict[str, Any], tuple[Path, ...]]] = []
+    comparisons: list[tuple[Comparison, tuple[Path, ...]]] = []
     for folder in folders:
         if (folder / COMPARISON).is_file():
             document, origins = _comparison(folder)
@@ -66,17 +66,17 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     ]
     shown = [s.comparison for s in sections if s.comparison is not None]
     lone = [document for document, _ in comparisons if document not in shown]
-    sections += [Section(key="", task=c["task"], sides=(), comparison=c) for c in lone]
+    sections += [Section(key="", task=c.task, sides=(), comparison=c) for c in lone]
     return _with_keys(sections)
 
 
 def _truth_of(side: Evaluated) -> str:
     """What must agree for evaluations to stand in one table: every hash of the truth."""
-    truth = [i["sha256"] for i in side.evidence["inputs"] if i["role"].startswith("truth")]
+    truth = [i.sha256 for i in side.evidence.inputs if i.role.startswith("truth")]
     return " ".join(sorted(truth))
 
 
-def _section(task: str, sides: Sequence[Evaluated], comparison: dict[str, Any] | None) -> Section:
+def _section(task: str, sides: Sequence[Evaluated], comparison: Comparison | None) -> Section:
     """Scenes first; two of one name are told apart by their folders."""
     ordered = sorted(sides, key=lambda s: not s.is_scene)
     labels = [s.name for s in ordered]
@@ -95,26 +95,26 @@ def _section(task: str, sides: Sequence[Evaluated], comparison: dict[str, Any] |
     return Section(key="", task=task, sides=tuple(named), comparison=comparison)
 
 
-def _comparison(folder: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
+def _comparison(folder: Path) -> tuple[Comparison, tuple[Path, ...]]:
     """comparison.json, and the evaluation folders of its evidence that are still there."""
-    evidence = json.loads((folder / EVIDENCE).read_text(encoding="utf-8"))
-    document = json.loads(checked(folder, evidence, COMPARISON).read_text(encoding="utf-8"))
-    if document.get("kind") != "comparison":
+    evidence = read_evidence(folder, KINDS)
+    document = read_comparison(checked(folder, evidence, COMPARISON))
+    if isinstance(document, JoinedComparison):
         raise ReportInputError(
             f"{folder.name} is no comparison of evaluations",
-            found=repr(document.get("kind")),
-            expected="'comparison'",
+            found=repr(JOINED),
+            expected=repr(KIND),
             next_step="name the comparisons it joins instead",
         )
     found: dict[Path, None] = {}
-    for entry in evidence["inputs"]:
-        path = folder / entry["path"]
+    for entry in evidence.inputs:
+        path = folder / entry.path
         if path.name == SUMMARY and path.is_file():
-            if sha256_of_file(path) != entry["sha256"]:
+            if sha256_of_file(path) != entry.sha256:
                 raise ReportInputError(
                     f"{path.parent.name} is not what {folder.name} was computed from",
                     found=f"another {SUMMARY}",
-                    expected=f"sha256 {entry['sha256']}",
+                    expected=f"sha256 {entry.sha256}",
                     next_step="compare again",
                 )
             found[path.parent] = None
@@ -124,11 +124,11 @@ def _comparison(folder: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
 def _comparison_of(
     sides: Sequence[Evaluated],
     task: str,
-    comparisons: Sequence[tuple[dict[str, Any], tuple[Path, ...]]],
-) -> dict[str, Any] | None:
+    comparisons: Sequence[tuple[Comparison, tuple[Path, ...]]],
+) -> Comparison | None:
     mine = {s.folder.resolve() for s in sides}
     for document, origins in comparisons:
-        if document["task"] == task and origins and {p.resolve() for p in origins} <= mine:
+        if document.task == task and origins and {p.resolve() for p in origins} <= mine:
             return document
     return None
 

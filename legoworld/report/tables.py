@@ -9,6 +9,7 @@ from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.text import metric_rows, notes
 from legoworld.records.base import UNSET, as_json
+from legoworld.records.comparison import Comparison, Difference, Measured
 from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.wording import counted, share
 
@@ -129,25 +130,30 @@ def category_rows(sides: Sequence[Evaluated]) -> Rows:
     return [found[key] for key in sorted(found)]
 
 
-def comparison_tables(comparison: dict[str, Any]) -> Rows:
+def comparison_tables(comparison: Comparison) -> Rows:
     """Each pair of a comparison with its rows as text; level 1 is the headline."""
-    tables = []
-    for pair in comparison["pairs"]:
-        rows = [
-            {
-                "name": _short_name(row["metric"], row["policy"]),
-                "policy": row["policy"].replace("_", " "),
-                "images": row["images"],
-                "better": row["better"],
-                "scene": _compared(row["scene"]),
-                "baseline": _compared(row["baseline"]),
-                "difference": _compared(row["difference"], signed=True),
-                "level": row["level"],
-            }
-            for row in pair["rows"]
-        ]
-        tables.append({**pair, "rows": rows})
-    return tables
+    return [
+        {
+            "scene": pair.scene,
+            "baseline": pair.baseline,
+            "coverage": pair.coverage,
+            "dropped": pair.dropped,
+            "rows": [
+                {
+                    "name": _short_name(row.metric, row.policy),
+                    "policy": row.policy.replace("_", " "),
+                    "images": row.images,
+                    "better": row.better,
+                    "scene": _compared(row.scene),
+                    "baseline": _compared(row.baseline),
+                    "difference": _compared(row.difference, signed=True),
+                    "level": row.level,
+                }
+                for row in pair.rows
+            ],
+        }
+        for pair in comparison.pairs
+    ]
 
 
 def _short_name(metric: str, policy: str) -> str:
@@ -155,19 +161,19 @@ def _short_name(metric: str, policy: str) -> str:
     return metric.removeprefix(f"{policy}.").removesuffix(f".{policy}")
 
 
-def _compared(cell: dict[str, Any], *, signed: bool = False) -> Cell:
-    interval = cell.get("interval")
-    spread = "-"
-    if interval and interval["low"] is not None:
+def _compared(cell: Difference, *, signed: bool = False) -> Cell:
+    spread, over = "-", ""
+    if cell.ends:
         sign = "+" if signed else ""
-        spread = f"{interval['low']:{sign}.4f} .. {interval['high']:{sign}.4f}"
-    elif cell.get("sd") is not None:
-        spread = f"sd {cell['sd']:.4f}"
-    counted = sorted((cell.get("over") or {}).items(), key=lambda c: (c[0] != "images", c[0]))
-    over = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counted)
-    if cell.get("constant") is not None:
-        over += f"; a constant: {cell['constant']:.4f}"
-    return {"value": _number(cell["value"], signed=signed), "spread": spread, "over": over}
+        spread = f"{cell.ends[0]:{sign}.4f} .. {cell.ends[1]:{sign}.4f}"
+    if isinstance(cell, Measured):
+        if not cell.ends and isinstance(cell.sd, float):
+            spread = f"sd {cell.sd:.4f}"
+        counts = sorted(cell.over.items(), key=lambda c: (c[0] != "images", c[0]))
+        over = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counts)
+        if isinstance(cell.constant, float):
+            over += f"; a constant: {cell.constant:.4f}"
+    return {"value": _number(cell.value, signed=signed), "spread": spread, "over": over}
 
 
 def _number(value: float | None, *, signed: bool = False) -> str:

@@ -13,13 +13,14 @@ from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 from numpy.typing import NDArray
 
-from legoworld.comparison.document import Settings
 from legoworld.comparison.making import make_comparison
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.detections import evaluate_detections
 from legoworld.evaluation.evaluators import EvaluatorKind
 from legoworld.evaluation.evidence import Check
 from legoworld.files import sha256_of_file
+from legoworld.records.base import canonical
+from legoworld.records.evidence import ComparisonSettings
 
 SIZE_WH = (40, 30)
 DEPTH_NAMES = ("a/images/dslr_images/1.JPG", "a/images/dslr_images/2.JPG",
@@ -110,11 +111,11 @@ def depth_scene_and_baseline(folder: Path) -> tuple[Path, Path]:
 def compared(
     evaluations: Sequence[Path], output: Path, *, draws: int = 60, seed: int = 0, **options: Any
 ) -> dict[str, Any]:
-    """The document of a comparison."""
+    """The document of a comparison, as its file holds it."""
     allow = options.pop("allow_truth_prompts", False)
-    settings = Settings(draws=draws, seed=seed, allow_truth_prompts=allow)
+    settings = ComparisonSettings(draws=draws, seed=seed, allow_truth_prompts=allow)
     document, _ = make_comparison(evaluations, output, settings, **options)
-    return document
+    return json.loads(canonical(document))
 
 
 def row_of(document: dict[str, Any], metric: str, images: str, pair: int = 0) -> dict[str, Any]:

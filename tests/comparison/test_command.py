@@ -21,6 +21,7 @@ from comparison.evaluations import (
 )
 
 from legoworld import cli
+from legoworld.comparison.folder import read_document
 from legoworld.comparison.formats import Table, comma_separated, latex, markdown
 from legoworld.comparison.tables import coverage_table, headline_table
 from legoworld.comparison.verification import verify_comparison
@@ -124,7 +125,7 @@ def test_the_terminal_has_100_columns_and_every_number(which, pair, depth_pair, 
     shown = capsys.readouterr().out
     text = shown[: shown.rindex("\n-> ")]
     assert max(map(len, text.splitlines())) <= 100
-    document = json.loads((out / "comparison.json").read_text())
+    document = read_document(out)
     headline, coverage = headline_table(document), coverage_table(document)
     words = set(shown_numbers(text))
     for table in (headline, coverage):
@@ -285,7 +286,8 @@ def test_forged_comparisons_are_seen(pair, tmp_path, capsys):
             document["pairs"][0]["rows"][place]["scene"]["value"] = float("nan")
 
     forge(out, "comparison.json", lambda p: change_json(p, no_number))
-    assert "numbers from the evaluations" in [c.what for c in bad(verify_comparison(out, None))]
+    (wrong,) = bad(verify_comparison(out, None))
+    assert "comparison.json cannot be read; found: not JSON: NaN" in wrong.found
     fresh()
     change_json(out / "evidence.json", lambda e: e["pairs"][0]["paired_image_ids"].pop())
     assert [c.what for c in bad(verify_comparison(out, None))] == ["paired images and numbers"]

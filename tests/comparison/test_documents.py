@@ -17,12 +17,15 @@ from comparison.evaluations import (
 )
 
 from legoworld.comparison import folder as comparison_folder
-from legoworld.comparison.folder import prepare_folder, write_comparison
+from legoworld.comparison.folder import prepare_folder, read_document, write_comparison
 from legoworld.comparison.making import make_joined
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import LegoWorldError
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file
+from legoworld.records.base import decode
+from legoworld.records.evidence import AnyEvidence, DetectionComparison
 
+NOTHING = AnyEvidence(kind="comparison", configuration={}, versions={}, inputs=(), files={})
 COVERAGE = {"attempted": 12, "with_truth": 12, "scene_scored": 10, "baseline_scored": 11,
             "paired": 9}  # fmt: skip
 INTERVAL = {"low", "high", "level", "unit", "draws", "undefined_draws"}
@@ -287,19 +290,20 @@ def test_a_folder_with_other_files_is_left_alone(name, tmp_path):
         (tmp_path / more).write_text("")
     shown = ", ".join(sorted([name, *"abcdef"])[:5])
     with pytest.raises(LegoWorldError, match=re.escape(f"found: {shown}; expected")):
-        prepare_folder(tmp_path, {}, overwrite=True)
+        prepare_folder(tmp_path, NOTHING, overwrite=True)
 
 
 def test_what_an_interrupted_write_left_is_no_stranger(tmp_path):
     (tmp_path / f".table.md{TEMPORARY_SUFFIX}").write_text("half")
     (tmp_path / "table.md").write_text("without evidence")
-    prepare_folder(tmp_path, {}, overwrite=False)
-    prepare_folder(tmp_path / "new" / "er", {}, overwrite=False)
+    prepare_folder(tmp_path, NOTHING, overwrite=False)
+    prepare_folder(tmp_path / "new" / "er", NOTHING, overwrite=False)
     assert (tmp_path / "new" / "er").is_dir()
 
 
 def test_a_write_that_fails_leaves_no_evidence_of_the_earlier_one(made, tmp_path, monkeypatch):
-    document, evidence = (read(made / "coco", n) for n in ("comparison.json", "evidence.json"))
+    document = read_document(made / "coco")
+    evidence = decode(DetectionComparison, (made / "coco" / "evidence.json").read_bytes())
     write_comparison(tmp_path, document, evidence, overwrite=False)
     assert (tmp_path / "evidence.json").read_bytes() == (made / "coco/evidence.json").read_bytes()
 

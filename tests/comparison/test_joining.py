@@ -66,8 +66,8 @@ def test_tracks_of_the_same_photos_are_not_called_different(tmp_path):
         compared(scene_and_baseline(tmp_path / task[0], task), tmp_path / task, draws=5)
         folders.append(tmp_path / task)
     document = make_joined(folders, tmp_path / "out")
-    assert document["common_images"] == 12
-    assert document["notes"][0] == "The 2 tracks hold the same 12 images."
+    assert document.common_images == 12
+    assert document.notes[0] == "The 2 tracks hold the same 12 images."
 
 
 def test_a_joined_comparison_is_verified(three, tmp_path):
@@ -147,8 +147,8 @@ def test_no_provenance_is_said_to_be_none(tmp_path):
 def test_differences_between_tracks_are_listed_when_they_are_joined(three, tmp_path):
     comparison_of(tmp_path, [PROVENANCE] * 12)
     document = make_joined([tmp_path / "out", three[0]], tmp_path / "joined")
-    assert document["provenance"]["agent"] == {
+    assert document.provenance["agent"] == {
         "coco scene": {"a": 12},
         "eth3d scene": {"not recorded": 5},
     }
-    assert any("coco scene a (12); eth3d scene not recorded (5)" in n for n in document["notes"])
+    assert any("coco scene a (12); eth3d scene not recorded (5)" in n for n in document.notes)

@@ -22,11 +22,11 @@ from legoworld.comparison.sides import read_sides
 from legoworld.comparison.subsets import counts_of_images, table_of_images
 from legoworld.evaluation.bootstrap import centred_interval, resample_counts, resampled_means
 from legoworld.evaluation.evaluators import run_evaluator
-from legoworld.evaluation.folder import read_rows
 from legoworld.evaluation.matched_metrics import matched_metrics
 from legoworld.evaluation.matches_file import EQUAL, OWN, counts_from, table_from
 from legoworld.evaluation.predictions import with_equal_confidence
 from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.reading import read_rows
 from legoworld.evaluation.resampling import resampled_metrics
 from legoworld.records.base import as_json
 

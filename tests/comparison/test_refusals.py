@@ -26,7 +26,7 @@ from legoworld.comparison.compatibility import IncomparableError
 from legoworld.comparison.sides import distinct_names
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.folder import EvaluationFolderError
+from legoworld.evaluation.reading import EvaluationFolderError
 from legoworld.evaluation.stored import EvaluationChangedError
 
 

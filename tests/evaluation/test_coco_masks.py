@@ -12,8 +12,8 @@ from evaluation.official import direct_coco, evaluate
 from pycocotools import mask as coco_mask
 
 from legoworld.cli import run as call
-from legoworld.evaluation.folder import read_rows
 from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.reading import read_rows
 from legoworld.track import load_track, serves
 from legoworld.track_making import make_track
 

@@ -18,10 +18,10 @@ from evaluation.detection_runs import (
 )
 
 from legoworld import cli
-from legoworld.evaluation.folder import read_rows
 from legoworld.evaluation.matched_metrics import matched_metrics
 from legoworld.evaluation.matches_file import EQUAL, counts_from, table_from
 from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.reading import read_rows
 from legoworld.evaluation.resampling import resampled_metrics
 
 

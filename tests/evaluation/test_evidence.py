@@ -173,11 +173,8 @@ def altered(folder, alter):
     [
         ("run", ["configuration"]),
         ("run", ["finished_at", "configuration"]),
-        ("run", "finished_at"),
-        ("run", 3),
         ("truth", ["annotations"]),
         ("truth", ["finished_at"]),
-        ("predictions", [None]),
     ],
 )
 def test_evidence_that_leaves_out_more_than_the_time_proves_nothing(evaluated, role, without):
@@ -213,6 +210,8 @@ def test_evidence_of_before_the_time_was_left_out_holds(evaluated):
         {"inputs": {}},
         {"inputs": [[]]},
         {"inputs": [{"role": "run", "path": 1, "sha256": "0"}]},
+        {"inputs": [{"role": "run", "path": "r", "sha256": "0", "without": "finished_at"}]},
+        {"inputs": [{"role": "run", "path": "r", "sha256": "0", "without": [None]}]},
     ],
 )
 def test_damaged_evidence_is_one_line(evaluated, capsys, damage):

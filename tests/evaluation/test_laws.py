@@ -18,7 +18,7 @@ from legoworld import cli
 from legoworld.catalog import folder
 from legoworld.dataset_versions import dataset_of
 from legoworld.evaluation.detections import evaluate_detections
-from legoworld.evaluation.folder import read_rows
+from legoworld.evaluation.reading import read_rows
 from legoworld.records.base import as_json
 
 TASKS = pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])

@@ -5,16 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from comparison.evaluations import depth_scene_and_baseline, scene_and_baseline
+from comparison.evaluations import compared, depth_scene_and_baseline, scene_and_baseline
 
-from legoworld.evaluation.folder import (
+from legoworld.comparison.folder import read_document
+from legoworld.evaluation.reading import (
     EvaluationFolderError,
     read_category_rows,
+    read_evaluation_evidence,
     read_image_rows,
     read_summary,
 )
 from legoworld.records.base import canonical, decode, readable
 from legoworld.records.evaluation_view import DepthView
+from legoworld.records.evidence import DepthComparison, DetectionComparison
 
 
 @pytest.fixture(scope="module", params=["coco", "coco-masks", "lvis", "eth3d"])
@@ -40,6 +43,21 @@ def test_rows(evaluations: tuple[Path, Path]) -> None:
         if categories.is_file():
             lines = (canonical(row) + "\n" for row in read_category_rows(folder))
             assert "".join(lines) == categories.read_text()
+
+
+def test_evidence(evaluations: tuple[Path, Path]) -> None:
+    for folder in evaluations:
+        evidence = read_evaluation_evidence(folder)
+        assert readable(evidence) == (folder / "evidence.json").read_text()
+
+
+def test_comparisons_and_their_evidence(evaluations: tuple[Path, Path], tmp_path: Path) -> None:
+    compared(evaluations, tmp_path / "out", draws=5)
+    text = (tmp_path / "out" / "comparison.json").read_text()
+    assert readable(read_document(tmp_path / "out")) == text
+    data = (tmp_path / "out" / "evidence.json").read_bytes()
+    kind = DepthComparison if '"eth3d"' in text else DetectionComparison
+    assert readable(decode(kind, data)).encode() == data
 
 
 def test_views_of_depth(tmp_path: Path) -> None:

@@ -18,15 +18,16 @@ from legoworld.evaluation.folder import (
     Evaluation,
     InputFile,
     input_file,
+    installed_versions,
     prepare_folder,
     write_evaluation,
 )
 from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
-from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
+from legoworld.records.evidence import DepthConfiguration, DepthEvidence
 from legoworld.running.run_folder import ROWS, RUN
 from legoworld.running.tasks import ALONE, Crew
 from legoworld.wording import counted
@@ -80,11 +81,20 @@ def evaluate_depth(
     )
     evaluation = Evaluation(
         summary=summary,
-        configuration=configuration,
+        evidence=DepthEvidence(
+            versions=installed_versions(),
+            inputs=(),
+            files={},
+            task=summary.task,
+            evaluator=summary.evaluator,
+            coverage=summary.coverage,
+            configuration=configuration,
+            protocol=summary.protocol,
+            metrics=summary.metrics,
+        ),
         inputs=inputs,
         per_image=rows,
         view=views,
-        evidence={"protocol": as_json(summary.protocol), "metrics": summary.metrics},
     )
     write_evaluation(output, evaluation, overwrite=overwrite)
     return summary
@@ -121,15 +131,15 @@ def _check(run: DepthRun, files: Sequence[TruthFile], settings: Settings) -> Non
         )
 
 
-def _configuration(protocol: DepthProtocol, settings: Settings) -> dict[str, Any]:
-    return {
-        "task": "eth3d",
-        "card_version": protocol.card.version,
-        "card_sha256": protocol.card.sha256,
-        "camera_model": settings.camera_model,
-        "draws": settings.draws,
-        "seed": settings.seed,
-    }
+def _configuration(protocol: DepthProtocol, settings: Settings) -> DepthConfiguration:
+    return DepthConfiguration(
+        task="eth3d",
+        card_version=protocol.card.version,
+        card_sha256=protocol.card.sha256,
+        camera_model=settings.camera_model,
+        draws=settings.draws,
+        seed=settings.seed,
+    )
 
 
 def _inputs(run: DepthRun, truth: Path, files: Sequence[TruthFile]) -> list[InputFile]:

@@ -15,11 +15,12 @@ from legoworld.evaluation.depth.rows import score_row
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.evaluation.evidence import Check, located
-from legoworld.evaluation.folder import SUMMARY
+from legoworld.evaluation.reading import SUMMARY
 from legoworld.evaluation.run import RunImage
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
+from legoworld.records.evidence import DepthEvidence
 
 #: Images scored again, spread evenly over the track: a full-size one takes seconds.
 SCORED_AGAIN: Final = 10
@@ -29,7 +30,7 @@ _LISTS: Final = (tuple, list)
 
 
 def depth_checks(
-    folder: Path, evidence: dict[str, Any], summary: DepthSummary, rows: Sequence[DepthRow]
+    folder: Path, evidence: DepthEvidence, summary: DepthSummary, rows: Sequence[DepthRow]
 ) -> Iterator[Check]:
     """Means, intervals and counts of the summary against those that follow from the rows."""
     again = summarise(
@@ -43,19 +44,19 @@ def depth_checks(
     found, recorded = as_json(again), json.loads((folder / SUMMARY).read_bytes())
     for key in sorted({*found, *recorded}):
         yield _agreement(f"{key} from the rows", found.get(key), recorded.get(key))
-    yield _agreement("metrics in the evidence", evidence.get("metrics"), summary.metrics)
+    yield _agreement("metrics in the evidence", evidence.metrics, summary.metrics)
 
 
 def depth_rows(
     folder: Path,
-    evidence: dict[str, Any],
+    evidence: DepthEvidence,
     summary: DepthSummary,
     rows: Sequence[DepthRow],
     root: Path | None,
 ) -> Iterator[Check]:
     """Rows of up to `SCORED_AGAIN` images, scored again from run and truth, which are all there."""
     paths = {
-        role: [located(folder, e["path"], root) for e in evidence["inputs"] if e["role"] == role]
+        role: [located(folder, i.path, root) for i in evidence.inputs if i.role == role]
         for role in ("run", "truth")
     }
     protocol, warped = depth_protocol(), summary.protocol.camera_model == "dataset"
