@@ -312,7 +312,9 @@ def _finished(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         if not isinstance(document["scenes"], dict) or not isinstance(per_file, int | None):
             raise TypeError("not as a run writes it")
         name = ROWS
-        refuse_altered(folder, document, [folder / ROWS])
+        # Beside a journal the results are being written anew, and run.json is of those before.
+        if not (folder / JOURNAL).is_file():
+            refuse_altered(folder, document, [folder / ROWS])
         rows = [json.loads(line) for line in _lines(folder / ROWS)]
         ids = [row["image_id"] for row in rows if {"status", "warnings"} <= row.keys()]
         if len({*ids}) != len(rows) or any(type(i) is not int for i in ids):

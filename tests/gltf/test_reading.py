@@ -178,6 +178,9 @@ def test_a_blend_that_changes_while_it_is_read_is_no_scene(folder, tmp_path):
     scene = SceneFolder(path=folder, name=folder.name)
     files = checked_artefacts(scene, require_frozen=False)
     cache = SnapshotCache(tmp_path / "cache")
-    with pytest.raises(SceneInvalidError, match="changed while it was read"):
-        read_scene(scene, source="blend", blender=Replacing(Limits()), cache=cache, files=files)
+    with (
+        Replacing(Limits()) as blender,
+        pytest.raises(SceneInvalidError, match="changed while it was read"),
+    ):
+        read_scene(scene, source="blend", blender=blender, cache=cache, files=files)
     assert not list((tmp_path / "cache").rglob("*.snapshot"))

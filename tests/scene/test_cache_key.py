@@ -19,10 +19,16 @@ STARTS = (
     "scene/gltf/draco_worker.py",
 )
 
+#: Its imports of the API are made when a name of it is asked for, which no reader does.
+LAZY = PACKAGE / "__init__.py"
+
 #: Imported, and no part of what a snapshot holds: words of verdicts, which are never cached, the
 #: version, and names and folders of scenes.
 NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_codes.py",
-                     "scene/folder.py")  # fmt: skip
+                     "scene/folder.py",
+                     # how a program that was executed ended
+                     "scene/program_report.py", "records/base.py", "records/execution.py",
+                     "records/verdict.py")  # fmt: skip
 
 
 def imported(path: Path) -> set[Path]:
@@ -48,7 +54,7 @@ def reached() -> set[str]:
         path = todo.pop()
         if path not in seen:
             seen.add(path)
-            todo += imported(path)
+            todo += imported(path) if path != LAZY else []
     return {path.relative_to(PACKAGE).as_posix() for path in seen}
 
 
