@@ -1,0 +1,208 @@
+"""summary.json and the rows against counts made here from the truth and the predictions."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
+from evaluation.official import evaluate
+
+from legoworld.errors import ConfigurationMismatchError, LegoWorldError
+from legoworld.evaluation.box_formats import BoxFormatError, check_box_format
+from legoworld.evaluation.detections import evaluate_detections
+from legoworld.evaluation.folder import EVIDENCE, prepare_folder
+
+TASKS = ["coco", "coco-masks", "lvis"]
+
+
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]
+
+
+def scored(folder, task, truth, predictions, statuses=None):
+    """summary.json of a run, some of whose images were not read."""
+    run = write_run(
+        folder / "run",
+        task,
+        truth,
+        [p for p in predictions if p["image_id"] not in (statuses or {})],
+        statuses=statuses,
+    )
+    evaluate_detections(
+        run, write_truth(folder / "truth.json", truth), folder / "eval",
+        evaluator="official", draws=3, seed=0, overwrite=False,
+        notice=lambda _text: None, warn=lambda _text: None,
+    )  # fmt: skip
+    return json.loads((folder / "eval" / "summary.json").read_text())
+
+
+@pytest.fixture(params=TASKS)
+def case(request):
+    """A task, a truth with images that have none, and predictions of some images."""
+    truth = random_truth(request.param, seed=11, images=14, per_image=3)
+    predictions = random_predictions(request.param, truth, seed=12, per_image=4)
+    silent = [i["id"] for i in truth["images"]][1::4]
+    return request.param, truth, [p for p in predictions if p["image_id"] not in silent]
+
+
+def test_coverage_is_what_can_be_counted(case, tmp_path):
+    task, truth, predictions = case
+    ids = [i["id"] for i in truth["images"]]
+    unread = {ids[2]: "missing", ids[5]: "timeout", ids[8]: "missing"}
+    coverage = scored(tmp_path, task, truth, predictions, unread)["coverage"]
+    with_truth = {a["image_id"] for a in truth["annotations"] if not a.get("iscrowd")}
+    read = set(ids) - set(unread)
+    assert 0 < len(with_truth & read) < len(with_truth) < len(ids)
+    assert coverage == {
+        "attempted": len(ids),
+        "scored": len(read),
+        "with_truth": len(with_truth),
+        "scored_with_truth": len(with_truth & read),
+        "scored_without_predictions": len(read - {p["image_id"] for p in predictions}),
+        "by_status": {"missing": 2, "ok": len(read), "timeout": 1},
+    }
+
+
+def test_counts_are_what_can_be_counted(case, tmp_path):
+    task, truth, predictions = case
+    counts = scored(tmp_path, task, truth, predictions)["counts"]
+    plain = [a for a in truth["annotations"] if not a.get("iscrowd")]
+    of_category = Counter(a["category_id"] for a in plain)
+    assert counts["categories"] == len(truth["categories"])
+    assert counts["categories_with_truth"] == len(of_category)
+    assert counts["truth_instances"] == len(plain)
+    assert counts["truth_ignored"] == len(truth["annotations"]) - len(plain)
+    assert counts["empty_masks_dropped"] == counts["lost_to_cap"] == 0
+    limits = {
+        "all": (0, 1e10),
+        "small": (0, 32**2),
+        "medium": (32**2, 96**2),
+        "large": (96**2, 1e10),
+    }
+    for area, (least, most) in limits.items():
+        mine = [a for a in plain if least <= a["area"] < most]
+        assert counts["areas"][area] == {
+            "categories_with_truth": len({a["category_id"] for a in mine}),
+            "truth_instances": len(mine),
+        }
+    letters = {c["id"]: c["frequency"] for c in truth["categories"]}
+    if task != "lvis":
+        assert "frequency_groups" not in counts
+        return
+    assert counts["frequency_groups"] == {
+        letter: {
+            "categories": sum(one == letter for one in letters.values()),
+            "categories_with_truth": sum(letters[k] == letter for k in of_category),
+            "truth_instances": sum(letters[a["category_id"]] == letter for a in plain),
+        }
+        for letter in "rcf"
+    }
+
+
+def test_intervals_are_of_metrics_and_of_nothing_else(case, tmp_path):
+    task, truth, predictions = case
+    summary = scored(tmp_path, task, truth, predictions)
+    free = {
+        f"{kind}.{name}"
+        for kind, found in summary["matched"].items()
+        for name in found
+        if not name.startswith("n_")
+    }
+    assert "class_agnostic.label_accuracy" in free
+    assert "class_aware.label_accuracy" not in free
+    assert summary["intervals"].keys() == summary["metrics"].keys() | free
+
+
+def test_a_category_that_nothing_is_of_changes_no_row(case, tmp_path):
+    task, truth, predictions = case
+    more = copy.deepcopy(truth)
+    more["categories"].append({"id": 999, "name": "nothing", "frequency": "r"})
+    before = scored(tmp_path / "a", task, truth, predictions)
+    after = scored(tmp_path / "b", task, more, predictions)
+    for key in ("metrics", "coverage", "matched"):
+        assert after[key] == before[key]
+    rows = [read_rows(tmp_path / k / "eval" / "per_category.jsonl") for k in "ab"]
+    assert rows[1] == rows[0]
+    assert after["counts"]["categories"] == before["counts"]["categories"] + 1
+
+
+def test_every_json_file_ends_with_a_newline(case, tmp_path):
+    scored(tmp_path, *case)
+    names = [p for p in (tmp_path / "eval").rglob("*") if p.suffix in (".json", ".jsonl")]
+    assert {p.name for p in names} >= {"truth.json", "predictions.json", "run.json", "summary.json"}
+    for path in names:
+        text = path.read_text()
+        assert text.endswith("\n")
+        assert not text.endswith("\n\n")
+
+
+def test_sizes_written_with_a_point_are_the_same_sizes(case, tmp_path):
+    task, truth, predictions = case
+    pointed = copy.deepcopy(truth)
+    for image in pointed["images"]:
+        image |= {"width": float(image["width"]), "height": float(image["height"])}
+    for folder, document in (("a", truth), ("b", pointed)):
+        run = write_run(tmp_path / folder / "run", task, truth, predictions)
+        evaluate_detections(
+            run, write_truth(tmp_path / folder / "truth.json", document),
+            tmp_path / folder / "eval", evaluator="official", draws=3, seed=0, overwrite=False,
+            notice=lambda _text: None, warn=lambda _text: None,
+        )  # fmt: skip
+    for name in ("summary.json", "per_image.jsonl", "view/truth.json", "view/predictions.json"):
+        texts = [(tmp_path / folder / "eval" / name).read_text() for folder in "ab"]
+        assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize("key", ["image_id", "category_id"])
+@pytest.mark.parametrize(("value", "shown"), [("10", "'10'"), (True, "True"), (10.0, "10.0")])
+def test_ids_that_are_no_integers_are_shown(key, value, shown, tmp_path):
+    truth = random_truth("coco", seed=1)
+    predictions = random_predictions("coco", truth, seed=1)
+    predictions[7][key] = value
+    with pytest.raises(LegoWorldError) as caught:
+        evaluate(tmp_path, "coco", truth, predictions)
+    assert f"1 of {len(predictions)} predictions has no integer as their {key}" in str(caught.value)
+    assert f"found: {shown}; expected: an int" in str(caught.value)
+
+
+def boxes(*found):
+    return [{"image_id": 1, "bbox": list(box)} for box in found]
+
+
+def test_boxes_of_a_pixel_are_no_fractions():
+    assert check_box_format(boxes([0, 0, 1, 1], [1, 1, 1, 1]), {1: (100, 80)}) == {}
+    with pytest.raises(BoxFormatError, match="fractions of the image's size"):
+        check_box_format(boxes([0, 0, 1, 1], [0, 0, 0.5, 1]), {1: (100, 80)})
+    with pytest.raises(BoxFormatError, match="fractions of the image's size"):
+        check_box_format(boxes([0, 0, 0.5, 1]), {1: (9, 9)})
+    assert check_box_format(boxes([0, 0, 0.5, 1]), {1: (8, 9)}) == {}
+    assert check_box_format(boxes([0, 0, 0.5, 1.25]), {1: (100, 80)}) == {}
+    assert check_box_format([], {}) == {}
+
+
+def test_oddities_of_boxes_are_counted():
+    found = boxes([-2, 0, 5, 5], [-2.5, 0, 50, 5], [95, 70, 7, 12], [90, 0, 13, 9], [5, 5, 0, 9])
+    assert check_box_format(found * 5, {1: (100, 80)}) == {
+        "boxes that leave their image by over 2 px": 10,
+        "boxes without any area": 5,
+    }
+
+
+@pytest.fixture
+def earlier(tmp_path):
+    """A folder that says which evaluation it holds."""
+    evidence = {"configuration": {"draws": 3, "long": "a" * 60}, "inputs": []}
+    (tmp_path / EVIDENCE).write_text(json.dumps(evidence))
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", [".hidden", "summary.txt", "view.json"])
+def test_a_folder_with_another_file_is_never_touched(earlier, name):
+    (earlier / name).write_text("mine")
+    with pytest.raises(ConfigurationMismatchError, match=f"found: {name}; expected: an empty fold"):
+        prepare_folder(earlier, configuration={}, inputs=[], overwrite=True)
