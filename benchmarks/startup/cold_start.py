@@ -3,7 +3,7 @@
     python benchmarks/startup/cold_start.py SCENE_FOLDER [--rounds 9]
 
 Prints the median of per-round ratios to `python -c "import bpy; ...open_mainfile(...)"`: with
-nothing cached (target: at most 1.5) and with the snapshot cached (target: under 0.33).
+nothing cached (target: at most 1.2) and with the snapshot cached (target: under 0.33).
 """
 
 from __future__ import annotations
