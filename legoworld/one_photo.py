@@ -15,6 +15,7 @@ from legoworld.pictures import read_photo
 from legoworld.readouts.tasks import Protocol, protocol
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 from legoworld.records.execution import ExecutionFile
+from legoworld.records.report_page import Advice
 from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
@@ -58,7 +59,7 @@ class PhotoScore:
 
     row: dict[str, Any]
     summary: DetectionSummary | DepthSummary | None
-    advice: tuple[dict[str, str], ...]
+    advice: tuple[Advice, ...]
     execution: ExecutionFile | None
     overlay: Path | None
 
@@ -91,7 +92,7 @@ def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> Ph
     return PhotoScore(
         row=row,
         summary=summary,
-        advice=tuple(page.views[0]["sides"][0]["advice"]),
+        advice=page.views[0].sides[0].advice,
         execution=execution,
         overlay=output / "look" / "overlay.png",
     )

@@ -53,7 +53,7 @@ def command(
     words = ["legoworld", "report", *(f.resolve().name for f in folders)]
     words += ["--photos", "PHOTOS"] if photos else []
     written = write_page(document, output, commands=[shlex.join([*words, "-o", "report.html"])])
-    missing = sum(view["photo"] is None for view in document.views)
+    missing = sum(view.photo is None for view in document.views)
     if missing:
         notice = options.notifier(quiet)
         views = share(missing, len(document.views), "view", "views")

@@ -159,7 +159,7 @@ def _print(
         click.echo(short_detections(found.summary))
     shown = found.advice if verbose else found.advice[:_SHORT]
     for one in shown:
-        click.echo(f"{one['level']}: {one['what']}" + (f"; do: {one['do']}" if one["do"] else ""))
+        click.echo(f"{one.level}: {one.what}" + (f"; do: {one.do}" if one.do else ""))
     if len(shown) < len(found.advice):
         more = counted(len(found.advice) - len(shown), "finding", "findings")
         click.echo(f"... and {more} more (-v lists them)")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,16 +24,16 @@ from legoworld.evaluation.reading import (
     EVIDENCE,
     MATCHES,
     VIEW,
-    Row,
     read_evaluation_evidence,
     read_evidence,
     read_image_rows,
     read_summary,
 )
 from legoworld.evaluation.scoring import AGREEMENT
-from legoworld.records.base import as_json
+from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_rows import DepthRow, ImageRow
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, Summary
+from legoworld.records.evaluation_view import Result, TruthCategories
 from legoworld.records.evidence import AnyEvidence, DepthEvidence, DetectionEvidence
 
 
@@ -145,8 +144,8 @@ def _numbers(
     protocol = detection_protocol(summary.task)
     with np.load(folder / MATCHES) as stored:
         arrays = dict(stored)
-    truth = json.loads((folder / VIEW / "truth.json").read_text(encoding="utf-8"))
-    letters = {c["id"]: c.get("frequency", "") for c in truth["categories"]}
+    truth = decode(TruthCategories, (folder / VIEW / "truth.json").read_bytes())
+    letters = {c.id: c.frequency or "" for c in truth.categories}
     frequencies = np.array([letters[int(i)] for i in arrays["category_ids"]])
     raw = evidence.raw.official, evidence.equal_confidence.official
     shown = summary.official, summary.equal_confidence.official
@@ -167,21 +166,19 @@ def _numbers(
         counts = matches_file.counts_from(arrays, class_aware=aware)
         document = as_json(matched_document(counts, class_aware=aware))
         yield check_equal(f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind)))
-    predictions = json.loads((folder / VIEW / "predictions.json").read_text(encoding="utf-8"))
+    predictions = decode(list[Result], (folder / VIEW / "predictions.json").read_bytes())
     recorded = evidence.raw.canonical_predictions_sha256
     yield check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
     recorded = evidence.equal_confidence.predictions_sha256
     yield check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
 
 
-def _export_sha256(predictions: list[Row], *, equal: bool) -> str:
+def _export_sha256(predictions: list[Result], *, equal: bool) -> str:
     """Hash of the results that view/predictions.json shows, as `Predictions.sha256` makes it."""
-    keys = ("image_id", "category_id", "bbox", "segmentation", "score")
-    entries = [{k: shown[k] for k in keys if k in shown} for shown in predictions]
-    if equal:
-        alike = columns_of([{**entry, "score": EQUAL_CONFIDENCE} for entry in entries])
-        return sha256_of_entries(in_order(alike, "canonical"))
-    return sha256_of_entries(entries)
+    if not equal:
+        return sha256_of_entries(map(as_json, predictions))
+    alike = columns_of([{**as_json(one), "score": EQUAL_CONFIDENCE} for one in predictions])
+    return sha256_of_entries(in_order(alike, "canonical"))
 
 
 def check_equal(what: str, found: Any, recorded: Any) -> Check:

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +32,10 @@ from legoworld.files import sha256_of_file
 from legoworld.records.base import decode
 from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
-from legoworld.records.evaluation_view import DepthView
+from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
 from legoworld.records.evidence import DepthEvidence, DetectionEvidence, Evidence
 
+T = TypeVar("T")
 RUN_VIEW: Final = f"{VIEW}/run.json"
 #: What is read besides evidence.json, in the order it is listed; absent files are none of the task.
 READ: Final = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, RUN_VIEW)
@@ -136,19 +137,23 @@ class Evaluated:
         with np.load(self.folder / MATCHES, allow_pickle=False) as arrays:
             return dict(arrays)
 
-    def view(self, name: str) -> Any:
-        """A file of view/. EvaluationChangedError."""
-        path = checked(self.folder, self.evidence, f"{VIEW}/{name}")
-        return json.loads(path.read_text(encoding="utf-8"))
+    def truth_view(self) -> TruthView:
+        """Boxes and masks only: view/truth.json. EvaluationChangedError, EvaluationFolderError."""
+        return self._view(TruthView, "truth.json")
+
+    def prediction_views(self) -> list[ShownPrediction]:
+        """Boxes and masks only: view/predictions.json. The same errors."""
+        return self._view(list[ShownPrediction], "predictions.json")
 
     def depth_view(self, image_id: int) -> DepthView | None:
         """Depth only: an image's view, None where it was not scored."""
         name = f"{image_id}.json"
-        if f"{VIEW}/{name}" not in self.evidence.files:
-            return None
+        return self._view(DepthView, name) if f"{VIEW}/{name}" in self.evidence.files else None
+
+    def _view(self, kind: type[T], name: str) -> T:
         with reading(self.folder, f"{VIEW}/{name}"):
             path = checked(self.folder, self.evidence, f"{VIEW}/{name}")
-            return decode(DepthView, path.read_bytes())
+            return decode(kind, path.read_bytes())
 
 
 def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from legoworld.records.base import Record
+from legoworld.records.base import UNSET, Record, UnsetType
+
+Number = int | float
+Box = tuple[Number, ...]
 
 
 class Fit(Record, frozen=True, kw_only=True):
@@ -27,3 +30,71 @@ class DepthView(Record, frozen=True, kw_only=True):
     truth_z_m: str
     aligned_z_m: str
     fit: Fit
+
+
+class Rle(Record, frozen=True, kw_only=True):
+    """A mask's run lengths, or pycocotools' compressed counts; size is (height, width)."""
+
+    size: tuple[int, int]
+    counts: str | tuple[int, ...]
+
+
+#: A mask, or polygons of x, y, x, y, ...
+Segmentation = Rle | tuple[Box, ...]
+
+
+class TrueImage(Record, frozen=True, kw_only=True):
+    """A photo of the truth."""
+
+    id: int
+    width: int
+    height: int
+
+
+class TrueCategory(Record, frozen=True, kw_only=True):
+    """A category of the truth. frequency: LVIS's letter."""
+
+    id: int
+    name: str
+    frequency: str | UnsetType = UNSET
+
+
+class TrueAnnotation(Record, frozen=True, kw_only=True):
+    """One instance of the truth, as its file has it. bbox: x, y, width, height."""
+
+    image_id: int
+    category_id: int
+    bbox: Box
+    area: Number | UnsetType = UNSET
+    segmentation: Segmentation | UnsetType = UNSET
+    iscrowd: Number | UnsetType = UNSET
+    ignore: Number | UnsetType = UNSET
+
+
+class TruthCategories(Record, frozen=True, kw_only=True):
+    """view/truth.json of boxes and masks, as far as it is about categories."""
+
+    categories: tuple[TrueCategory, ...]
+
+
+class TruthView(TruthCategories, frozen=True, kw_only=True):
+    """view/truth.json of boxes and masks: the truth of the track's images."""
+
+    images: tuple[TrueImage, ...]
+    annotations: tuple[TrueAnnotation, ...]
+
+
+class Result(Record, frozen=True, kw_only=True):
+    """A prediction as it was scored: a box, or a mask."""
+
+    image_id: int
+    category_id: int
+    score: Number
+    bbox: Box | UnsetType = UNSET
+    segmentation: Rle | UnsetType = UNSET
+
+
+class ShownPrediction(Result, frozen=True, kw_only=True):
+    """One of view/predictions.json. outcome_50: what the evaluator made of it at IoU 0.5."""
+
+    outcome_50: Literal["tp", "fp", "ignored", "unverified", "over_cap"]

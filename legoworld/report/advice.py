@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final
+
+import numpy as np
 
 from legoworld.evaluation.masks import overlaps
 from legoworld.evaluation.reading import Row
+from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.report_page import Advice, DrawnPrediction
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, parts_of_truths
 from legoworld.report.shapes import drawn_predictions
 from legoworld.wording import counted
 
-Level = Literal["bad", "warn", "note"]
 _ORDER: Final = ("bad", "warn", "note")
 #: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.
 _LOOSE_IOU: Final = 0.75
@@ -40,24 +42,14 @@ _UNSEEN: Final = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Advice:
-    """One finding. level: bad costs score, warn may, note explains."""
-
-    level: Level
-    what: str
-    do: str = ""
-
-
-def sorted_advice(found: Sequence[Advice]) -> list[dict[str, str]]:
-    """As the page holds it, the costly first."""
-    ordered = sorted(found, key=lambda a: _ORDER.index(a.level))
-    return [{"level": a.level, "what": a.what, "do": a.do} for a in ordered]
+def sorted_advice(found: Sequence[Advice]) -> tuple[Advice, ...]:
+    """The costly first."""
+    return tuple(sorted(found, key=lambda a: _ORDER.index(a.level)))
 
 
 def detection_advice(
     task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str], *, scene: bool
-) -> list[dict[str, str]]:
+) -> tuple[Advice, ...]:
     """Everything to say of one side's answer to a photo; what to do only where it is a scene."""
     found = failure_advice(side.run_row)
     if not found:
@@ -100,10 +92,8 @@ def _missed(
             missed.append(truth)
         else:
             iou = side.errors.cover_iou[g] or 0.0
-            found.append(
-                _covered(task, names[truth["category_id"]], side.entries[cover], names, iou)
-            )
-    by_name = Counter(names[t["category_id"]] for t in missed)
+            found.append(_covered(task, names[truth.category_id], side.entries[cover], names, iou))
+    by_name = Counter(names[t.category_id] for t in missed)
     unlabelled = [str(u["name"]) for u in side.run_row.get("unlabelled") or ()]
     for name, n in sorted(by_name.items(), key=lambda x: (-x[1], x[0])):
         alike = [u for u in unlabelled if _alike(name, u)]
@@ -123,9 +113,11 @@ def _missed(
     return found
 
 
-def _covered(task: str, name: str, entry: Row, names: Mapping[int, str], iou: float) -> Advice:
+def _covered(
+    task: str, name: str, entry: ShownPrediction, names: Mapping[int, str], iou: float
+) -> Advice:
     """A missed truth where a prediction stands that the evaluator does not count."""
-    other, why = names[entry["category_id"]], _NOT_COUNTED.get(entry["outcome_50"], "")
+    other, why = names[entry.category_id], _NOT_COUNTED.get(entry.outcome_50, "")
     return Advice(
         level="bad",
         what=f"missed: 1 x {name}; {other} covers it (IoU {iou:.2f}){why}",
@@ -136,7 +128,7 @@ def _covered(task: str, name: str, entry: Row, names: Mapping[int, str], iou: fl
 def _parts(image: DetectionImage, parts: Sequence[Parts], names: Mapping[int, str]) -> list[Advice]:
     found = []
     for p in parts:
-        name = names[image.truths[p.truth]["category_id"]]
+        name = names[image.truths[p.truth].category_id]
         what = (
             f"{len(p.predictions)} x {name} are parts of one {name} of the truth: together they "
             f"cover it (IoU {p.together_iou:.2f}, the best alone {p.best_iou:.2f})"
@@ -157,13 +149,13 @@ def _false(
     found: Counter[Advice] = Counter()
     told = {d for p in parts for d in p.predictions}
     for d, p in enumerate(drawn_predictions(task, image, side)):
-        if p["k"] is None or d in told:
+        if p.k is None or d in told:
             continue
-        t = p["t"]
+        t = p.t
         truth = None if t is None else image.truths[t]
-        whole = lone_part(task, image, d, side) if p["k"] in ("background", "both") else None
+        whole = lone_part(task, image, d, side) if p.k in ("background", "both") else None
         if whole is not None:
-            found[_part_alone(names[p["c"]], side.errors.truth[whole])] += 1
+            found[_part_alone(names[p.c], side.errors.truth[whole])] += 1
         else:
             taken = t is not None and side.errors.truth[t] == "found"
             found[_false_one(p, truth, names, taken=taken)] += 1
@@ -183,23 +175,26 @@ def _part_alone(name: str, state: str) -> Advice:
     )
 
 
-def _false_one(drawn: Row, truth: Row | None, names: Mapping[int, str], *, taken: bool) -> Advice:
+def _false_one(
+    drawn: DrawnPrediction, truth: TrueAnnotation | None, names: Mapping[int, str], *, taken: bool
+) -> Advice:
     """taken: another prediction has found the truth."""
-    name = names[drawn["c"]]
+    name = names[drawn.c]
     if truth is None:
         return Advice(
             level="bad",
             what=f"{name} where the truth has nothing",
             do="not in the photo, or not annotated there: remove it or its category",
         )
-    other, iou = names[truth["category_id"]], f"(IoU {drawn['i']:.2f})"
-    if drawn["k"] == "both" and drawn["i"] < _NEAR_IOU:
+    overlap = drawn.i or 0.0
+    other, iou = names[truth.category_id], f"(IoU {overlap:.2f})"
+    if drawn.k == "both" and overlap < _NEAR_IOU:
         return Advice(
             level="bad",
             what=f"{name} where the truth has nothing; nearest: {other} {iou}",
             do="not in the photo, or not annotated there: remove it or its category",
         )
-    off = _edges(drawn["box"], truth["bbox"])
+    off = _edges(drawn.box, truth.bbox)
     what, do = {
         "classification": (
             f"{name} stands where the truth has {other} {iou}",
@@ -217,28 +212,28 @@ def _false_one(drawn: Row, truth: Row | None, names: Mapping[int, str], *, taken
             f"one more {name} on a truth that is found already {iou}",
             "label the whole object once: a category on its parent or collection",
         ),
-    }[drawn["k"]]
+    }[str(drawn.k)]
     return Advice(level="bad", what=what, do=do)
 
 
-def _how_to_fit(drawn: Row, truth: Row, *, taken: bool) -> str:
+def _how_to_fit(drawn: DrawnPrediction, truth: TrueAnnotation, *, taken: bool) -> str:
     """What helps a prediction that overlaps a truth of its category too little."""
     if taken:
         return (
             "another one has found that truth: if this is another object, move it to its place; "
             "if not, remove it"
         )
-    fits = overlaps([drawn["box"]], [truth["bbox"]], [0])[0, 0] >= _LOOSE_IOU
-    if "rle" in drawn and fits:
+    fits = overlaps(np.array([drawn.box]), np.array([truth.bbox]), [0])[0, 0] >= _LOOSE_IOU
+    if drawn.rle and fits:
         return "its box fits, its mask does not: model its outline and holes, and what hides it"
     return "move or resize it to the photo"
 
 
 def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> list[Advice]:
     pairs = [
-        (iou, names[image.truths[about]["category_id"]])
+        (iou, names[image.truths[about].category_id])
         for entry, about, iou in zip(side.entries, side.errors.about, side.errors.iou, strict=True)
-        if entry["outcome_50"] == "tp" and about is not None and iou is not None
+        if entry.outcome_50 == "tp" and about is not None and iou is not None
     ]
     loose = sorted(p for p in pairs if p[0] < _LOOSE_IOU)
     if not loose:

@@ -15,7 +15,8 @@ from legoworld.evaluation.reading import Row
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
-from legoworld.report.advice import Advice, failure_advice, sorted_advice
+from legoworld.records.report_page import Advice, DepthDrawing
+from legoworld.report.advice import failure_advice, sorted_advice
 
 #: The code of a pixel without depth.
 NO_DEPTH: Final = 65535
@@ -34,7 +35,7 @@ class DepthImage:
     rows: tuple[DepthRow, ...]
     run_rows: tuple[Row, ...]
     scenes: tuple[dict[str, Any] | None, ...]
-    view: dict[str, Any] | None
+    view: DepthDrawing | None
 
 
 def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
@@ -50,13 +51,11 @@ def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
         )
 
 
-def depth_view(views: Sequence[DepthView | None]) -> dict[str, Any] | None:
+def depth_view(views: Sequence[DepthView | None]) -> DepthDrawing | None:
     """The drawn arrays of one photo on one scale.
 
-    size_wh of the arrays; near_far_z_m: the colour scale's ends, the 2nd and 98th percentile of
-    inverse depth over the truth and every side; error_m: the error scale's end, the 98th
-    percentile of |aligned - truth|; z0_m, step: a code c is z0_m * exp(step * c) metres, 65535
-    none; truth, aligned: base64 of little-endian uint16 codes, row major.
+    The colour scale goes from the 2nd to the 98th percentile of inverse depth over the truth and
+    every side, the error scale to the 98th of |aligned - truth|.
     """
     known = [v for v in views if v is not None]
     if not known:
@@ -68,16 +67,16 @@ def depth_view(views: Sequence[DepthView | None]) -> dict[str, Any] | None:
     low, high = np.percentile(1.0 / values, _LIMITS_PERCENT)
     errors = np.concatenate([_errors(a, truth) for a in aligned if a is not None])
     z0_m, step = float(values.min()), float(np.log(values.max() / values.min()) / (NO_DEPTH - 1))
-    return {
-        "size_wh": known[0].size_wh,
-        "image_wh": known[0].image_wh,
-        "near_far_z_m": [float(1.0 / high), float(1.0 / low)],
-        "error_m": float(np.percentile(errors, _LIMITS_PERCENT[1])) if len(errors) else 0.0,
-        "z0_m": z0_m,
-        "step": step,
-        "truth": encoded(truth, z0_m, step),
-        "aligned": [None if a is None else encoded(a, z0_m, step) for a in aligned],
-    }
+    return DepthDrawing(
+        size_wh=known[0].size_wh,
+        image_wh=known[0].image_wh,
+        near_far_z_m=(float(1.0 / high), float(1.0 / low)),
+        error_m=float(np.percentile(errors, _LIMITS_PERCENT[1])) if len(errors) else 0.0,
+        z0_m=z0_m,
+        step=step,
+        truth=encoded(truth, z0_m, step),
+        aligned=tuple(None if a is None else encoded(a, z0_m, step) for a in aligned),
+    )
 
 
 def encoded(z_m: F32, z0_m: float, step: float) -> str:
@@ -97,7 +96,7 @@ def _errors(aligned: F32, truth: F32) -> NDArray[np.float64]:
     return found
 
 
-def depth_advice(row: DepthRow, run_row: Row, *, scene: bool) -> list[dict[str, str]]:
+def depth_advice(row: DepthRow, run_row: Row, *, scene: bool) -> tuple[Advice, ...]:
     """Everything to say of one side's depth of a photo; what to do only where it is a scene."""
     found = failure_advice(run_row)
     if not found and isinstance(row, ScoredDepthRow):

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.masks import compressed, overlaps
+from legoworld.evaluation.masks import Rle, compressed, overlaps
 from legoworld.evaluation.protocols import detection_protocol
 from legoworld.evaluation.reading import Row
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records import evaluation_view as mask_records
+from legoworld.records.base import UnsetType
 from legoworld.records.evaluation_rows import DetectionRow
+from legoworld.records.evaluation_view import (
+    Segmentation,
+    ShownPrediction,
+    TrueAnnotation,
+    TrueImage,
+)
 from legoworld.report.error_kinds import ImageErrors, image_errors
 from legoworld.report.sources import ReportInputError
 from legoworld.wording import counted
+
+R = TypeVar("R", TrueAnnotation, ShownPrediction)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +40,7 @@ class SideImage:
     row: DetectionRow
     run_row: Row
     scene: dict[str, Any] | None
-    entries: tuple[Row, ...]
+    entries: tuple[ShownPrediction, ...]
     errors: ImageErrors
 
     @property
@@ -50,27 +60,27 @@ class SideImage:
 class DetectionImage:
     """One photo: its truths in file order, and every side's answer in the section's order."""
 
-    image: Row
-    truths: tuple[Row, ...]
+    image: TrueImage
+    truths: tuple[TrueAnnotation, ...]
     sides: tuple[SideImage, ...]
 
 
 def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
     """The photos of a section's track, ascending id, one at a time."""
-    truth = sides[0].view("truth.json")
-    truths = _by_image(truth["annotations"])
-    entries = [_by_image(side.view("predictions.json")) for side in sides]
+    truth = sides[0].truth_view()
+    truths = _by_image(truth.annotations)
+    entries = [_by_image(side.prediction_views()) for side in sides]
     rows = [{row.image_id: row for row in side.detection_rows} for side in sides]
-    for image in sorted(truth["images"], key=lambda i: int(i["id"])):
-        found = tuple(truths.get(image["id"], ()))
+    for image in sorted(truth.images, key=lambda i: i.id):
+        found = tuple(truths.get(image.id, ()))
         answers = []
         for side, mine, row in zip(sides, entries, rows, strict=True):
-            predictions = tuple(mine.get(image["id"], ()))
+            predictions = tuple(mine.get(image.id, ()))
             answers.append(
                 SideImage(
-                    row=row[image["id"]],
-                    run_row=side.run_rows[image["id"]],
-                    scene=(side.run.get("scenes") or {}).get(str(image["id"])),
+                    row=row[image.id],
+                    run_row=side.run_rows[image.id],
+                    scene=(side.run.get("scenes") or {}).get(str(image.id)),
                     entries=predictions,
                     errors=_errors(side.task, image, found, predictions),
                 )
@@ -79,20 +89,23 @@ def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
 
 
 def _errors(
-    task: str, image: Row, truths: Sequence[Row], predictions: Sequence[Row]
+    task: str,
+    image: TrueImage,
+    truths: Sequence[TrueAnnotation],
+    predictions: Sequence[ShownPrediction],
 ) -> ImageErrors:
-    outcome = [p["outcome_50"] for p in predictions]
+    outcome = [p.outcome_50 for p in predictions]
     found = image_errors(
         outcome=outcome,
-        category=np.array([p["category_id"] for p in predictions], np.int64),
-        score=np.array([p["score"] for p in predictions], np.float64),
-        truth_category=np.array([t["category_id"] for t in truths], np.int64),
+        category=np.array([p.category_id for p in predictions], np.int64),
+        score=np.array([p.score for p in predictions], np.float64),
+        truth_category=np.array([t.category_id for t in truths], np.int64),
         ignored=np.array([_ignored(task, t) for t in truths], bool),
         iou=_overlaps(task, image, truths, predictions),
     )
     if outcome.count("tp") != sum(f is not None for f in found.finder):
         raise ReportInputError(
-            f"view/ does not repeat the matches of image {image['id']}",
+            f"view/ does not repeat the matches of image {image.id}",
             found=f"{counted(sum(f is not None for f in found.finder), 'truth', 'truths')} found",
             expected=f"{outcome.count('tp')} true positives",
             next_step="evaluate again",
@@ -100,15 +113,18 @@ def _errors(
     return found
 
 
-def _ignored(task: str, truth: Row) -> bool:
+def _ignored(task: str, truth: TrueAnnotation) -> bool:
     """What neither scores nor is missed: COCO's crowds; LVIS's ignored and empty truths."""
     if not detection_protocol(task).federated:
-        return bool(truth.get("iscrowd", 0))
-    return bool(truth.get("ignore", 0)) or truth["area"] <= 0
+        return bool(truth.iscrowd)
+    return bool(truth.ignore) or (truth.area or 0) <= 0
 
 
 def _overlaps(
-    task: str, image: Row, truths: Sequence[Row], predictions: Sequence[Row]
+    task: str,
+    image: TrueImage,
+    truths: Sequence[TrueAnnotation],
+    predictions: Sequence[ShownPrediction],
 ) -> NDArray[np.float64]:
     """(D, G) IoU as the evaluator measures it: of boxes, or of masks."""
     if not truths or not predictions:
@@ -117,16 +133,31 @@ def _overlaps(
     return overlaps(*found, [0] * len(truths))
 
 
-def shapes(task: str, image: Row, rows: Sequence[Row]) -> list[Any]:
+def shapes(
+    task: str, image: TrueImage, rows: Sequence[TrueAnnotation] | Sequence[ShownPrediction]
+) -> list[Any]:
     """What is compared of predictions or truths: boxes, or compressed masks."""
     if detection_protocol(task).iou_type == "bbox":
-        return [row["bbox"] for row in rows]
-    size_hw = image["height"], image["width"]
-    return [compressed(row["segmentation"], size_hw) for row in rows]
+        return [list(row.bbox or ()) for row in rows]
+    return [mask_of(row, image) for row in rows]
 
 
-def _by_image(rows: Sequence[Row]) -> dict[int, list[Row]]:
-    found: dict[int, list[Row]] = {}
+def mask_of(row: TrueAnnotation | ShownPrediction, image: TrueImage) -> Rle:
+    """A truth's or a prediction's compressed mask."""
+    return compressed(as_lists(row.segmentation), (image.height, image.width))
+
+
+def as_lists(segmentation: Segmentation | UnsetType) -> dict[str, Any] | list[list[float]]:
+    """A mask or polygons as pycocotools takes them."""
+    if not isinstance(segmentation, mask_records.Rle):
+        return [[*polygon] for polygon in segmentation or ()]
+    counts = segmentation.counts
+    kept = counts if isinstance(counts, str) else [*counts]
+    return {"size": [*segmentation.size], "counts": kept}
+
+
+def _by_image(rows: Sequence[R]) -> dict[int, list[R]]:
+    found: dict[int, list[R]] = {}
     for row in rows:
-        found.setdefault(row["image_id"], []).append(row)
+        found.setdefault(row.image_id, []).append(row)
     return found

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from legoworld.evaluation.stored import Evaluated
+from msgspec.structs import replace
+
 from legoworld.processors import usable_cores
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
+from legoworld.records.report_page import (
+    Answer,
+    DepthCell,
+    DepthPageView,
+    DetectionAnswer,
+    DetectionCell,
+    DetectionPageView,
+    PhotoRow,
+)
+from legoworld.records.report_tables import ErrorCounts, PageSection, SideHead, SideNotes
 from legoworld.report.advice import detection_advice
 from legoworld.report.depth_images import DepthImage, depth_advice, depth_images
 from legoworld.report.detection_images import DetectionImage, detection_images
@@ -32,8 +43,6 @@ from legoworld.report.tables import (
 )
 from legoworld.report.tie_picture import tie_pictures
 
-Json = dict[str, Any]
-
 _TITLES = {"coco": "COCO boxes", "coco-masks": "COCO masks", "lvis": "LVIS masks", "eth3d": "Depth"}
 
 
@@ -44,8 +53,8 @@ class PageDocument:
     A view's "photo" is a position in photos, or None with "said" saying why.
     """
 
-    sections: list[Json] = field(default_factory=list)
-    views: list[Json] = field(default_factory=list)
+    sections: list[PageSection] = field(default_factory=list)
+    views: list[DetectionPageView | DepthPageView] = field(default_factory=list)
     photos: list[bytes] = field(default_factory=list)
 
 
@@ -71,10 +80,9 @@ class _Photos:
                     self.document.photos.append(photo.webp)
                 self.known[key] = (position, photo.said)
 
-    def place(self, file_name: str, size_wh: tuple[int, int] | None) -> Json:
-        """Where the page holds a photo that was read, or why it does not."""
-        position, said = self.known[file_name, size_wh]
-        return {"photo": position, "said": said}
+    def place(self, file_name: str, size_wh: tuple[int, int] | None) -> tuple[int | None, str]:
+        """Where the page holds a photo that was read, or None and why it does not."""
+        return self.known[file_name, size_wh]
 
 
 def page_document(sections: Sequence[Section], photos: Path | None) -> PageDocument:
@@ -85,174 +93,180 @@ def page_document(sections: Sequence[Section], photos: Path | None) -> PageDocum
         made = _section_tables(section)
         if section.sides:
             fill = _depth if section.task == "eth3d" else _detections
-            made |= fill(section, document, places)
+            made = fill(section, made, document, places)
         document.sections.append(made)
     return document
 
 
-def _section_tables(section: Section) -> Json:
+def _section_tables(section: Section) -> PageSection:
     sides = section.sides
-    made: Json = {
-        "key": section.key,
-        "task": section.task,
-        "title": _TITLES[section.task],
-        "sides": [
-            {"label": s.name, "scene": s.is_scene, "used_truth": bool(s.used_truth)} for s in sides
-        ],
-        "specialist": any(not s.is_scene for s in sides),
-        "comparison": section.comparison,
-        "pairs": comparison_tables(section.comparison) if section.comparison else [],
-        "compared": compare_command(section.comparison, sides) if section.comparison else None,
-        "images": [],
-    }
+    made = PageSection(
+        key=section.key,
+        task=section.task,
+        title=_TITLES[section.task],
+        sides=tuple(
+            SideHead(label=s.name, scene=s.is_scene, used_truth=bool(s.used_truth)) for s in sides
+        ),
+        specialist=any(not s.is_scene for s in sides),
+        comparison=section.comparison,
+        pairs=tuple(comparison_tables(section.comparison)) if section.comparison else (),
+        compared=compare_command(section.comparison, sides) if section.comparison else None,
+    )
     if not sides:
         return made
-    return made | {
-        "evaluators": [s.summary.evaluator for s in sides],
-        "partial": [s.name for s in sides if s.summary.partial],
-        "coverage": coverage_rows(sides),
-        "notes": [{"label": s.name, "lines": coverage_notes(s)} for s in sides],
-        "provenance": [provenance(s) for s in sides],
-        "attempted": sides[0].summary.coverage.attempted,
-    }
+    return replace(
+        made,
+        evaluators=tuple(s.summary.evaluator for s in sides),
+        partial=tuple(s.name for s in sides if s.summary.partial),
+        coverage=tuple(coverage_rows(sides)),
+        notes=tuple(SideNotes(label=s.name, lines=tuple(coverage_notes(s))) for s in sides),
+        provenance=tuple(provenance(s) for s in sides),
+        attempted=sides[0].summary.coverage.attempted,
+    )
 
 
-def _detections(section: Section, document: PageDocument, places: _Photos) -> Json:
+def _detections(
+    section: Section, made: PageSection, document: PageDocument, places: _Photos
+) -> PageSection:
     sides = section.sides
-    truth = sides[0].view("truth.json")
-    names = {c["id"]: c["name"] for c in truth["categories"]}
-    sizes_wh = {i["id"]: (i["width"], i["height"]) for i in truth["images"]}
+    truth = sides[0].truth_view()
+    names = {c.id: c.name for c in truth.categories}
+    sizes_wh = {i.id: (i.width, i.height) for i in truth.images}
     places.read([(row.file_name, sizes_wh[row.image_id]) for row in sides[0].rows])
-    rows: list[Json] = []
+    rows: list[tuple[float, PhotoRow]] = []
     used: set[int] = set()
     errors = [dict.fromkeys(KINDS, 0) for _ in sides]
     images_with = [dict.fromkeys(KINDS, 0) for _ in sides]
     reached = [0] * len(sides)
     for image in detection_images(sides):
         view = _detection_view(section, image, names, places)
-        rows.append(_detection_row(image, view, len(document.views)))
+        # Lowest quality of the first side first; neither truth nor a false prediction last.
+        quality = image.sides[0].quality
+        row = _detection_row(image, view, len(document.views))
+        rows.append((math.inf if quality is None else quality, row))
         document.views.append(view)
-        used |= {t["c"] for t in view["truths"]}
-        used |= {p["c"] for s in view["sides"] for p in s["predictions"]}
+        used |= view.categories
         for k, side in enumerate(image.sides):
             reached[k] += side.errors.truth.count("reached")
             for kind, n in side.errors.counts().items():
                 errors[k][kind] += n
                 images_with[k][kind] += bool(n)
-    return {
-        "head": headline_rows(sides),
-        "score_free": score_free_rows(sides),
-        "ties": [picture for side in sides for picture in tie_pictures(side)],
-        "categories": category_rows(sides),
-        "names": {str(i): names[i] for i in sorted(used)},
-        "errors": [
-            {"label": s.name, "counts": c, "images": w, "reached": r}
+    return replace(
+        made,
+        head=tuple(headline_rows(sides)),
+        score_free=tuple(score_free_rows(sides)),
+        ties=tuple(picture for side in sides for picture in tie_pictures(side)),
+        categories=tuple(category_rows(sides)),
+        names={str(i): names[i] for i in sorted(used)},
+        errors=tuple(
+            ErrorCounts(label=s.name, counts=c, images=w, reached=r)
             for s, c, w, r in zip(sides, errors, images_with, reached, strict=True)
-        ],
-        "images": sorted(rows, key=_lowest_quality_first),
-    }
+        ),
+        images=_in_order(rows),
+    )
+
+
+def _in_order(rows: Sequence[tuple[float, PhotoRow]]) -> tuple[PhotoRow, ...]:
+    """By the number beside each, then by id."""
+    return tuple(row for _, row in sorted(rows, key=lambda one: (one[0], one[1].id)))
 
 
 def _detection_view(
-    section: Section, image: DetectionImage, names: dict[int, str], places: _Photos
-) -> Json:
-    size_wh = image.image["width"], image.image["height"]
+    section: Section, image: DetectionImage, names: Mapping[int, str], places: _Photos
+) -> DetectionPageView:
+    size_wh = image.image.width, image.image.height
     file_name = image.sides[0].row.file_name
-    answers = []
-    for side, answer in zip(section.sides, image.sides, strict=True):
-        answers.append(
-            {
-                **_side_facts(side, answer.run_row, answer.scene),
-                "advice": detection_advice(section.task, image, answer, names, scene=side.is_scene),
-                "predictions": drawn_predictions(section.task, image, answer),
-                "truth": list(answer.errors.truth),
-            }
-        )
-    return {
-        "section": section.key,
-        "id": image.image["id"],
-        "file_name": file_name,
-        "size_wh": size_wh,
-        "truths": drawn_truths(section.task, image),
-        "sides": answers,
-        **places.place(file_name, size_wh),
-    }
+    photo, said = places.place(file_name, size_wh)
+    return DetectionPageView(
+        section=section.key,
+        id=image.image.id,
+        file_name=file_name,
+        size_wh=size_wh,
+        photo=photo,
+        said=said,
+        truths=tuple(drawn_truths(section.task, image)),
+        sides=tuple(
+            DetectionAnswer(
+                label=side.name,
+                status=answer.run_row["status"],
+                facts=tuple(run_facts(answer.run_row, answer.scene)),
+                tables=tuple(run_tables(answer.run_row)),
+                advice=detection_advice(section.task, image, answer, names, scene=side.is_scene),
+                predictions=tuple(drawn_predictions(section.task, image, answer)),
+                truth=answer.errors.truth,
+            )
+            for side, answer in zip(section.sides, image.sides, strict=True)
+        ),
+    )
 
 
-def _side_facts(side: Evaluated, run_row: Json, scene: Json | None) -> Json:
-    return {
-        "label": side.name,
-        "status": run_row["status"],
-        "facts": run_facts(run_row, scene),
-        "tables": run_tables(run_row),
-    }
-
-
-def _detection_row(image: DetectionImage, view: Json, at: int) -> Json:
+def _detection_row(image: DetectionImage, view: DetectionPageView, at: int) -> PhotoRow:
     cells = []
-    for side, drawn in zip(image.sides, view["sides"], strict=True):
+    for side, drawn in zip(image.sides, view.sides, strict=True):
         counts = side.errors.counts()
         cells.append(
-            {
-                "status": drawn["status"],
-                "quality": side.quality,
-                "tp": side.row.greedy_50.tp,
-                "fp": side.row.greedy_50.fp,
-                "unfound": side.unfound,
-                "kinds": [k for k in KINDS if counts[k]],
-                "advice": drawn["advice"][0]["what"] if drawn["advice"] else "",
-                "findings": sum(a["level"] == "bad" for a in drawn["advice"]),
-            }
+            DetectionCell(
+                status=drawn.status,
+                quality=side.quality,
+                tp=side.row.greedy_50.tp,
+                fp=side.row.greedy_50.fp,
+                unfound=side.unfound,
+                kinds=tuple(k for k in KINDS if counts[k]),
+                advice=drawn.advice[0].what if drawn.advice else "",
+                findings=sum(a.level == "bad" for a in drawn.advice),
+            )
         )
-    here = {t["c"] for t in view["truths"]}
-    here |= {p["c"] for s in view["sides"] for p in s["predictions"]}
-    return {
-        "id": view["id"],
-        "file_name": view["file_name"],
-        "view": at,
-        "n_truth": image.sides[0].row.n_truth,
-        "cells": cells,
-        "categories": sorted(here),
-    }
+    return PhotoRow(
+        id=view.id,
+        file_name=view.file_name,
+        view=at,
+        n_truth=image.sides[0].row.n_truth,
+        cells=tuple(cells),
+        categories=tuple(sorted(view.categories)),
+    )
 
 
-def _lowest_quality_first(row: Json) -> tuple[bool, float, int]:
-    """By the first side; photos with neither truth nor a false prediction last."""
-    quality = row["cells"][0]["quality"]
-    return quality is None, quality or 0.0, row["id"]
-
-
-def _depth(section: Section, document: PageDocument, places: _Photos) -> Json:
-    rows: list[Json] = []
+def _depth(
+    section: Section, made: PageSection, document: PageDocument, places: _Photos
+) -> PageSection:
+    rows: list[tuple[float, PhotoRow]] = []
     places.read([(row.file_name, None) for row in section.sides[0].rows])
     for image in depth_images(section.sides):
         view = _depth_view(section, image, places)
-        rows.append(_depth_row(image, view, len(document.views)))
+        # Without a score of the first side first, then its largest error.
+        first = image.rows[0]
+        error = math.inf
+        if isinstance(first, ScoredDepthRow):
+            error = first.metrics["abs_rel"]["error_1"]
+        rows.append((-error, _depth_row(image, view, len(document.views))))
         document.views.append(view)
-    rows.sort(key=_largest_error_first)
-    return {"head": depth_rows(section.sides), "images": rows, "names": {}}
+    return replace(made, head=tuple(depth_rows(section.sides)), images=_in_order(rows), names={})
 
 
-def _depth_view(section: Section, image: DepthImage, places: _Photos) -> Json:
+def _depth_view(section: Section, image: DepthImage, places: _Photos) -> DepthPageView:
     first = image.rows[0]
-    answers = []
-    for side, row, run_row, scene in zip(
-        section.sides, image.rows, image.run_rows, image.scenes, strict=True
-    ):
-        facts = _side_facts(side, run_row, scene)
-        facts["facts"] += _fit_facts(row)
-        facts["status"] = row.status
-        advice = depth_advice(row, run_row, scene=side.is_scene)
-        answers.append({**facts, "advice": advice})
-    return {
-        "section": section.key,
-        "id": first.image_id,
-        "file_name": first.file_name,
-        "size_wh": first.truth_wh,
-        "sides": answers,
-        "depth": image.view,
-        **places.place(first.file_name, None),
-    }
+    photo, said = places.place(first.file_name, None)
+    return DepthPageView(
+        section=section.key,
+        id=first.image_id,
+        file_name=first.file_name,
+        size_wh=first.truth_wh,
+        photo=photo,
+        said=said,
+        depth=image.view,
+        sides=tuple(
+            Answer(
+                label=side.name,
+                status=row.status,
+                facts=(*run_facts(run_row, scene), *_fit_facts(row)),
+                tables=tuple(run_tables(run_row)),
+                advice=depth_advice(row, run_row, scene=side.is_scene),
+            )
+            for side, row, run_row, scene in zip(
+                section.sides, image.rows, image.run_rows, image.scenes, strict=True
+            )
+        ),
+    )
 
 
 def _fit_facts(row: DepthRow) -> list[tuple[str, str]]:
@@ -268,32 +282,26 @@ def _fit_facts(row: DepthRow) -> list[tuple[str, str]]:
     return found
 
 
-def _depth_row(image: DepthImage, view: Json, at: int) -> Json:
+def _depth_row(image: DepthImage, view: DepthPageView, at: int) -> PhotoRow:
     cells = []
-    for row, drawn in zip(image.rows, view["sides"], strict=True):
+    for row, drawn in zip(image.rows, view.sides, strict=True):
         scored = row if isinstance(row, ScoredDepthRow) else None
         cells.append(
-            {
-                "status": row.status,
-                "abs_rel": scored.metrics["abs_rel"] if scored else None,
-                "delta1": scored.metrics["delta1"]["error_1"] if scored else None,
-                "constant": scored.constant["abs_rel"]["error_1"] if scored else None,
-                "holes": None if row.hole_share is UNSET else row.hole_share,
-                "advice": drawn["advice"][0]["what"] if drawn["advice"] else "",
-                "findings": sum(a["level"] == "bad" for a in drawn["advice"]),
-            }
+            DepthCell(
+                status=row.status,
+                abs_rel=scored.metrics["abs_rel"] if scored else None,
+                delta1=scored.metrics["delta1"]["error_1"] if scored else None,
+                constant=scored.constant["abs_rel"]["error_1"] if scored else None,
+                holes=None if row.hole_share is UNSET else row.hole_share,
+                advice=drawn.advice[0].what if drawn.advice else "",
+                findings=sum(a.level == "bad" for a in drawn.advice),
+            )
         )
-    return {
-        "id": view["id"],
-        "file_name": view["file_name"],
-        "view": at,
-        "n_truth": image.rows[0].n_valid,
-        "cells": cells,
-        "categories": [],
-    }
-
-
-def _largest_error_first(row: Json) -> tuple[bool, float, int]:
-    """By the first side; photos without a score before all others."""
-    score = row["cells"][0]["abs_rel"]
-    return score is not None, -score["error_1"] if score else 0.0, row["id"]
+    return PhotoRow(
+        id=view.id,
+        file_name=view.file_name,
+        view=at,
+        n_truth=image.rows[0].n_valid,
+        cells=tuple(cells),
+        categories=(),
+    )

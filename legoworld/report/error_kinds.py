@@ -8,6 +8,7 @@ the evaluator's own answer at IoU 0.5.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -57,7 +58,7 @@ class ImageErrors:
 
 def image_errors(
     *,
-    outcome: list[str],
+    outcome: Sequence[str],
     category: NDArray[np.int64],
     score: NDArray[np.float64],
     truth_category: NDArray[np.int64],
@@ -109,7 +110,7 @@ def _cover(iou: NDArray[np.float64], uncounted: NDArray[np.bool_]) -> int | None
 
 
 def _finders(
-    outcome: list[str], score: NDArray[np.float64], same_iou: NDArray[np.float64]
+    outcome: Sequence[str], score: NDArray[np.float64], same_iou: NDArray[np.float64]
 ) -> list[int | None]:
     """The true positive that took each truth, by the evaluators' greedy rule."""
     free = same_iou.copy()

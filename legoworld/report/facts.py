@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from legoworld.evaluation.reading import Row
+from legoworld.records.report_page import FactTable
 
 Pairs = list[tuple[str, str]]
 
@@ -36,7 +37,7 @@ def run_facts(row: Row, scene: dict[str, Any] | None) -> Pairs:
     return found
 
 
-def run_tables(row: Row) -> list[dict[str, Any]]:
+def run_tables(row: Row) -> list[FactTable]:
     """Objects without a category, labels outside the vocabulary, labels without a pixel."""
     tables = []
     area = _area(row)
@@ -46,23 +47,27 @@ def run_tables(row: Row) -> list[dict[str, Any]]:
             for u in row["unlabelled"]
         ]
         title = "Objects without a category, the largest first"
-        tables.append({"title": title, "head": ["object", "pixels", "of the view"], "rows": listed})
+        tables.append(_table(title, ["object", "pixels", "of the view"], listed))
     if row.get("unmatched"):
         listed = [
             [u["label"], str(u["count"]), ", ".join(u.get("nearest") or ()) or "-"]
             for u in row["unmatched"]
         ]
         head = ["label", "objects", "nearest names"]
-        tables.append({"title": "Labels outside the vocabulary", "head": head, "rows": listed})
+        tables.append(_table("Labels outside the vocabulary", head, listed))
     if row.get("unexported"):
         listed = [[u["name"], u["category"], u["reason"]] for u in row["unexported"]]
         head = ["object", "category", "reason"]
-        tables.append({"title": "Labelled objects without a pixel", "head": head, "rows": listed})
+        tables.append(_table("Labelled objects without a pixel", head, listed))
     if row.get("matched"):
         listed = [[label, name] for label, name in sorted(row["matched"].items())]
         head = ["label", "taken for"]
-        tables.append({"title": "Labels matched by synonym", "head": head, "rows": listed})
+        tables.append(_table("Labels matched by synonym", head, listed))
     return tables
+
+
+def _table(title: str, head: list[str], rows: list[list[str]]) -> FactTable:
+    return FactTable(title=title, head=tuple(head), rows=tuple(map(tuple, rows)))
 
 
 def _camera(scene: dict[str, Any]) -> Pairs:

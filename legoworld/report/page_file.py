@@ -7,14 +7,15 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import jinja2
 from markupsafe import Markup
 
 from legoworld import __version__
 from legoworld.errors import LegoWorldError
-from legoworld.files import atomic_path, canonical_json, write_text
+from legoworld.files import atomic_path, write_text
+from legoworld.records.base import canonical
 from legoworld.report.document import PageDocument
 from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
 from legoworld.report.tables import NO_SPECIALIST
@@ -61,10 +62,10 @@ def page_text(
     script = f'(function () {{\n"use strict";\n{script}}})();\n'
     style = (PAGE / "report.css").read_text(encoding="utf-8")
     sections = [
-        {key: s[key] for key in ("key", "task", "sides", "names") if key in s}
+        {"key": s.key, "task": s.task, "sides": s.sides, **({"names": s.names} if s.sides else {})}
         for s in document.sections
     ]
-    places = [[v["section"], v["id"]] for v in document.views]
+    places = [[v.section, v.id] for v in document.views]
     return (
         _environment()
         .get_template("report.html")
@@ -77,7 +78,7 @@ def page_text(
             foreground=FOREGROUND_IOU,
             background=BACKGROUND_IOU,
             no_specialist=NO_SPECIALIST,
-            said=sorted({v["said"] for v in document.views if v["said"]}),
+            said=sorted({v.said for v in document.views if v.said}),
             beside=beside,
             style=Markup(style),
             script=Markup(script),
@@ -102,9 +103,9 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def script_json(value: Any) -> str:
+def script_json(value: object) -> str:
     """JSON that neither ends a script element nor opens a comment in one."""
-    text = canonical_json(value)
+    text = canonical(value)
     for sign in "<>&\u2028\u2029":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return text

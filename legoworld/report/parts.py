@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from legoworld.evaluation.masks import overlaps, union
+from legoworld.evaluation.problem import Floats
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
 from legoworld.report.error_kinds import FOREGROUND_IOU
 
@@ -53,8 +54,8 @@ def parts_of_truths(task: str, image: DetectionImage, side: SideImage) -> list[P
 
 def lone_part(task: str, image: DetectionImage, entry: int, side: SideImage) -> int | None:
     """The truth of its category that a prediction lies in; None where it lies in none."""
-    category = side.entries[entry]["category_id"]
-    same = [g for g, t in enumerate(image.truths) if t["category_id"] == category]
+    category = side.entries[entry].category_id
+    same = [g for g, t in enumerate(image.truths) if t.category_id == category]
     same = [g for g in same if side.errors.truth[g] != "ignored"]
     if not same:
         return None
@@ -64,14 +65,14 @@ def lone_part(task: str, image: DetectionImage, entry: int, side: SideImage) -> 
     return same[int(inside.argmax())] if inside.max() >= _INSIDE else None
 
 
-def _members(image: DetectionImage, side: SideImage, truth: int, inside: Any) -> tuple[int, ...]:
+def _members(image: DetectionImage, side: SideImage, truth: int, inside: Floats) -> tuple[int, ...]:
     """The predictions of a truth's category that lie in it, its finder among them."""
-    category = image.truths[truth]["category_id"]
+    category = image.truths[truth].category_id
     finders = {d: g for g, d in enumerate(side.errors.finder) if d is not None}
     members = [
         d
         for d, entry in enumerate(side.entries)
-        if entry["category_id"] == category
+        if entry.category_id == category
         and (finders.get(d) == truth or (side.errors.kind[d] and inside[d] >= _INSIDE))
     ]
     return tuple(members) if any(side.errors.kind[d] for d in members) else ()

@@ -8,11 +8,15 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 from typing import Any, Final
 
+from msgspec.structs import asdict
+
 from legoworld import catalog
 from legoworld.dataset_versions import dataset_of
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.base import as_json
 from legoworld.records.comparison import Comparison
+from legoworld.records.report_page import Facts
+from legoworld.records.report_tables import SideOrigin, UsedData, UsedInput, UsedVersion
 
 #: Licences of what a score is computed with, by package.
 _LICENCES: Final = {
@@ -28,30 +32,29 @@ _LICENCES: Final = {
 }
 
 
-def provenance(side: Evaluated) -> dict[str, Any]:
+def provenance(side: Evaluated) -> SideOrigin:
     """What the page says of where one side's numbers come from."""
     evidence, run = side.evidence, side.run
     cards = _cards()
     versions = {**(run.get("versions") or {}), **evidence.versions}
-    return {
-        "label": side.name,
-        "folder": side.folder.name,
-        "commands": [_made_run(side, cards), _evaluated(side)],
-        "partial": side.summary.partial,
-        "configuration": _flat(run.get("configuration") or {}),
-        "evaluation": _flat(as_json(evidence.configuration)),
-        "evaluator": side.summary.evaluator,
-        "versions": [
-            {"name": n, "version": v, "licence": _LICENCES.get(n, "see the package")}
+    return SideOrigin(
+        label=side.name,
+        folder=side.folder.name,
+        commands=(_made_run(side, cards), _evaluated(side)),
+        partial=side.summary.partial,
+        configuration=_flat(run.get("configuration") or {}),
+        evaluation=_flat(as_json(evidence.configuration)),
+        versions=tuple(
+            UsedVersion(name=n, version=v, licence=_LICENCES.get(n, "see the package"))
             for n, v in sorted(versions.items())
-        ],
-        "inputs": [
-            {**as_json(i), "name": PurePosixPath(i.path).name, "card": _known(cards, i.sha256)}
+        ),
+        inputs=tuple(
+            UsedInput(**asdict(i), name=PurePosixPath(i.path).name, card=_known(cards, i.sha256))
             for i in evidence.inputs
-        ],
-        "outputs": sorted(evidence.files.items()),
-        "data": _data_licence(side, cards) + _model_licence(side),
-    }
+        ),
+        outputs=tuple(sorted(evidence.files.items())),
+        data=(*_data_licence(side, cards), *_model_licence(side)),
+    )
 
 
 def compare_command(comparison: Comparison, sides: Sequence[Evaluated]) -> str:
@@ -101,7 +104,7 @@ def _run_name(side: Evaluated) -> str:
     return PurePosixPath(path).parent.name
 
 
-def _data_licence(side: Evaluated, cards: list[dict[str, Any]]) -> list[dict[str, str]]:
+def _data_licence(side: Evaluated, cards: list[dict[str, Any]]) -> list[UsedData]:
     """The dataset cards that know the truth by its hash, else the task's usual one."""
     truths = {i.sha256 for i in side.evidence.inputs if i.role == "truth"}
     known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
@@ -110,18 +113,17 @@ def _data_licence(side: Evaluated, cards: list[dict[str, Any]]) -> list[dict[str
         known = [c for c in cards if c["name"] == dataset_of(side.task)]
         said = "the usual dataset of this task: no card knows this truth by its hash"
     return [
-        {"name": c["name"], "title": c["title"], "licence": c["licence"], "said": said}
-        for c in known
+        UsedData(name=c["name"], title=c["title"], licence=c["licence"], said=said) for c in known
     ]
 
 
-def _model_licence(side: Evaluated) -> list[dict[str, str]]:
+def _model_licence(side: Evaluated) -> list[UsedData]:
     """The specialist's own licence, as its card has it."""
     baseline = side.run.get("baseline") or {}
     if "licence" not in baseline:
         return []
     names = {key: str(baseline.get(key, "")) for key in ("name", "title", "licence")}
-    return [{**names, "said": "the specialist"}]
+    return [UsedData(**names, said="the specialist")]
 
 
 def _cards() -> list[dict[str, Any]]:
@@ -138,8 +140,8 @@ def _known(cards: list[dict[str, Any]], sha256: str) -> str | None:
     return None
 
 
-def _flat(values: dict[str, Any]) -> list[tuple[str, str]]:
-    return [(key, _text(value)) for key, value in sorted(values.items())]
+def _flat(values: dict[str, Any]) -> Facts:
+    return tuple((key, _text(value)) for key, value in sorted(values.items()))
 
 
 def _text(value: Any) -> str:

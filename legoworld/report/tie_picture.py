@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from legoworld.evaluation.matches_file import EQUAL, OWN, table_from
 from legoworld.evaluation.stored import Evaluated
 from legoworld.evaluation.ties import order_aps
-from legoworld.records.evaluation_summary import Ties
+from legoworld.records.evaluation_summary import Ties, TieSpread
+from legoworld.records.report_tables import TieBar, TieDrawing, TiePicture
 from legoworld.wording import share
 
 WIDTH: Final = 640
@@ -23,47 +24,52 @@ _BINS: Final = 40
 _NO_WIDTH: Final = 5e-5
 
 
-def tie_pictures(side: Evaluated) -> list[dict[str, Any]]:
+def tie_pictures(side: Evaluated) -> list[TiePicture]:
     """The picture under the predictions' own scores, and under equal ones where those differ."""
     summary = side.detection
     equal = summary.equal_confidence
-    pictures = [_picture(side, OWN, "own scores", summary.metrics["AP"], summary.ties)]
-    if equal.already_equal:
-        pictures[0]["title"] = f"{side.name}: every prediction with the same confidence"
-    else:
+    own = "every prediction with the same confidence" if equal.already_equal else "own scores"
+    pictures = [_picture(side, OWN, own, summary.metrics["AP"], summary.ties)]
+    if not equal.already_equal:
         ap, ties = equal.metrics["AP"], equal.ties
         pictures.append(_picture(side, EQUAL, "equal confidence", ap, ties))
     return pictures
 
 
-def _picture(
-    side: Evaluated, policy: str, title: str, ap: float | None, ties: Ties
-) -> dict[str, Any]:
-    picture: dict[str, Any] = {"title": f"{side.name}: {title}", "ap": ap, "ties": ties}
-    known = ties.spread
-    if ap is None or known is None or known.best - known.worst < _NO_WIDTH:
-        return {**picture, "bars": None}
-    aps = order_aps(table_from(side.matches, policy), draws=ties.draws, seed=ties.seed)
+def _picture(side: Evaluated, policy: str, title: str, ap: float | None, ties: Ties) -> TiePicture:
+    drawing, known = None, ties.spread
+    if ap is not None and known is not None and known.best - known.worst >= _NO_WIDTH:
+        aps = order_aps(table_from(side.matches, policy), draws=ties.draws, seed=ties.seed)
+        drawing = _drawing(aps, ap, known)
+    return TiePicture(title=f"{side.name}: {title}", ap=ap, ties=ties, drawing=drawing)
+
+
+def _drawing(aps: NDArray[np.float64], ap: float, known: TieSpread) -> TieDrawing:
     low, high = min(known.worst, ap), max(known.best, ap)
-    bars = _bars(aps, low, high)
 
     def x(value: float) -> float:
         return round(float(_LEFT + (value - low) / (high - low) * (WIDTH - 2 * _LEFT)), 2)
 
-    spread = [max(low, known.expected - known.sd), min(high, known.expected + known.sd)]
-    return {
-        **picture,
-        "bars": bars,
-        "x": {key: x(getattr(known, key)) for key in ("worst", "best", "expected")} | {"ap": x(ap)},
-        "spread": [x(v) for v in spread],
-        "width": WIDTH,
-        "height": HEIGHT,
-        "base": _BASE,
-        "top": _TOP,
-    }
+    return TieDrawing(
+        bars=tuple(_bars(aps, low, high)),
+        x={
+            "worst": x(known.worst),
+            "best": x(known.best),
+            "expected": x(known.expected),
+            "ap": x(ap),
+        },
+        spread=(
+            x(max(low, known.expected - known.sd)),
+            x(min(high, known.expected + known.sd)),
+        ),
+        width=WIDTH,
+        height=HEIGHT,
+        base=_BASE,
+        top=_TOP,
+    )
 
 
-def _bars(aps: NDArray[np.float64], low: float, high: float) -> list[dict[str, Any]]:
+def _bars(aps: NDArray[np.float64], low: float, high: float) -> list[TieBar]:
     """Bars that are not empty: x, y, w, h in the drawing, and what they count."""
     counts, edges = np.histogram(np.clip(aps, low, high), bins=_BINS, range=(low, high))
     width = (WIDTH - 2 * _LEFT) / _BINS
@@ -72,13 +78,13 @@ def _bars(aps: NDArray[np.float64], low: float, high: float) -> list[dict[str, A
     for i in np.flatnonzero(counts).tolist():
         height = round(float(counts[i] / tallest * (_BASE - _TOP)), 2)
         bars.append(
-            {
-                "x": round(_LEFT + i * width + 0.5, 2),
-                "y": _BASE - height,
-                "w": round(width - 1, 2),
-                "h": height,
-                "text": f"{share(int(counts[i]), len(aps), 'order', 'orders')}: {edges[i]:.4f} to "
+            TieBar(
+                x=round(_LEFT + i * width + 0.5, 2),
+                y=_BASE - height,
+                w=round(width - 1, 2),
+                h=height,
+                text=f"{share(int(counts[i]), len(aps), 'order', 'orders')}: {edges[i]:.4f} to "
                 f"{edges[i + 1]:.4f}",
-            }
+            )
         )
     return bars

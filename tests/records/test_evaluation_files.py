@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,8 @@ from legoworld.evaluation.reading import (
     read_image_rows,
     read_summary,
 )
-from legoworld.records.base import canonical, decode, readable
-from legoworld.records.evaluation_view import DepthView
+from legoworld.records.base import as_json, canonical, decode, readable
+from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
 from legoworld.records.evidence import DepthComparison, DetectionComparison
 
 
@@ -58,6 +59,23 @@ def test_comparisons_and_their_evidence(evaluations: tuple[Path, Path], tmp_path
     data = (tmp_path / "out" / "evidence.json").read_bytes()
     kind = DepthComparison if '"eth3d"' in text else DetectionComparison
     assert readable(decode(kind, data)).encode() == data
+
+
+def test_views_of_boxes_and_masks(evaluations: tuple[Path, Path]) -> None:
+    """All that a reader takes of them is there as it was written."""
+    for folder in evaluations:
+        path = folder / "view" / "predictions.json"
+        if not path.is_file():
+            continue
+        shown = decode(list[ShownPrediction], path.read_bytes())
+        for found, written in zip(as_json(shown), json.loads(path.read_text()), strict=True):
+            assert json.loads(json.dumps(found)).items() <= written.items()
+            assert written.keys() - found.keys() == {"pair_annotation", "pair_iou"}
+        path = folder / "view" / "truth.json"
+        truth, written = decode(TruthView, path.read_bytes()), json.loads(path.read_text())
+        for name in ("images", "categories", "annotations"):
+            for one, entry in zip(getattr(truth, name), written[name], strict=True):
+                assert json.loads(canonical(one)).items() <= entry.items()
 
 
 def test_views_of_depth(tmp_path: Path) -> None:

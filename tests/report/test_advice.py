@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from legoworld.records.base import to_record
 from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
+from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
 from legoworld.report.advice import detection_advice
 from legoworld.report.detection_images import DetectionImage, SideImage, _errors
 
@@ -51,10 +53,13 @@ def advice(
     scene: bool = True,
 ) -> list[str]:
     """Each finding as "what => do"; predictions are (box, category, outcome at IoU 0.5)."""
-    image = {"id": 1, "height": SIZE[0], "width": SIZE[1]}
-    true = tuple({**shaped(task, b), "category_id": c, "id": i} for i, (b, c) in enumerate(truths))
+    image = TrueImage(id=1, height=SIZE[0], width=SIZE[1])
+    true = tuple(
+        to_record(TrueAnnotation, {**shaped(task, b), "image_id": 1, "category_id": c})
+        for b, c in truths
+    )
     entries = tuple(
-        {**shaped(task, b), "category_id": c, "score": 1.0, "outcome_50": outcome}
+        to_record(ShownPrediction, {**shaped(task, b), **prediction(c, outcome)})
         for b, c, outcome in predictions
     )
     side = SideImage(
@@ -67,7 +72,12 @@ def advice(
     found = detection_advice(
         task, DetectionImage(image=image, truths=true, sides=(side,)), side, NAMES, scene=scene
     )
-    return [f"{a['what']} => {a['do']}" for a in found]
+    return [f"{a.what} => {a.do}" for a in found]
+
+
+def prediction(category: int, outcome: str) -> dict[str, Any]:
+    """All of a prediction but its shape."""
+    return {"image_id": 1, "category_id": category, "score": 1.0, "outcome_50": outcome}
 
 
 def test_a_missed_truth_that_an_uncounted_prediction_covers_is_built_already() -> None:
@@ -143,9 +153,9 @@ def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
     mask[14:46, 14:46] = 0
     edges = np.flatnonzero(np.diff(mask.flatten(order="F"), prepend=0)).tolist()
     ring["segmentation"]["counts"] = np.diff([0, *edges, mask.size]).tolist()
-    image = {"id": 1, "height": SIZE[0], "width": SIZE[1]}
-    true = ({**ring, "category_id": CUP, "id": 1},)
-    entry = {**shaped("lvis", frame), "category_id": CUP, "score": 1.0, "outcome_50": "fp"}
+    image = TrueImage(id=1, height=SIZE[0], width=SIZE[1])
+    true = (to_record(TrueAnnotation, {**ring, "image_id": 1, "category_id": CUP}),)
+    entry = to_record(ShownPrediction, {**shaped("lvis", frame), **prediction(CUP, "fp")})
     side = SideImage(
         row=ROW,
         run_row={"status": "ok"},
@@ -155,7 +165,7 @@ def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
     )
     view = DetectionImage(image=image, truths=true, sides=(side,))
     (said,) = detection_advice("lvis", view, side, NAMES, scene=True)
-    assert said["do"].startswith("its box fits, its mask does not")
+    assert said.do.startswith("its box fits, its mask does not")
 
 
 def test_a_neighbour_is_not_what_a_prediction_stands_for() -> None:

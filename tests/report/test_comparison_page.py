@@ -54,7 +54,7 @@ def test_every_difference_stands_with_both_sides_and_denominators(
 def test_it_brings_its_evaluations_scene_first(comparison: Path, tmp_path: Path) -> None:
     document = document_of(comparison)
     (section,) = document.sections
-    assert [side["label"] for side in section["sides"]] == ["scene", "random"]
+    assert [side.label for side in section.sides] == ["scene", "random"]
     assert len(document.views) == 12
     again = document_of(comparison, tmp_path / "eval-coco-scene")
     assert len(again.views) == 12

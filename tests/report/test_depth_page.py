@@ -22,8 +22,8 @@ NAMES = ("a.png", "b.png", "c.png")
 
 def decode(codes: str, view: dict) -> np.ndarray:
     values = np.frombuffer(base64.b64decode(codes), "<u2").astype(np.float64)
-    z = view["z0_m"] * np.exp(view["step"] * values)
-    return np.where(values == NO_DEPTH, np.inf, z).reshape(view["size_wh"][::-1])
+    z = view.z0_m * np.exp(view.step * values)
+    return np.where(values == NO_DEPTH, np.inf, z).reshape(view.size_wh[::-1])
 
 
 @pytest.fixture(scope="module")
@@ -44,17 +44,17 @@ def test_codes_are_within_half_a_step(evaluation: Path) -> None:
     view = depth_view([stored])
     assert view is not None
     for text, codes in (
-        (stored.truth_z_m, view["truth"]),
-        (stored.aligned_z_m, view["aligned"][0]),
+        (stored.truth_z_m, view.truth),
+        (stored.aligned_z_m, view.aligned[0]),
     ):
         exact = decoded(text, stored.size_wh)
         shown = decode(codes, view)
         known = np.isfinite(exact)
         assert np.array_equal(known, np.isfinite(shown))
         ratio = np.abs(np.log(shown[known] / exact[known]))
-        assert ratio.max() <= view["step"] / 2 * (1 + 1e-9)
-    assert view["step"] < 1e-4
-    assert np.isinf(decode(view["aligned"][0], view)[:30, :40]).all()
+        assert ratio.max() <= view.step / 2 * (1 + 1e-9)
+    assert view.step < 1e-4
+    assert np.isinf(decode(view.aligned[0], view)[:30, :40]).all()
 
 
 def test_one_scale_holds_truth_and_prediction(evaluation: Path) -> None:
@@ -64,9 +64,9 @@ def test_one_scale_holds_truth_and_prediction(evaluation: Path) -> None:
     texts = (stored.truth_z_m, stored.aligned_z_m)
     both = np.concatenate([decoded(text, stored.size_wh).ravel() for text in texts])
     low, high = np.percentile(1 / both[np.isfinite(both)].astype(np.float64), (2, 98))
-    assert view["near_far_z_m"] == pytest.approx([1 / high, 1 / low])
+    assert view.near_far_z_m == pytest.approx([1 / high, 1 / low])
     assert depth_view([None]) is None
-    assert depth_view([None, stored])["aligned"][0] is None
+    assert depth_view([None, stored]).aligned[0] is None
 
 
 def test_a_single_value_is_coded_exactly() -> None:
@@ -97,9 +97,9 @@ def test_numbers_policies_constant_and_denominators(evaluation: Path, tmp_path: 
 
 def test_what_is_wrong_and_what_to_do(evaluation: Path) -> None:
     document = document_of(evaluation)
-    assert document.sections[0]["images"][0]["id"] == 3
-    said = {v["id"]: [a["what"] for a in v["sides"][0]["advice"]] for v in document.views}
+    assert document.sections[0].images[0].id == 3
+    said = {v.id: [a.what for a in v.sides[0].advice] for v in document.views}
     assert any("25.0% of the measured pixels have no geometry" in what for what in said[1])
     assert any("near and far are exchanged" in what for what in said[2])
     assert said[3] == ["no output (failed): it was failed"]
-    assert document.views[2]["depth"] is None
+    assert document.views[2].depth is None

@@ -96,7 +96,7 @@ def test_counts_agree_with_hotcoco_s_tide(tmp_path: Any, seed: int) -> None:
     evaluation = evaluated(
         tmp_path, "coco", truth=truth, predictions=predictions, kind="baseline", baseline="random"
     )
-    mine = document_of(evaluation).sections[0]["errors"][0]["counts"]
+    mine = document_of(evaluation).sections[0].errors[0].counts
 
     coco = hotcoco.COCO(truth)
     results = coco.load_res([dict(p) for p in predictions])

@@ -87,14 +87,14 @@ def test_score_free_numbers_and_coverage(both: tuple[Path, Path], page: Path) ->
 
 def test_error_counts_add_up_to_the_evaluator_s_own(both: tuple[Path, Path]) -> None:
     (section,) = document_of(*both).sections
-    for evaluation, errors in zip(both, section["errors"], strict=True):
+    for evaluation, errors in zip(both, section.errors, strict=True):
         rows = rows_of(evaluation)
         false = sum(r["greedy_50"]["fp"] for r in rows)
         unfound = sum(r["n_truth"] - r["greedy_50"]["tp"] for r in rows)
-        counts = dict(errors["counts"])
+        counts = dict(errors.counts)
         missed = counts.pop("missed")
         assert sum(counts.values()) == false
-        assert missed + errors["reached"] == unfound
+        assert missed + errors.reached == unfound
         assert false > 0
         assert unfound > 0
 
@@ -115,39 +115,39 @@ def test_category_rows_are_the_evaluation_s(both: tuple[Path, Path], page: Path)
 
 def test_the_tie_picture_is_of_the_summary_s_own_draws(both: tuple[Path, Path]) -> None:
     (section,) = document_of(*both).sections
-    own, scored, equal = section["ties"]
+    own, scored, equal = section.ties
     assert summary_of(both[0])["equal_confidence"]["already_equal"]
     ties = summary_of(both[0])["ties"]
-    assert as_json(own["ties"]) == ties
-    drawn = sum(int(bar["text"].split()[0]) for bar in own["bars"])
+    assert as_json(own.ties) == ties
+    drawn = sum(int(bar.text.split()[0]) for bar in own.drawing.bars)
     assert drawn == ties["draws"] == 20
-    assert own["x"]["worst"] <= own["x"]["expected"] <= own["x"]["best"]
-    assert own["x"]["worst"] <= own["x"]["ap"] <= own["x"]["best"]
-    assert scored["bars"] is None, "distinct scores leave no order open"
-    assert as_json(equal["ties"]) == summary_of(both[1])["equal_confidence"]["ties"]
+    x = own.drawing.x
+    assert x["worst"] <= x["expected"] <= x["best"]
+    assert x["worst"] <= x["ap"] <= x["best"]
+    assert scored.drawing is None, "distinct scores leave no order open"
+    assert as_json(equal.ties) == summary_of(both[1])["equal_confidence"]["ties"]
 
 
 def test_the_worst_photo_comes_first_and_failures_are_among_them(both: tuple[Path, Path]) -> None:
     (section,) = document_of(*both).sections
-    qualities = [row["cells"][0]["quality"] for row in section["images"]]
+    qualities = [row.cells[0].quality for row in section.images]
     known = [q for q in qualities if q is not None]
     assert known == sorted(known)
     assert qualities[len(known) :] == [None] * (len(qualities) - len(known))
-    by_id = {row["id"]: row for row in section["images"]}
+    by_id = {row.id: row for row in section.images}
     for image_id, status in STATUSES.items():
-        assert by_id[image_id]["cells"][0]["status"] == status
-        if by_id[image_id]["n_truth"]:
-            assert by_id[image_id]["cells"][0]["quality"] == 0.0
+        assert by_id[image_id].cells[0].status == status
+        if by_id[image_id].n_truth:
+            assert by_id[image_id].cells[0].quality == 0.0
 
 
 def test_quality_over_all_photos_is_the_panoptic_quality(both: tuple[Path, Path]) -> None:
     for k, evaluation in enumerate(both):
-        images = document_of(*both).sections[0]["images"]
+        images = document_of(*both).sections[0].images
         rows = {r["image_id"]: r["class_aware"] for r in rows_of(evaluation)}
         total = sum(r["n_gt"] + r["n_dt"] for r in rows.values())
         weighted = sum(
-            (row["cells"][k]["quality"] or 0.0)
-            * (rows[row["id"]]["n_gt"] + rows[row["id"]]["n_dt"])
+            (row.cells[k].quality or 0.0) * (rows[row.id]["n_gt"] + rows[row.id]["n_dt"])
             for row in images
         )
         pq = summary_of(evaluation)["matched"]["class_aware"]["pq"]
@@ -155,14 +155,14 @@ def test_quality_over_all_photos_is_the_panoptic_quality(both: tuple[Path, Path]
 
 
 def test_a_failed_scene_says_why_and_every_finding_is_there(both: tuple[Path, Path]) -> None:
-    views = {view["id"]: view for view in document_of(*both).views}
-    (advice,) = views[10]["sides"][0]["advice"]
-    assert advice["level"] == "bad"
-    assert advice["what"].startswith("no output (failed)")
-    said = [a["what"] for v in views.values() for s in v["sides"] for a in s["advice"]]
+    views = {view.id: view for view in document_of(*both).views}
+    (advice,) = views[10].sides[0].advice
+    assert advice.level == "bad"
+    assert advice.what.startswith("no output (failed)")
+    said = [a.what for v in views.values() for s in v.sides for a in s.advice]
     for words in ("missed:", "overlaps its truth", "stands where", "truth has nothing"):
         assert any(words in what for what in said), words
-    baseline = [a["do"] for v in views.values() for a in v["sides"][1]["advice"]]
+    baseline = [a.do for v in views.values() for a in v.sides[1].advice]
     assert set(baseline) == {""}, "a specialist is not told how to build a scene"
 
 
@@ -191,7 +191,7 @@ def test_photos_of_any_name_are_shown_and_one_too_long_is_said(tmp_path: Path) -
             path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
     folder = evaluated(tmp_path, "coco", truth=truth)
     document = document_of(folder, photos=tmp_path / "photos")
-    photos = {view["file_name"]: view["photo"] for view in document.views}
+    photos = {view.file_name: view.photo for view in document.views}
     assert {name for name, photo in photos.items() if photo is None} == {NAMES[-1]}
     page = tmp_path / "page.html"
     arguments = ["report", str(folder), "--photos", str(tmp_path / "photos"), "-o", str(page)]
@@ -208,9 +208,9 @@ def test_a_photo_of_another_size_or_no_photo_at_all_is_not_drawn_on(
     cv2.imwrite(str(tmp_path / "000.jpg"), np.zeros((45, 60, 3), np.uint8))
     (tmp_path / "001.jpg").write_text("no picture")
     views = document_of(*both, photos=tmp_path).views
-    assert views[0]["photo"] is None
-    assert "is 60x45, its truth 120x90" in views[0]["said"]
-    assert "could not be read" in views[1]["said"]
+    assert views[0].photo is None
+    assert "is 60x45, its truth 120x90" in views[0].said
+    assert "could not be read" in views[1].said
 
 
 def test_photos_are_found_below_the_folder_and_never_outside(tmp_path: Path) -> None:
@@ -261,8 +261,8 @@ def test_nothing_predicted(tmp_path: Path) -> None:
     path = page_of(tmp_path / "r.html", evaluation)
     assert Tables(path).row("AP")[0] == f"{summary_of(evaluation)['metrics']['AP']:.4f}"
     views = document_of(evaluation).views
-    with_truth = next(v for v in views if v["truths"])
-    assert any("nothing was exported" in a["what"] for a in with_truth["sides"][0]["advice"])
+    with_truth = next(v for v in views if v.truths)
+    assert any("nothing was exported" in a.what for a in with_truth.sides[0].advice)
     assert summary_of(evaluation)["metrics"]["AP"] == 0.0
 
 
@@ -338,5 +338,5 @@ def test_evaluations_of_different_truths_are_different_sections(tmp_path: Path) 
     one = evaluated(tmp_path / "a", "coco")
     two = evaluated(tmp_path / "b", "coco", seed=2)
     three = evaluated(tmp_path / "a", "lvis")
-    keys = [s["key"] for s in document_of(three, one, two, one).sections]
+    keys = [s.key for s in document_of(three, one, two, one).sections]
     assert keys == ["coco", "coco-2", "lvis"]

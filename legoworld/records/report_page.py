@@ -1,0 +1,153 @@
+"""A report's photos: a view of each as the page's JSON, and its line in the list."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from legoworld.records.base import UNSET, Record, UnsetType
+
+#: (name, text) lines.
+Facts = tuple[tuple[str, str], ...]
+
+
+class Advice(Record, frozen=True, kw_only=True):
+    """One finding. level: bad costs score, warn may, note explains. do: what helps, if anything."""
+
+    level: Literal["bad", "warn", "note"]
+    what: str
+    do: str = ""
+
+
+class FactTable(Record, frozen=True, kw_only=True):
+    """A small table of texts."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+class Drawn(Record, frozen=True, kw_only=True):
+    """A truth as it is drawn.
+
+    c: category id; box: x, y, w, h; where masks are scored, one of rle (pycocotools' compressed
+    counts) and polygons.
+    """
+
+    c: int
+    box: tuple[int | float, ...]
+    rle: str | UnsetType = UNSET
+    polygons: tuple[tuple[int | float, ...], ...] | UnsetType = UNSET
+
+
+class DrawnPrediction(Drawn, frozen=True, kw_only=True):
+    """A prediction. s: score; o: outcome at IoU 0.5; k: error kind; t: truth meant; i: IoU."""
+
+    s: int | float
+    o: str
+    k: str | None
+    t: int | None
+    i: float | None
+
+
+class Answer(Record, frozen=True, kw_only=True):
+    """What one side made of a photo."""
+
+    label: str
+    status: str
+    facts: Facts
+    tables: tuple[FactTable, ...]
+    advice: tuple[Advice, ...]
+
+
+class DetectionAnswer(Answer, frozen=True, kw_only=True):
+    """Its boxes or masks. truth: what became of each truth."""
+
+    predictions: tuple[DrawnPrediction, ...]
+    truth: tuple[str, ...]
+
+
+class PageView(Record, frozen=True, kw_only=True):
+    """A photo of a section. photo: its place in the page's photos, or None with `said`."""
+
+    section: str
+    id: int
+    file_name: str
+    size_wh: tuple[int, int]
+    photo: int | None
+    said: str
+    sides: tuple[Answer, ...]
+
+
+class DetectionPageView(PageView, frozen=True, kw_only=True):
+    """A photo of boxes or masks."""
+
+    sides: tuple[DetectionAnswer, ...]
+    truths: tuple[Drawn, ...]
+
+    @property
+    def categories(self) -> set[int]:
+        """Of every truth and prediction."""
+        drawn = [d.c for side in self.sides for d in side.predictions]
+        return {*drawn, *(d.c for d in self.truths)}
+
+
+class DepthDrawing(Record, frozen=True, kw_only=True):
+    """The drawn arrays of one photo on one scale.
+
+    size_wh of the arrays; near_far_z_m: the colour scale's ends; error_m: the error scale's end;
+    z0_m, step: a code c is z0_m * exp(step * c) metres, 65535 none; truth, aligned: base64 of
+    little-endian uint16 codes, row major, None for a side without a score.
+    """
+
+    size_wh: tuple[int, int]
+    image_wh: tuple[int, int]
+    near_far_z_m: tuple[float, float]
+    error_m: float
+    z0_m: float
+    step: float
+    truth: str
+    aligned: tuple[str | None, ...]
+
+
+class DepthPageView(PageView, frozen=True, kw_only=True):
+    """A photo of depth. depth: None where no side scored."""
+
+    depth: DepthDrawing | None
+
+
+class PhotoCell(Record, frozen=True, kw_only=True):
+    """One side of a photo in the list. advice: the first finding; findings: how many are bad."""
+
+    status: str
+    advice: str
+    findings: int
+
+
+class DetectionCell(PhotoCell, frozen=True, kw_only=True):
+    """Of boxes or masks."""
+
+    quality: float | None
+    tp: int
+    fp: int
+    unfound: int
+    kinds: tuple[str, ...]
+
+
+class DepthCell(PhotoCell, frozen=True, kw_only=True):
+    """Of depth; None where it has no score."""
+
+    abs_rel: dict[str, float] | None
+    delta1: float | None
+    constant: float | None
+    holes: float | None
+
+
+class PhotoRow(Record, frozen=True, kw_only=True):
+    """A photo in the list. view: its place in the page's views."""
+
+    id: int
+    file_name: str
+    view: int
+    n_truth: int
+    cells: tuple[PhotoCell, ...]
+    categories: tuple[int, ...]
