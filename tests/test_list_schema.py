@@ -311,6 +311,11 @@ def test_a_tracks_own_vocabulary_is_what_the_author_is_told(own_track, capsys):
     assert "couch" not in shown
 
 
+@pytest.mark.parametrize("task", TASKS)
+def test_no_track_is_asked_for_where_the_shipped_vocabulary_is_read(task):
+    assert "--track" not in text_of(protocol(task, None))
+
+
 def test_a_track_is_refused_where_it_says_nothing(own_track, tmp_path, capsys):
     assert cli.run(["list", "tasks", "--track", str(own_track)]) == 2
     assert "--track is for schema" in capsys.readouterr().err

@@ -326,8 +326,9 @@ def test_the_worst_of_several_differences_is_the_one_that_is_named(made, tmp_pat
         rows[1]["scene"]["value"] += 1e-14
 
     forge(tmp_path / "out", "comparison.json", lambda path: change_json(path, differ))
-    found = {c.what: c.found for c in bad(verify_comparison(tmp_path / "out", None))}
-    said = found["numbers from the evaluations"]
+    checks = bad(verify_comparison(tmp_path / "out", None))
+    assert {c.status for c in checks} == {"DIFFERS"}
+    said = {c.what: c.found for c in checks}["numbers from the evaluations"]
     assert said == "largest difference 1.0e-06 at .pairs[0].rows[0].scene.value"
 
     def shorter(document):

@@ -84,6 +84,16 @@ def test_a_joined_comparison_is_verified(three, tmp_path):
     assert "numbers from the comparisons" in [c.what for c in bad(verify_comparison(out, None))]
 
 
+def test_another_joined_comparison_is_replaced_only_when_asked(three, tmp_path):
+    make_joined(three[:2], tmp_path / "out")
+    make_joined(three[:2], tmp_path / "out")
+    with pytest.raises(LegoWorldError, match="holds another comparison"):
+        make_joined(three[1:], tmp_path / "out")
+    make_joined(three[1:], tmp_path / "out", overwrite=True)
+    document = json.loads((tmp_path / "out" / "comparison.json").read_text())
+    assert [one["task"] for one in document["comparisons"]] == ["coco", "lvis"]
+
+
 def test_what_cannot_be_joined(three, tmp_path):
     with pytest.raises(UsageError, match="different tasks"):
         make_joined([three[0], three[0]], tmp_path / "out")

@@ -288,6 +288,9 @@ def test_truth_of_every_space_becomes_planar_metres(tmp_path: Path) -> None:
     assert np.isnan(found[0, 2])
     assert found[0, 3] == np.inf
     np.testing.assert_allclose(found.ravel()[4:], z.ravel()[4:], rtol=1e-13)
+    np.save(tmp_path / "b.npy", np.array([[0.5 - 30, 0.0 - 30]]))  # far, and at infinity
+    found = planar_metres(read_labelled(tmp_path / "b.npy", stereo), stereo, "b")
+    assert found.tolist() == [[360.0, np.inf]]
 
 
 @pytest.mark.parametrize(
