@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
+import msgspec
+
 from legoworld.comparison.folder import rendered_tables
+from legoworld.records.comparison import (
+    Comparison,
+    ComparisonRow,
+    Difference,
+    JoinedComparison,
+    Measured,
+    Pair,
+)
+from legoworld.records.evaluation_summary import Interval
 
 
 def interval(low: float, high: float) -> dict[str, Any]:
@@ -96,8 +108,40 @@ COVERAGE_MD = r"""| task | attempted | with truth | method | scored | against | 
 """  # noqa: E501
 
 
+def filled(kind: type[Any], **known: Any) -> Any:
+    """A record of what tables show; other fields that it must have are None."""
+    required = {field.name: None for field in msgspec.structs.fields(kind) if field.required}
+    return kind(**required | known)
+
+
+def side(kind: type[Any], said: dict[str, Any]) -> Any:
+    ends = said["interval"]
+    return filled(kind, **said | {"interval": filled(Interval, **ends) if ends else None})
+
+
+def row(said: dict[str, Any]) -> Any:
+    sides = {name: side(Measured, said[name]) for name in ("scene", "baseline")}
+    return filled(
+        ComparisonRow, **said | sides | {"difference": side(Difference, said["difference"])}
+    )
+
+
+def pair(said: dict[str, Any]) -> Any:
+    parts = {
+        "coverage": SimpleNamespace(**said["coverage"]),
+        "dropped": [SimpleNamespace(**one) for one in said["dropped"]],
+        "rows": [row(one) for one in said["rows"]],
+    }
+    return filled(Pair, **said | parts)
+
+
+def comparison(said: dict[str, Any]) -> Any:
+    parts = {name: SimpleNamespace(**said[name]) for name in ("evaluator", "bootstrap")}
+    return filled(Comparison, **said | parts | {"pairs": [pair(one) for one in said["pairs"]]})
+
+
 def test_tables_to_the_last_cell():
-    found = rendered_tables(DOCUMENT)
+    found = rendered_tables(comparison(DOCUMENT))
     assert found.keys() == {
         f"{table}.{form}" for table in ("table", "coverage") for form in ("md", "tex", "csv")
     }
@@ -107,20 +151,20 @@ def test_tables_to_the_last_cell():
     assert found["coverage.md"] == COVERAGE_MD
     assert len(found["coverage.csv"].splitlines()) == 2
     paired = {**DOCUMENT["pairs"][0], "dropped": []}
-    whole = rendered_tables({**DOCUMENT, "pairs": [paired]})
+    whole = rendered_tables(comparison({**DOCUMENT, "pairs": [paired]}))
     assert whole["coverage.csv"].splitlines()[1] == "coco,9,8,s_1,7,b|2,6,5,-"
 
 
 def test_several_methods_are_rows_and_joined_comparisons_show_their_headlines():
     other = {**DOCUMENT["pairs"][0], "baseline": "c"}
     several = {**DOCUMENT, "pairs": [*DOCUMENT["pairs"], other]}
-    lines = rendered_tables(several)["table.md"].splitlines()
+    lines = rendered_tables(comparison(several))["table.md"].splitlines()
     assert lines[0] == (
         "| task | metric | method | value | against | its value | difference | over |"
     )
     assert lines[2].startswith("| coco | AP ↑ | s_1 | 0.2500 [0.1250, 0.5000] | b\\|2 | 0.7500 |")
     assert [line.split(" | ")[4] for line in lines[2:6]] == ["b\\|2", "b\\|2", "c", "c"]
-    joined = {"comparisons": [DOCUMENT], "notes": ["Joined."]}
+    joined = filled(JoinedComparison, comparisons=[comparison(DOCUMENT)], notes=["Joined."])
     lines = rendered_tables(joined)["table.md"].splitlines()
     assert [line.split(" | ")[1] for line in lines[2:3]] == ["AP ↑"]
     assert lines[3] == ""
