@@ -10,7 +10,16 @@ import msgspec
 
 from legoworld import exit_codes
 from legoworld.files import readable_json
+from legoworld.records.coco_file import CocoFile
+from legoworld.records.comparison import Comparison, JoinedComparison
+from legoworld.records.evaluation_rows import (
+    CategoryRow,
+    DetectionRow,
+    ScoredDepthRow,
+    UnscoredDepthRow,
+)
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+from legoworld.records.evidence import DepthEvidence, DetectionEvidence
 from legoworld.records.execution import ExecutionFile
 from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
@@ -21,7 +30,16 @@ FOLDER = Path(__file__).with_name("schemas")
 
 #: The public formats: the name in docs/schemas, and the type of a file, or of a line of it.
 FORMATS: dict[str, Any] = {
+    "coco-export": CocoFile,
+    "comparison": Comparison,
+    "comparison-joined": JoinedComparison,
     "execution": ExecutionFile,
+    "evaluation-evidence-depth": DepthEvidence,
+    "evaluation-evidence-detection": DetectionEvidence,
+    "evaluation-per-category": CategoryRow,
+    "evaluation-per-image-depth": UnscoredDepthRow,
+    "evaluation-per-image-depth-scored": ScoredDepthRow,
+    "evaluation-per-image-detection": DetectionRow,
     "evaluation-summary-depth": DepthSummary,
     "evaluation-summary-detection": DetectionSummary,
     "frozen": FrozenFile,

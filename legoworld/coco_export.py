@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,16 @@ from legoworld.evaluation.predictions import Predictions, check_results
 from legoworld.evaluation.protocols import PROTOCOLS
 from legoworld.evaluation.reading import read_rows
 from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
-from legoworld.files import canonical_json, readable_json, write_text
+from legoworld.files import write_text
+from legoworld.records.base import UNSET, Record, as_json, canonical, readable, to_record
+from legoworld.records.coco_file import CocoAnnotation, CocoCategory, CocoFile, CocoImage, CocoInfo
+from legoworld.records.evaluation_view import Box, Result, Rle
 from legoworld.running.run_folder import ROWS
 from legoworld.track import load_track
 from legoworld.vocabulary import Vocabulary, load
 
-Row = dict[str, Any]
 
-
-def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite: bool) -> Row:
+def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite: bool) -> CocoFile:
     """Write a run of boxes or masks as COCO JSON that dataset tools open; returns the document.
 
     track: gives the categories' names where they are not the shipped dataset's. UsageError for a
@@ -47,17 +48,17 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
     vocabulary = _vocabulary(run, track)
     images = [_image(i.id, i.file_name, i.size_wh) for i in run.images]
     predictions = _predictions(run, vocabulary)
-    document = {
-        "info": {
-            "description": f"legoworld run of {run.task}: predictions as annotations",
-            "task": run.task,
-            "vocabulary_sha256": vocabulary.sha256,
-            "images_without_result": [i.id for i in run.images if i.status != "ok"],
-        },
-        "images": images,
-        "annotations": list(_annotations(run, predictions)),
-        "categories": [{"id": c.id, "name": c.name} for c in vocabulary.categories],
-    }
+    document = CocoFile(
+        info=CocoInfo(
+            description=f"legoworld run of {run.task}: predictions as annotations",
+            task=run.task,
+            vocabulary_sha256=vocabulary.sha256,
+            images_without_result=tuple(i.id for i in run.images if i.status != "ok"),
+        ),
+        images=tuple(images),
+        annotations=tuple(_annotations(run, predictions)),
+        categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
+    )
     write_text(output, _readable(document))
     return document
 
@@ -78,7 +79,7 @@ def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
     return vocabulary
 
 
-def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> Row:
+def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> CocoImage:
     if size_wh is None:
         raise RunUnusableError(
             f"image {image_id} of the run has no size",
@@ -86,7 +87,7 @@ def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> Ro
             expected="a width and height for every image",
             next_step="make the run with --track",
         )
-    return {"id": image_id, "file_name": file_name, "width": size_wh[0], "height": size_wh[1]}
+    return CocoImage(id=image_id, file_name=file_name, width=size_wh[0], height=size_wh[1])
 
 
 def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
@@ -101,33 +102,32 @@ def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
     )
 
 
-def _annotations(run: Run, predictions: Predictions) -> Iterator[Row]:
+def _annotations(run: Run, predictions: Predictions) -> Iterator[CocoAnnotation]:
     """Predictions numbered from 1 in the run's order; of a scene with their objects' names."""
     names = _objects(run)
     place: dict[int, int] = {}
-    for number, (entry, area) in enumerate(
-        zip(predictions.entries, _areas(predictions.entries), strict=True), start=1
+    results = [to_record(Result, entry) for entry in predictions.entries]
+    for number, (result, (box, area)) in enumerate(
+        zip(results, _extents(results), strict=True), start=1
     ):
-        image_id = entry["image_id"]
+        image_id = result.image_id
         nth = place[image_id] = place.get(image_id, -1) + 1
-        annotation = {
-            "id": number,
-            "image_id": image_id,
-            "category_id": entry["category_id"],
-            "bbox": entry["bbox"] if "bbox" in entry else _box(entry["segmentation"]),
-            "area": area,
-            "segmentation": entry.get("segmentation", []),
-            "iscrowd": 0,
-            "score": entry["score"],
-        }
-        if image_id in names:
-            annotation["attributes"] = names[image_id][nth]
-        yield annotation
+        yield CocoAnnotation(
+            id=number,
+            image_id=image_id,
+            category_id=result.category_id,
+            bbox=box,
+            area=area,
+            segmentation=result.segmentation or (),
+            iscrowd=0,
+            score=result.score,
+            attributes=names[image_id][nth] if image_id in names else UNSET,
+        )
 
 
-def _objects(run: Run) -> dict[int, Sequence[Mapping[str, Any]]]:
+def _objects(run: Run) -> dict[int, list[dict[str, Any]]]:
     """Of each image the rows say it of: name and objects of every prediction, in order."""
-    found: dict[int, Sequence[Mapping[str, Any]]] = {}
+    found: dict[int, list[dict[str, Any]]] = {}
     for row in read_rows(run.folder / ROWS):
         exported = row.get("exported")
         if isinstance(exported, list) and len(exported) == row.get("n_predictions"):
@@ -137,27 +137,27 @@ def _objects(run: Run) -> dict[int, Sequence[Mapping[str, Any]]]:
     return found
 
 
-def _areas(entries: Sequence[Row]) -> list[float]:
-    """Pixels of each mask, or width x height of each box."""
-    if entries and "segmentation" in entries[0]:
-        areas = areas_px([_bytes(e["segmentation"]) for e in entries])
-        return [float(area) for area in areas]
-    return [float(e["bbox"][2] * e["bbox"][3]) for e in entries]
+def _extents(results: Sequence[Result]) -> list[tuple[Box, float]]:
+    """Box and area of each: of a mask its extent and pixels, of a box width x height."""
+    masks = [_mask(r.segmentation) for r in results if r.segmentation]
+    if masks:
+        boxes = (tuple(bounding_box(mask)) for mask in masks)
+        return list(zip(boxes, areas_px(masks).tolist(), strict=True))
+    found: list[Box] = [r.bbox or () for r in results]
+    return [(box, float(box[2] * box[3])) for box in found]
 
 
-def _box(mask: Row) -> list[float]:
-    return bounding_box(_bytes(mask))
+def _mask(rle: Rle) -> dict[str, Any]:
+    return compressed(as_json(rle), rle.size)
 
 
-def _bytes(mask: Row) -> Row:
-    return compressed(mask, (mask["size"][0], mask["size"][1]))
-
-
-def _readable(document: Row) -> str:
+def _readable(document: CocoFile) -> str:
     """JSON with one image, annotation or category a line."""
-    info = readable_json(document["info"]).rstrip().replace("\n", "\n ")
-    lists = [
-        f'"{key}": [\n' + ",\n".join(canonical_json(e) for e in document[key]) + "\n]"
-        for key in ("images", "annotations", "categories")
-    ]
+    info = readable(document.info).rstrip().replace("\n", "\n ")
+    parts: tuple[tuple[str, Sequence[Record]], ...] = (
+        ("images", document.images),
+        ("annotations", document.annotations),
+        ("categories", document.categories),
+    )
+    lists = [f'"{key}": [\n' + ",\n".join(map(canonical, part)) + "\n]" for key, part in parts]
     return "{\n" + ",\n".join([f'"info": {info}', *lists]) + "\n}\n"

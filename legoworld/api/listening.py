@@ -9,7 +9,7 @@ from typing import Any
 from legoworld.records.evaluation_rows import DepthRow
 
 
-def _nothing(_told: Any) -> None:
+def _nothing(_told: object) -> None:
     """Nobody listens."""
 
 

@@ -52,7 +52,7 @@ def command(
     from legoworld.coco_export import export_coco
 
     document = export_coco(run, output, track=track, overwrite=overwrite)
-    n_images, n_annotations = len(document["images"]), len(document["annotations"])
+    n_images, n_annotations = len(document.images), len(document.annotations)
     if as_json:
         options.print_json({"format": form, "output": str(output), "images": n_images,
                             "annotations": n_annotations})  # fmt: skip

@@ -24,7 +24,9 @@ EXISTING_FILE = click.Path(path_type=Path, dir_okay=False, exists=True)
 class Choice(click.Choice[str]):
     """One of several words; a misspelt one is refused with the nearest."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str:
         """The word, in the spelling it is listed in."""
         try:
             return super().convert(value, param, ctx)
@@ -39,7 +41,7 @@ class SizeType(click.ParamType[tuple[int, int]]):
     name = "WxH"
 
     def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[int, int]:
         """Text to (width, height)."""
         if isinstance(value, tuple):
@@ -56,7 +58,7 @@ class ShardType(click.ParamType[tuple[int, int]]):
     name = "i/n"
 
     def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[int, int]:
         """Text to (index, number of shards)."""
         if isinstance(value, tuple):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import click
@@ -21,7 +21,7 @@ class PlaceType(click.ParamType[Place]):
         self._path = options.EXISTING_FOLDER if exists else options.FOLDER
 
     def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+        self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
     ) -> Place:
         """Text to a path, or to a URL as it is."""
         if isinstance(value, str) and is_url(value):

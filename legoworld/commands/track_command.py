@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -121,7 +121,7 @@ def command(
     return _check(track, photos, as_json=as_json)
 
 
-def _refuse_depth_options(task: str, given: dict[str, object], *, with_photos: bool) -> None:
+def _refuse_depth_options(task: str, given: Mapping[str, object], *, with_photos: bool) -> None:
     """Wrong usage: options of depth without a folder of depth."""
     for option, value in given.items():
         if value is not None and task != "eth3d":

@@ -139,5 +139,5 @@ def _size(side: Evaluated) -> str:
     return "of full size" if side.max_side is None else f"resampled from {side.max_side} px"
 
 
-def _short(sha256: Any) -> str:
+def _short(sha256: object) -> str:
     return str(sha256)[:12]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -111,8 +111,8 @@ def _mean(
     values: Sequence[float],
     rows: Sequence[DepthRow],
     shared: GroupDraws,
-    over: dict[str, int],
-    extra: dict[str, float],
+    over: Mapping[str, int],
+    extra: Mapping[str, float],
 ) -> Measure:
     numbers = np.array(values, np.float64)
     value = float(np.mean(numbers)) if len(numbers) else float("nan")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from legoworld.evaluation.accumulation import accumulate, metric_value, truths_p
 from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.matched_metrics import MatchedCounts, matched_metrics
 from legoworld.evaluation.matching import MatchTable
-from legoworld.evaluation.problem import Floats
+from legoworld.evaluation.problem import Floats, Ints
 from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
 from legoworld.evaluation.protocols import Metric as OfficialMetric
 from legoworld.evaluation.resampling import resampled_metrics
@@ -124,7 +125,7 @@ def _official(
 
 
 def _over(
-    table: MatchTable, metric: OfficialMetric, n_truths: NDArray[Any], frequencies: NDArray[np.str_]
+    table: MatchTable, metric: OfficialMetric, n_truths: Ints, frequencies: NDArray[np.str_]
 ) -> dict[str, int]:
     counted = n_truths[AREA_NAMES.index(metric.area)]
     if metric.frequency is not None:
@@ -136,7 +137,7 @@ def _over(
     }
 
 
-def _ties(table: MatchTable, shared: Draws, over: Any) -> Measure:
+def _ties(table: MatchTable, shared: Draws, over: Mapping[str, int]) -> Measure:
     """Expected AP over random orders of equally confident predictions."""
     ties = tie_orders(table, draws=shared.draws, seed=shared.seed)
     extra = {"sd": ties.sd, "worst": ties.worst, "best": ties.best}

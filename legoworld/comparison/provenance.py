@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 from legoworld.evaluation.stored import Evaluated
 from legoworld.files import canonical_json
@@ -77,7 +77,7 @@ def _values(groups: Sequence[MadeBy], field: str) -> dict[str, int]:
     return dict(sorted(counts.items()))
 
 
-def _shown(provenance: Any, field: str) -> str:
+def _shown(provenance: object, field: str) -> str:
     if not isinstance(provenance, dict):
         return NOT_RECORDED if provenance == NOT_RECORDED else "unreadable"
     if field not in provenance:

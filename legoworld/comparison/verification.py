@@ -91,21 +91,22 @@ def _inputs_named(folder: Path, evidence: AnyEvidence, name: str, root: Path | N
     return [path for path in found if path is not None]
 
 
-def _agrees(what: str, found: object, recorded: Any) -> Check:
+def _agrees(what: str, found: object, recorded: object) -> Check:
     """Equal but for summation order: another machine's numpy may add in another one."""
     worst, where = _largest_difference(json.loads(json.dumps(as_json(found))), recorded, "")
     status = "ok" if worst <= AGREEMENT else "DIFFERS"
     return Check(status, what, f"largest difference {worst:.1e}{where and ' at ' + where}")
 
 
-def _largest_difference(found: Any, recorded: Any, where: str) -> tuple[float, str]:
+def _largest_difference(found: object, recorded: object, where: str) -> tuple[float, str]:
     """The largest difference of two numbers; infinite where anything else differs."""
-    if type(found) in (int, float) and type(recorded) in (int, float):
+    numbers = type(found) in (int, float) and type(recorded) in (int, float)
+    if numbers and isinstance(found, int | float) and isinstance(recorded, int | float):
         difference = abs(found - recorded)
         if math.isnan(difference):  # which no comparison below would find the largest
             return float("inf"), where
         return difference, where if found != recorded else ""
-    pairs: list[tuple[Any, Any, str]] = []
+    pairs: list[tuple[object, object, str]] = []
     if isinstance(found, dict) and isinstance(recorded, dict) and found.keys() == recorded.keys():
         pairs = [(found[k], recorded[k], f"{where}.{k}") for k in found]
     elif isinstance(found, list) and isinstance(recorded, list) and len(found) == len(recorded):

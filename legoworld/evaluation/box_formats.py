@@ -123,14 +123,14 @@ def _shown(entries: Sequence[dict[str, Any]], index: int) -> str:
     return f"image {entries[index]['image_id']}: bbox {entries[index]['bbox']}"
 
 
-def is_finite(value: Any) -> bool:
+def is_finite(value: object) -> bool:
     """Whether a JSON value is a number that a float can hold."""
     if not isinstance(value, int | float) or isinstance(value, bool):
         return False
     return abs(value) <= sys.float_info.max  # math.isfinite raises for an integer of 400 digits
 
 
-def finite_floats(values: Iterable[Any]) -> NDArray[np.float64] | None:
+def finite_floats(values: Iterable[object]) -> NDArray[np.float64] | None:
     """(n,) JSON values as float64; None where any is of another type, or none a float can hold."""
     found = list(values)
     if not set(map(type, found)) <= {int, float}:

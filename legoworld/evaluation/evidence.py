@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import numpy as np
 
@@ -181,7 +180,7 @@ def _export_sha256(predictions: list[Result], *, equal: bool) -> str:
     return sha256_of_entries(in_order(alike, "canonical"))
 
 
-def check_equal(what: str, found: Any, recorded: Any) -> Check:
+def check_equal(what: str, found: object, recorded: object) -> Check:
     """What was found against what is on record."""
     if found == recorded:
         return Check("ok", what, str(found)[:60])

@@ -254,7 +254,7 @@ def _delete_earlier(folder: Path) -> None:
         path.rmdir() if path.is_dir() else path.unlink()
 
 
-def _write_json(path: Path, value: Any) -> None:
+def _write_json(path: Path, value: object) -> None:
     """Canonical JSON and a newline, whole or not at all; a list's text is never all in memory."""
     items = value if isinstance(value, list) else None
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
@@ -271,6 +271,6 @@ def _lines(rows: Sequence[Record]) -> str:
     return "".join(canonical(row) + "\n" for row in rows)
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = json.dumps(value)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -59,7 +59,7 @@ def compressed(mask: Any, size_hw: tuple[int, int]) -> Rle:
     return made
 
 
-def rle_problem(mask: Any, size_wh: tuple[int, int]) -> str | None:
+def rle_problem(mask: object, size_wh: tuple[int, int]) -> str | None:
     """What is wrong with a results mask of an image of this size; None when nothing is.
 
     Of compressed counts only the form is looked at: `measured` decodes them, many at once.

@@ -24,7 +24,7 @@ class PredictionsInvalidError(LegoWorldError):
 
 
 def _refuse(
-    bad: Sequence[Any], of: int, what: str, found: str, expected: str, next_step: str = ""
+    bad: Sequence[object], of: int, what: str, found: str, expected: str, next_step: str = ""
 ) -> None:
     """what: of several predictions, beginning with "are" or "have"."""
     if bad:

@@ -22,7 +22,7 @@ _EXACT: Final = 2.0**53
 Entry = dict[str, Any]
 
 
-def order_of(configuration: Mapping[str, Any]) -> PredictionOrder:
+def order_of(configuration: Mapping[str, object]) -> PredictionOrder:
     """The order of a run's predictions, from the run's configuration."""
     return "given" if configuration.get(ORDER) == "given" else "canonical"
 

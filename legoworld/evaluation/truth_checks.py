@@ -198,7 +198,7 @@ def _check_masks(name: str, own: Sequence[Entry], images: Mapping[int, Entry]) -
 def _refuse(
     name: str,
     kind: str,
-    entries: Iterable[Any],
+    entries: Iterable[Entry],
     fault: Fault,
     expected: str = "an object",
     next_step: str = _CORRECT,
@@ -241,7 +241,7 @@ def _refuse_repeats(name: str, entries: Sequence[Entry]) -> None:
     )
 
 
-def _object_fault(entry: Any) -> str | None:
+def _object_fault(entry: object) -> str | None:
     return None if isinstance(entry, dict) else repr(entry)[:60]
 
 
@@ -260,7 +260,7 @@ def _shown(entry: Entry, key: str) -> str:
     return f"{key} {entry[key]!r}"[:100] if key in entry else f"no {key}"
 
 
-def _is_whole(value: Any) -> bool:
+def _is_whole(value: object) -> bool:
     return type(value) is int or (type(value) is float and value.is_integer())
 
 
@@ -290,7 +290,7 @@ def _box_fault(entry: Entry) -> str | None:
     return None if fine and min(box[2:]) >= 0 else _shown(entry, "bbox")
 
 
-def _polygon_fault(polygons: list[Any]) -> str | None:
+def _polygon_fault(polygons: list[object]) -> str | None:
     for polygon in polygons:
         if not isinstance(polygon, list) or len(polygon) < _POLYGON_NUMBERS or len(polygon) % 2:
             size = f" of {len(polygon)} numbers" if isinstance(polygon, list) else ""
@@ -300,7 +300,7 @@ def _polygon_fault(polygons: list[Any]) -> str | None:
     return None
 
 
-def _are_coordinates(values: list[Any]) -> bool:
+def _are_coordinates(values: Sequence[float]) -> bool:
     """Whether all are finite numbers; a truth has millions, so without a call for each."""
     if not set(map(type, values)) <= {int, float}:
         return False

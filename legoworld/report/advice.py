@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -297,5 +297,5 @@ def _alike(category: str, name: str) -> bool:
     return any(w in name.lower().replace("_", " ").split() for w in words)
 
 
-def _quoted(names: Sequence[Any]) -> str:
+def _quoted(names: Sequence[object]) -> str:
     return ", ".join(repr(n) for n in names[:3])

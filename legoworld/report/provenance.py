@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any, Final
 
@@ -140,13 +140,13 @@ def _known(cards: list[dict[str, Any]], sha256: str) -> str | None:
     return None
 
 
-def _flat(values: dict[str, Any]) -> Facts:
+def _flat(values: Mapping[str, object]) -> Facts:
     return tuple((key, _text(value)) for key, value in sorted(values.items()))
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     return "-" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _word(value: Any) -> str:
+def _word(value: object) -> str:
     return shlex.quote(str(value))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from legoworld.evaluation.masks import bounding_box
 from legoworld.evaluation.protocols import detection_protocol
@@ -54,7 +54,7 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
     return found
 
 
-def _text(mask: dict[str, object]) -> str:
+def _text(mask: Mapping[str, object]) -> str:
     """pycocotools' compressed counts of a mask."""
     counts = mask["counts"]
     assert isinstance(counts, bytes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import jsonschema
 import pytest
 from comparison.evaluations import compared, depth_scene_and_baseline, scene_and_baseline
 
@@ -112,3 +113,27 @@ def test_a_damaged_summary_is_said_with_its_place(
         read_summary(folder)
     assert found in str(error.value)
     assert "eval/summary.json cannot be read" in str(error.value)
+
+
+def test_the_schemas_are_true_of_what_is_written(
+    evaluations: tuple[Path, Path], tmp_path: Path
+) -> None:
+    kind = "depth" if (evaluations[0] / "view" / "1.json").is_file() else "detection"
+    compared(evaluations, tmp_path / "out", draws=5)
+    valid(tmp_path / "out" / "comparison.json", "comparison")
+    for folder in evaluations:
+        valid(folder / "summary.json", f"evaluation-summary-{kind}")
+        valid(folder / "evidence.json", f"evaluation-evidence-{kind}")
+        for line in (folder / "per_image.jsonl").read_text().splitlines():
+            scored = kind == "depth" and "metrics" in json.loads(line)
+            name = f"evaluation-per-image-{kind}{'-scored' * scored}"
+            jsonschema.validate(json.loads(line), schema(name))
+
+
+def valid(path: Path, name: str) -> None:
+    jsonschema.validate(json.loads(path.read_text()), schema(name))
+
+
+def schema(name: str) -> dict[str, object]:
+    path = Path(__file__).parents[2] / "docs" / "schemas" / f"{name}.schema.json"
+    return json.loads(path.read_text())

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.predictions import read_depth_run
@@ -98,14 +98,14 @@ def _known(path: Path | None) -> Path:
     return path
 
 
-def _agreement(what: str, found: Any, recorded: Any) -> Check:
+def _agreement(what: str, found: object, recorded: object) -> Check:
     place = _first_difference(found, recorded, "")
     if place is None:
         return Check("ok", what, "the same")
     return Check("DIFFERS", what, place[:100])
 
 
-def _first_difference(found: Any, recorded: Any, place: str) -> str | None:
+def _first_difference(found: object, recorded: object, place: str) -> str | None:
     """Where two JSON values differ by more than rounding, with both; None where they do not."""
     if isinstance(found, Mapping) and isinstance(recorded, Mapping):
         if found.keys() != recorded.keys():
