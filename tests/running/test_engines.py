@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import socket
+import sys
 import threading
 import time
+from collections import Counter
 from contextlib import closing
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,6 +23,7 @@ from legoworld.running.engines import (
     engine_cores,
     machine_lost,
     run_local,
+    run_ray,
 )
 from legoworld.running.task_process import ProcessLostError, TaskProcess, carried
 from legoworld.running.tasks import ALONE, Crew, results_of
@@ -118,10 +122,97 @@ def test_the_engines_have_names():
 
 
 def test_an_engine_that_is_not_installed_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "ray", None)
+    monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(EngineMissingError, match=r"pip install 'legoworld\[ray\]'") as caught:
         engine_cores("ray")
     assert caught.value.exit_code == 4
+
+
+class DiedError(Exception):
+    """ray.exceptions.RayActorError of a cluster made of this process."""
+
+
+class Pending:
+    def __init__(self, item: object, lost: bool, actor: Any) -> None:
+        self.item, self.lost, self.actor = item, lost, actor
+
+
+class HereRay:
+    """As much of Ray as run_ray asks for; an item that is a text is lost so many times first."""
+
+    exceptions = SimpleNamespace(RayActorError=DiedError)
+
+    def __init__(self) -> None:
+        self.made: list[object] = []
+        self.killed: list[object] = []
+        self.tries: Counter[object] = Counter()
+
+    def is_initialized(self) -> bool:
+        return True
+
+    def remote(self, **options: object) -> Any:
+        assert options == {"num_cpus": 1}
+        return lambda actor: SimpleNamespace(remote=lambda make: self._actor(actor(make)))
+
+    def _actor(self, actor: Any) -> Any:
+        def later(item: object) -> object:
+            self.tries[item] += 1
+            lost = isinstance(item, str) and self.tries[item] <= int(item)
+            return Pending(item, lost, actor)
+
+        self.made.append(SimpleNamespace(do=SimpleNamespace(remote=later)))
+        return self.made[-1]
+
+    def wait(self, pending: list[Any], num_returns: int) -> tuple[list[Any], list[Any]]:
+        assert num_returns == 1
+        return pending[-1:], pending[:-1]  # the last that was given is done first
+
+    def get(self, pending: Any) -> Any:
+        if pending.lost:
+            raise DiedError
+        return pending.actor.do(pending.item)
+
+    def kill(self, actor: object) -> None:
+        self.killed.append(actor)
+
+
+class Echo:
+    def do(self, item: object) -> object:
+        return ("done", item)
+
+
+def by_ray(monkeypatch: pytest.MonkeyPatch, items: list[Any], workers: int) -> tuple[HereRay, Any]:
+    ray = HereRay()
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    job = Job(make=Echo, lost=lambda item, what: ("lost", item, what))
+    return ray, run_ray(job, items, workers)
+
+
+@pytest.mark.parametrize("workers", [0, 1, 3, 50])
+def test_a_cluster_does_every_item_once_and_gives_every_cpu_back(workers, monkeypatch):
+    ray, results = by_ray(monkeypatch, [*range(7)], workers)
+    assert sorted(results) == [("done", i) for i in range(7)]
+    assert len(ray.made) == max(1, min(workers, 7))
+    assert {*map(id, ray.killed)} == {*map(id, ray.made)}
+    assert {*ray.tries.values()} == {1}
+
+
+@pytest.mark.parametrize(("times", "tries"), [(0, 1), (1, 2), (2, 3), (3, 3), (9, 3)])
+def test_an_item_whose_machine_is_lost_is_tried_three_times(times, tries, monkeypatch):
+    ray, results = by_ray(monkeypatch, [1, str(times), 2], 2)
+    last = ("done", str(times)) if times < 3 else ("lost", str(times), "DiedError")
+    assert sorted(results, key=str) == sorted([("done", 1), last, ("done", 2)], key=str)
+    assert ray.tries == {1: 1, str(times): tries, 2: 1}
+    # Each that was lost is replaced; what is lost is not killed again.
+    assert len(ray.made) == 2 + min(times, 3)
+    assert len(ray.killed) == 2
+
+
+def test_a_cluster_that_is_left_early_gives_every_cpu_back(monkeypatch):
+    ray, results = by_ray(monkeypatch, [*range(9)], 3)
+    with closing(results):
+        next(results)
+    assert len(ray.killed) == len(ray.made) == 3
 
 
 class NoRay:
@@ -146,7 +237,7 @@ def test_a_cluster_where_nobody_listens_is_one_line(prefix, monkeypatch):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     ray = NoRay()
-    monkeypatch.setitem(__import__("sys").modules, "ray", ray)
+    monkeypatch.setitem(sys.modules, "ray", ray)
     monkeypatch.setenv("RAY_ADDRESS", f"{prefix}127.0.0.1:{port}")
     with pytest.raises(ClusterUnreachableError) as caught:
         engine_cores("ray")
@@ -158,7 +249,7 @@ def test_a_cluster_where_nobody_listens_is_one_line(prefix, monkeypatch):
 @pytest.mark.parametrize("address", ["listening", "auto", "odd:port", None])
 def test_a_cluster_that_may_be_there_is_asked_once(address, monkeypatch):
     ray = NoRay()
-    monkeypatch.setitem(__import__("sys").modules, "ray", ray)
+    monkeypatch.setitem(sys.modules, "ray", ray)
     with socket.create_server(("127.0.0.1", 0)) as server:
         if address == "listening":
             address = f"127.0.0.1:{server.getsockname()[1]}"
