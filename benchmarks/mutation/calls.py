@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-MARKERS = "not blender and not real_data and not packaging"
+MARKERS = "not real_data and not packaging"
 #: hypothesis is imported before pytest could rewrite its assertions.
 IGNORED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 
@@ -104,9 +104,10 @@ def _watch(pipe: Any, tests: list[str]) -> None:
     pipe.send(watch.tests)
 
 
-def options(tests: list[str]) -> list[str]:
-    """What pytest is started with."""
-    fixed = ["-q", "-n0", "-p", "no:cacheprovider", "--hypothesis-seed=0", "-m", MARKERS, *IGNORED]
+def options(tests: list[str], *, blender: bool = False) -> list[str]:
+    """What pytest is started with. blender: with the tests that start it."""
+    markers = MARKERS if blender else f"not blender and {MARKERS}"
+    fixed = ["-q", "-n0", "-p", "no:cacheprovider", "--hypothesis-seed=0", "-m", markers, *IGNORED]
     return [*fixed, *tests]
 
 

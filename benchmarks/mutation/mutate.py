@@ -1,7 +1,8 @@
 """Changes the source in one place at a time and looks whether a test notices.
 
     python benchmarks/mutation/mutate.py legoworld/evaluation --tests tests/evaluation \\
-        --count 300 --seed 1 --out FOLDER [--longest 4] [--budget 15] [--only ID ...]
+        --count 300 --seed 1 --out FOLDER [--longest 4] [--budget 15] [--only ID ...] \\
+        [--in-place]
 
 Works in a copy of the tree below FOLDER. The tests run once unchanged, which tells which tests call
 which functions; then for each change of a random sample those tests run, quickest first, until one
@@ -9,14 +10,20 @@ fails. Each change is made to the file itself, so a process that a test starts s
 FOLDER/results.jsonl has a line for each change; the same command goes on where it stopped. Prints
 survivors, and the killed with their 95 % Wilson interval. A change that runs past its limit of time
 counts as killed.
+
+--in-place changes this checkout instead of a copy, and restores it: where it is the one installed
+(use a worktree with an environment of its own), Blender's and other workers see the change. Then
+tests marked `blender` run, too.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import ctypes
 import hashlib
 import importlib
+import itertools
 import json
 import multiprocessing
 import os
@@ -37,6 +44,7 @@ from typing import Any
 import pytest
 from calls import calls_of_tests, cost, options
 from operators import Change, changes
+from reach import reached_by_tests
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Imported once, before the processes fork: most of a test run's start.
@@ -45,6 +53,9 @@ PRELOADED = (
     "scipy.optimize",
 )  # fmt: skip
 MEMORY = 12 << 30
+_PR_SET_CHILD_SUBREAPER = 36
+#: Times of changed files, none twice: a compiled file is told stale by its source's time and size.
+_STAMPS = itertools.count(int(time.time()) - 10**6)
 
 
 def main() -> int:
@@ -52,15 +63,22 @@ def main() -> int:
     arguments = _arguments()
     out = arguments.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
-    tree = out / "tree"
-    _copy(tree)
+    tree = ROOT if arguments.in_place else out / "tree"
+    if not arguments.in_place:
+        _copy(tree)
     os.chdir(tree)
     os.environ.update(PYTHONPATH=str(tree), PYTHONDONTWRITEBYTECODE="1", OPENBLAS_NUM_THREADS="1")
     sys.dont_write_bytecode = True
     sys.path[0] = str(tree)
     for name in PRELOADED:
         importlib.import_module(name)
-    called = calls_of_tests(out / "map.json", arguments.tests, arguments.longest)
+    if arguments.in_place:
+        words = options(arguments.tests, blender=True)
+        called = reached_by_tests(out / "reach.json", ROOT, words, arguments.longest)
+    else:
+        called = calls_of_tests(out / "map.json", arguments.tests, arguments.longest)
+    # What tests leave behind becomes this process's child, and can be ended.
+    ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     sample = _sample(arguments)
     results = out / "results.jsonl"
     known = {}
@@ -76,7 +94,7 @@ def main() -> int:
             "id": name,
             "path": path,
             **asdict(change),
-            **_try(path, change, called, killers[path], arguments.budget),
+            **_try(path, change, called, killers[path], arguments),
         }
         known[name] = row
         with results.open("a") as file:
@@ -95,6 +113,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--longest", type=float, default=4, help="seconds, default 4")
     parser.add_argument("--budget", type=float, default=15, help="seconds of tests per change")
+    parser.add_argument("--in-place", action="store_true", help="change this checkout")
     parser.add_argument("--only", nargs="+", help="these changes, whatever is known of them")
     return parser.parse_args()
 
@@ -173,7 +192,7 @@ def _try(
     change: Change,
     called: dict[str, dict[str, Any]],
     killers: Counter[str],
-    budget: float,
+    arguments: argparse.Namespace,
 ) -> dict[str, object]:
     """Change the file, run the tests, put it back."""
     file = Path.cwd() / path
@@ -184,11 +203,10 @@ def _try(
     outcome, by = "survived", ""
     try:
         file.write_bytes(before[: change.start] + change.after.encode() + before[change.end :])
-        # Two changes in one second never share a time: a .pyc is told stale by time and size.
-        os.utime(file, (stat.st_atime, stat.st_mtime + 1 + change.start))
-        for stage in _stages(chosen, called, killers, budget):
+        os.utime(file, (stat.st_atime, next(_STAMPS)))
+        for stage in _stages(chosen, called, killers, arguments.budget):
             limit = 120 + 10 * sum(called[test]["wall"] for test in stage)
-            outcome, by = _run(stage, limit)
+            outcome, by = _run(options(stage, blender=arguments.in_place), limit)
             if outcome == "killed":
                 killers[by.split("::")[0]] += 1
                 break
@@ -199,10 +217,10 @@ def _try(
     return {"outcome": outcome, "by": by, "seconds": seconds, "tests": len(chosen)}
 
 
-def _run(tests: list[str], limit: float) -> tuple[str, str]:
+def _run(words: list[str], limit: float) -> tuple[str, str]:
     context = multiprocessing.get_context("fork")
     theirs, ours = context.Pipe(duplex=False)[::-1]
-    process = context.Process(target=_child, args=(tests, theirs))
+    process = context.Process(target=_child, args=(words, theirs))
     process.start()
     theirs.close()
     process.join(limit)
@@ -210,6 +228,7 @@ def _run(tests: list[str], limit: float) -> tuple[str, str]:
     with contextlib.suppress(ProcessLookupError):  # and what its tests left running
         os.killpg(process.pid or 0, signal.SIGKILL)
     process.join()
+    _end_orphans()
     by = ""
     with contextlib.suppress(EOFError):  # it ended without a word
         by = ours.recv()
@@ -218,7 +237,18 @@ def _run(tests: list[str], limit: float) -> tuple[str, str]:
     return ("survived" if process.exitcode == 0 else "killed"), by or f"exit {process.exitcode}"
 
 
-def _child(tests: list[str], pipe: Any) -> None:
+def _end_orphans() -> None:
+    """End the processes that a test left in sessions of their own."""
+    children = Path(f"/proc/self/task/{os.getpid()}/children")
+    while own := children.read_text().split():
+        for pid in map(int, own):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(pid, 0)
+
+
+def _child(words: list[str], pipe: Any) -> None:
     os.setsid()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     nothing = os.open(os.devnull, os.O_RDWR)
@@ -230,7 +260,7 @@ def _child(tests: list[str], pipe: Any) -> None:
             if report.failed:
                 pipe.send(report.nodeid)
 
-    code = int(pytest.main(["-x", *options(tests)], plugins=[Failed()]))
+    code = int(pytest.main(["-x", *words], plugins=[Failed()]))
     os._exit(code)
 
 
