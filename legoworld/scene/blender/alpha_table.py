@@ -47,22 +47,19 @@ class Cut:
     sides: Sides
 
 
-@dataclass(frozen=True, kw_only=True)
-class NamedRule:
-    """A rule that is no constant, and the material it was first met in."""
-
-    rule: ImageAlpha | AttributeAlpha | SidedAlpha
-    material: str
+VaryingRule = ImageAlpha | AttributeAlpha | SidedAlpha
+"""An alpha rule that is not the same for the whole surface."""
 
 
 @dataclass(kw_only=True)
 class AlphaTable:
     """Numbers for alpha rules: 0 opaque, 1 not there, 2 a holdout, 3 + i the i-th of `rules`.
 
-    cuts, pictures: what triangles are cut by, with its (H, W) uint8 alpha.
+    Materials whose rules are equal share a number. cuts, pictures: what triangles are cut by, with
+    its (H, W) uint8 alpha.
     """
 
-    rules: list[NamedRule] = field(default_factory=list)
+    rules: list[VaryingRule] = field(default_factory=list)
     cuts: list[Cut] = field(default_factory=list)
     pictures: list[NDArray[np.uint8]] = field(default_factory=list)
     _by_material: dict[int, int] = field(default_factory=dict)
@@ -77,10 +74,10 @@ class AlphaTable:
         if key not in self._by_material:
             rule, unread = material_rule(original)
             warnings.update(unread)
-            self._by_material[key] = self._number(rule, original.name, warnings)
+            self._by_material[key] = self._number(self._with_images(rule, original.name, warnings))
         return self._by_material[key]
 
-    def rule_of(self, number: int) -> NamedRule | None:
+    def rule_of(self, number: int) -> VaryingRule | None:
         """The rule behind a number; None for a constant."""
         return self.rules[number - _FIRST] if number >= _FIRST else None
 
@@ -107,15 +104,12 @@ class AlphaTable:
         """Orders the entries of `cuts` without regard to the order they were met in."""
         return repr(self.cuts[cut])
 
-    def _number(self, rule: AlphaRule, material: str, warnings: set[str]) -> int:
-        rule = self._with_images(rule, material, warnings)
+    def _number(self, rule: AlphaRule) -> int:
         if isinstance(rule, str):
             return _WHOLE[rule]
-        for i, known in enumerate(self.rules):
-            if known.rule == rule:
-                return _FIRST + i
-        self.rules.append(NamedRule(rule=rule, material=material))
-        return _FIRST + len(self.rules) - 1
+        if rule not in self.rules:
+            self.rules.append(rule)
+        return _FIRST + self.rules.index(rule)
 
     def _with_images(self, rule: AlphaRule, material: str, warnings: set[str]) -> AlphaRule:
         """The rule with what a missing image would decide taken as opaque."""

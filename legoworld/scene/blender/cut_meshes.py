@@ -44,12 +44,16 @@ class _Piece:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshCutter:
-    """Applies alpha rules to one mesh. shown: the evaluated object that shows it."""
+    """Applies alpha rules to one mesh. shown: the evaluated object that shows it.
+
+    unread: grows by what was taken as opaque: a rule's number, and why.
+    """
 
     mesh: bpy.types.Mesh
     shown: bpy.types.Object
     alphas: AlphaTable
     warnings: set[str]
+    unread: set[tuple[int, str]]
 
     def cut(
         self, triangles: Triangles, rules: NDArray[np.int32]
@@ -60,22 +64,20 @@ class MeshCutter:
         """
         pieces: list[_Piece] = []
         for number in np.unique(rules).tolist():
-            place, named = np.flatnonzero(rules == number), self.alphas.rule_of(number)
-            if named is None:
+            place, varying = np.flatnonzero(rules == number), self.alphas.rule_of(number)
+            if varying is None:
                 pieces.append(_Piece(place=place, cut=-1))
                 continue
             sides: list[tuple[OneSided, Sides]] = (
-                [(named.rule.front, "front"), (named.rule.back, "back")]
-                if isinstance(named.rule, SidedAlpha)
-                else [(named.rule, "both")]
+                [(varying.front, "front"), (varying.back, "back")]
+                if isinstance(varying, SidedAlpha)
+                else [(varying, "both")]
             )
             for rule, side in sides:
                 try:
                     pieces += self._pieces(triangles, place, rule, side)
                 except UnreadableAlphaError as error:
-                    self.warnings.add(
-                        f"material {named.material!r}: {error}; its surface is taken as opaque"
-                    )
+                    self.unread.add((number, str(error)))
                     pieces += self._pieces(triangles, place, "there", side)
         return _joined(triangles, pieces)
 

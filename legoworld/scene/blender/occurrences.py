@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     import mathutils
 
 _NOTHING: Final = (-1, -1)
+_MeshAndRules = tuple[int, tuple[int, ...], bool]
+"""A mesh's address, the alpha rules of its slots, and whether the object is a holdout."""
+
 _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
 
 
@@ -68,7 +71,8 @@ class _Walker:
             warnings=self.result.warnings,
         )
         self._mesh_of: dict[tuple[int, int, bool], tuple[int, int]] = {}
-        self._mesh_by_rule: dict[tuple[int, tuple[int, ...], bool], tuple[int, int]] = {}
+        self._mesh_by_rule: dict[_MeshAndRules, tuple[int, int]] = {}
+        self._unread: dict[_MeshAndRules, set[tuple[int, str]]] = {}
 
     def walk(self) -> Walk:
         for instance in self.depsgraph.object_instances:
@@ -138,22 +142,40 @@ class _Walker:
             elif by_rule in self._mesh_by_rule:
                 self._mesh_of[key] = self._mesh_by_rule[by_rule]
             else:
-                self._mesh_of[key] = self._copy(shown, mesh, rules, held_out=held_out)
-                self._mesh_by_rule[by_rule] = self._mesh_of[key]
+                unread = self._unread.setdefault(by_rule, set())
+                made = self._copy(shown, mesh, rules, unread, held_out=held_out)
+                self._mesh_of[key] = self._mesh_by_rule[by_rule] = made
+            self._warn_of_unread(shown, rules, self._unread.get(by_rule, set()))
         return self._mesh_of[key]
 
     def _rules(self, shown: bpy.types.Object) -> tuple[int, ...]:
-        """The alpha rule of each material slot; evaluated slots are what Cycles asks for, too."""
+        """The alpha rule of each material slot."""
+        alphas, warnings = self.result.alphas, self.result.warnings
+        return tuple(alphas.index(m, warnings) for m in self._materials(shown))
+
+    def _materials(self, shown: bpy.types.Object) -> list[bpy.types.Material | None]:
+        """The material of each slot; evaluated slots are what Cycles asks for, too."""
         materials = [slot.material for slot in shown.material_slots] or [None]
-        if self.override is not None:
-            materials = [self.override] * len(materials)
-        return tuple(self.result.alphas.index(m, self.result.warnings) for m in materials)
+        return materials if self.override is None else [self.override] * len(materials)
+
+    def _warn_of_unread(
+        self, shown: bpy.types.Object, rules: tuple[int, ...], unread: set[tuple[int, str]]
+    ) -> None:
+        """Name the object's own materials: others may have the same rule and the same mesh."""
+        for number, why in unread:
+            for rule, material in zip(rules, self._materials(shown), strict=True):
+                if rule == number and material is not None:
+                    self.result.warnings.add(
+                        f"material {material.original.name!r}: {why}; its surface is taken as "
+                        "opaque"
+                    )
 
     def _copy(
         self,
         shown: bpy.types.Object,
         mesh: bpy.types.Mesh,
         rules: tuple[int, ...],
+        unread: set[tuple[int, str]],
         *,
         held_out: bool,
     ) -> tuple[int, int]:
@@ -176,8 +198,8 @@ class _Walker:
         if held_out:
             there, hidden = np.zeros_like(there), there | hidden
         return (
-            self._add(shown, vertices, triangles.chosen(there), rule[there]),
-            self._add(shown, vertices, triangles.chosen(hidden), rule[hidden]),
+            self._add(shown, vertices, triangles.chosen(there), rule[there], unread),
+            self._add(shown, vertices, triangles.chosen(hidden), rule[hidden], unread),
         )
 
     def _add(
@@ -186,10 +208,15 @@ class _Walker:
         vertices: NDArray[np.float32],
         triangles: Triangles,
         rule: NDArray[np.int32],
+        unread: set[tuple[int, str]],
     ) -> int:
         """Keep these triangles of a mesh as a mesh of their own; -1 when there are none."""
         left, cuts = MeshCutter(
-            mesh=shown.data, shown=shown, alphas=self.result.alphas, warnings=self.result.warnings
+            mesh=shown.data,
+            shown=shown,
+            alphas=self.result.alphas,
+            warnings=self.result.warnings,
+            unread=unread,
         ).cut(triangles, rule)
         return self._keep(vertices, left, cuts)
 
