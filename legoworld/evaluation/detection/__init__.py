@@ -1,0 +1,1 @@
+"""Boxes and masks: official evaluators, ties, matched IoU, intervals."""

@@ -1,0 +1,1 @@
+"""Ground truth and predictions, checked and put into columns and order."""

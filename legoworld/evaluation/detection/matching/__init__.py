@@ -1,0 +1,1 @@
+"""Which detection matches which ground truth, and the metrics that need no score."""

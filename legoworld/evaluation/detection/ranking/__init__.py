@@ -1,0 +1,1 @@
+"""Precision and recall along the confidence ranking, its ties and its samples."""

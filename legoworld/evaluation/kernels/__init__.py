@@ -1,0 +1,1 @@
+"""The compiled loops of evaluation and the library they are loaded from."""

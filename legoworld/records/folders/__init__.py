@@ -1,0 +1,1 @@
+"""The folders legoworld writes and reads: runs, evaluations, comparisons."""

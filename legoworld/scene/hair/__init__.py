@@ -1,0 +1,1 @@
+"""Strands and points as the triangles Cycles draws them with."""
