@@ -6,7 +6,7 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 BASELINES := .venv-baselines
-KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/evaluation/*.cpp)
+KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/evaluation/kernels/*.cpp)
 DEMO := legoworld-demo
 # A process for each core; `make test PYTEST_ARGS=-n0` runs all tests in one.
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
@@ -41,7 +41,7 @@ format: $(VENV)/dev-installed
 	$(VENV)/bin/ruff format .
 
 clean:
-	rm -rf $(VENV) $(BASELINES) build dist *.egg-info legoworld/visibility/_kernel.* legoworld/evaluation/_kernel.* $(DEMO) legoworld-runs
+	rm -rf $(VENV) $(BASELINES) build dist *.egg-info legoworld/visibility/_kernel.* legoworld/evaluation/kernels/_kernel.* $(DEMO) legoworld-runs
 
 # A bpy wheel serves one Python: 3.11 has Blender 5.0, 3.13 has Blender 5.2; there is none for 3.12.
 # `make test PYTHON_VERSION=3.13 VENV=.venv-3.13` uses the newer pair.

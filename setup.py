@@ -18,7 +18,7 @@ except ImportError:  # setuptools before 70.1
 
 ROOT = Path(__file__).resolve().parent
 #: Each becomes one library beside its sources: what is drawn, and what is accumulated.
-PACKAGE_FOLDERS = (Path("legoworld") / "visibility", Path("legoworld") / "evaluation")
+PACKAGE_FOLDERS = (Path("legoworld") / "visibility", Path("legoworld") / "evaluation" / "kernels")
 
 
 def compilation() -> ModuleType:
@@ -36,7 +36,7 @@ def compilation() -> ModuleType:
 class BuildKernel(Command):
     """Compile the libraries into the build folder, or beside their sources where editable."""
 
-    description = "compile the C++ of legoworld.visibility and legoworld.evaluation"
+    description = "compile the C++ of legoworld.visibility and legoworld.evaluation.kernels"
     user_options: ClassVar[list[tuple[str, str | None, str]]] = [
         ("build-lib=", "b", "folder to build into"),
         ("inplace", "i", "build beside the sources"),

@@ -8,12 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from legoworld import catalog
 from legoworld.conventions import ALPHA_THRESHOLD, EQUAL_CONFIDENCE, NO_DEPTH, NO_INSTANCE
 from legoworld.errors import InstallationError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
+from legoworld.shipped import catalog
 
 #: What the code does, by card key; a card that declares otherwise is refused.
 _FIXED: dict[str, Any] = {

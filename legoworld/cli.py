@@ -14,9 +14,9 @@ from typing import Any, NoReturn
 import click
 
 from legoworld import __version__, exit_codes
+from legoworld.commands.terminal import printable_streams
 from legoworld.errors import LegoWorldError
-from legoworld.terminal import printable_streams
-from legoworld.wording import did_you_mean
+from legoworld.pluralize import did_you_mean
 
 _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",

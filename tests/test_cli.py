@@ -13,9 +13,10 @@ from pathlib import Path
 import click
 import pytest
 
-from legoworld import cli, errors, exit_codes, places
+from legoworld import cli, errors, exit_codes
+from legoworld import remote as places
 from legoworld.commands import options
-from legoworld.running import engines, task_process
+from legoworld.workers import engines, task_process
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = cli.main.list_commands(click.Context(cli.main))

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_truth
 
-from legoworld import catalog, cli
+from legoworld import cli
+from legoworld.shipped import catalog
 
 PAGE = Path(__file__).parents[1] / "docs" / "json.md"
 SCENE = Path(__file__).parents[1] / "examples" / "coffee"

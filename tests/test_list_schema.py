@@ -12,13 +12,14 @@ from itertools import pairwise
 
 import pytest
 
-from legoworld import catalog, cli
-from legoworld.dataset_versions import dataset_of
+from legoworld import cli
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.readouts.instructions import accepted_synonyms, instructions
 from legoworld.readouts.tasks import TASKS, protocol
-from legoworld.vocabulary import Category, Vocabulary
+from legoworld.shipped import catalog
+from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.vocabulary import Category, Vocabulary
 
 LABELLED = ["coco", "coco-masks", "lvis"]
 
@@ -225,7 +226,7 @@ def test_no_key_of_truth_appears(task, capsys):
 def test_no_file_but_card_wording_and_vocabulary_is_opened(task):
     program = f"""
 import sys
-from legoworld import catalog
+from legoworld.shipped import catalog
 opened = set()
 def audit(event, arguments):
     if event == "open" and isinstance(arguments[0], str):

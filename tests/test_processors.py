@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from legoworld import processors
+from legoworld.workers import processors
 
 
 @pytest.fixture

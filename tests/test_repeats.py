@@ -6,10 +6,10 @@ import pytest
 from scene.by_hand import HandScene
 
 from legoworld.errors import CatalogError
-from legoworld.repeats import repeated
+from legoworld.records.repeats import repeated
 from legoworld.scene import labels
-from legoworld.track import TrackImage, _refuse_duplicates
-from legoworld.vocabulary import from_json
+from legoworld.tracks.track import TrackImage, _refuse_duplicates
+from legoworld.tracks.vocabulary import from_json
 
 
 class Counted(str):

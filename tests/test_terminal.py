@@ -10,8 +10,8 @@ import pytest
 
 from legoworld import cli
 from legoworld.commands import options
+from legoworld.commands.terminal import printable_streams
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.terminal import printable_streams
 
 #: Sets the title, clears the screen, turns the writing round; ESC, BEL, CSI, RLO, half a pair.
 HOSTILE = "a\x1b]0;owned\x07b\x1b[2J\x9b31m\u202etxt\u2066\x7f\udc80c"

@@ -7,11 +7,11 @@ import json
 import pytest
 
 from legoworld.cards import load_card, read_card
-from legoworld.catalog import folder
 from legoworld.errors import CatalogError
 from legoworld.readouts.tasks import protocol
-from legoworld.track import load_track, scene_name
-from legoworld.vocabulary import from_json, load
+from legoworld.shipped.catalog import folder
+from legoworld.tracks.track import load_track, scene_name
+from legoworld.tracks.vocabulary import from_json, load
 
 
 def test_names_match_in_any_case_and_with_underscores():

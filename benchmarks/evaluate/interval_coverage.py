@@ -18,15 +18,23 @@ import numpy as np
 from synthetic import coco_like
 
 from legoworld.evaluation.bootstrap import resample_counts
-from legoworld.evaluation.matching import MatchTable, match_image, match_table, unmatched
-from legoworld.evaluation.overlaps import image_overlaps
-from legoworld.evaluation.predictions import check_predictions, with_equal_confidence
-from legoworld.evaluation.problem import build_problem
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.detection.inputs.predictions import (
+    check_predictions,
+    with_equal_confidence,
+)
+from legoworld.evaluation.detection.inputs.truth import read_truth
+from legoworld.evaluation.detection.matching.greedy import (
+    MatchTable,
+    match_image,
+    match_table,
+    unmatched,
+)
+from legoworld.evaluation.detection.matching.overlaps import image_overlaps
+from legoworld.evaluation.detection.problem import build_problem
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.evaluation.run import Run, RunImage
-from legoworld.evaluation.truth import read_truth
-from legoworld.vocabulary import from_json
+from legoworld.tracks.vocabulary import from_json
 
 POPULATION, TRACK, TRACKS, JUDGED, DRAWS = 800, 100, 120, 60, 200
 

@@ -25,22 +25,25 @@ from pathlib import Path
 import numpy as np
 from synthetic import coco_like, lvis_like
 
-from legoworld.evaluation.accumulation import accumulate, metric_value
 from legoworld.evaluation.bootstrap import resample_counts
-from legoworld.evaluation.evaluators import run_evaluator
-from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
-from legoworld.evaluation.matches import matches_of
-from legoworld.evaluation.matching import match_table
-from legoworld.evaluation.predictions import check_predictions, with_equal_confidence
-from legoworld.evaluation.problem import build_problem
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.detection.evaluators import run_evaluator
+from legoworld.evaluation.detection.inputs.predictions import (
+    check_predictions,
+    with_equal_confidence,
+)
+from legoworld.evaluation.detection.inputs.truth import read_truth
+from legoworld.evaluation.detection.matching.greedy import match_table
+from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
+from legoworld.evaluation.detection.matching.matches import matches_of
+from legoworld.evaluation.detection.problem import build_problem
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.evaluation.detection.ranking.ties import tie_orders
+from legoworld.evaluation.detection.scoring import frequencies_of
 from legoworld.evaluation.run import Run, RunImage
-from legoworld.evaluation.scoring import frequencies_of
-from legoworld.evaluation.ties import tie_orders
-from legoworld.evaluation.truth import read_truth
-from legoworld.running.tasks import Crew
-from legoworld.vocabulary import from_json
+from legoworld.tracks.vocabulary import from_json
+from legoworld.workers.tasks import Crew
 
 
 @contextmanager

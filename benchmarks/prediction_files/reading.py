@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from legoworld.running.prediction_files import (
+from legoworld.records.folders.prediction_files import (
     prediction_files,
     predictions_of,
     stored_entries,

@@ -6,23 +6,23 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from legoworld import catalog
-from legoworld.dataset_versions import dataset_of
 from legoworld.errors import UsageError
-from legoworld.evaluation.box_formats import check_box_values
-from legoworld.evaluation.masks import areas_px, bounding_box, compressed
-from legoworld.evaluation.prediction_order import order_of
-from legoworld.evaluation.predictions import Predictions, check_results
-from legoworld.evaluation.protocols import PROTOCOLS
-from legoworld.evaluation.reading import read_rows
+from legoworld.evaluation.detection.inputs.box_formats import check_box_values
+from legoworld.evaluation.detection.inputs.masks import areas_px, bounding_box, compressed
+from legoworld.evaluation.detection.inputs.prediction_order import order_of
+from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results
+from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
 from legoworld.files import write_text
 from legoworld.records.base import UNSET, Record, as_json, canonical, readable, to_record
 from legoworld.records.coco_file import CocoAnnotation, CocoCategory, CocoFile, CocoImage, CocoInfo
 from legoworld.records.evaluation_view import Box, Result, Rle
-from legoworld.running.run_folder import ROWS
-from legoworld.track import load_track
-from legoworld.vocabulary import Vocabulary, load
+from legoworld.records.folders.evaluation_reading import read_rows
+from legoworld.records.folders.run_folder import ROWS
+from legoworld.shipped import catalog
+from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.track import load_track
+from legoworld.tracks.vocabulary import Vocabulary, load
 
 
 def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite: bool) -> CocoFile:

@@ -10,11 +10,9 @@ from typing import Any, Literal
 from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
 from legoworld.errors import UsageError
-from legoworld.evaluation.evaluators import EvaluatorKind
-from legoworld.evaluation.origins import Origins
-from legoworld.evaluation.reading import EVIDENCE, read_image_rows, read_summary
+from legoworld.evaluation.detection.evaluators import EvaluatorKind
+from legoworld.evaluation.input_paths import Origins
 from legoworld.evaluation.run import read_run
-from legoworld.places import Place
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import (
     Coverage,
@@ -24,8 +22,10 @@ from legoworld.records.evaluation_summary import (
     Means,
     Values,
 )
-from legoworld.running.engines import EngineName, engine_cores
-from legoworld.running.tasks import Crew
+from legoworld.records.folders.evaluation_reading import EVIDENCE, read_image_rows, read_summary
+from legoworld.remote import Place
+from legoworld.workers.engines import EngineName, engine_cores
+from legoworld.workers.tasks import Crew
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +153,7 @@ def evaluate(
         else:
             if camera_model is not None:
                 raise UsageError("--camera-model is for depth: boxes and masks are not warped")
-            from legoworld.evaluation.detections import evaluate_detections
+            from legoworld.evaluation.detection.evaluate import evaluate_detections
 
             summary = evaluate_detections(
                 here,

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from legoworld.errors import UsageError
-from legoworld.places import Place, fetch_folder, is_url, publish_folder
+from legoworld.remote import Place, fetch_folder, is_url, publish_folder
 from legoworld.scene.cache import default_cache_folder
-from legoworld.scene.scratch import scratch_folder
+from legoworld.workers.scratch import scratch_folder
 
 
 def place_of(folder: str | Path) -> Place:

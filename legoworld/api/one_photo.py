@@ -9,9 +9,8 @@ from typing import Any, Final
 
 from legoworld.errors import UsageError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.detections import evaluate_detections
-from legoworld.inspection import look, open_scene, write_inspection
-from legoworld.pictures import read_photo
+from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.readouts.pictures import read_photo
 from legoworld.readouts.tasks import Protocol, protocol
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 from legoworld.records.execution import ExecutionFile
@@ -20,13 +19,14 @@ from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
 from legoworld.running.image_record import ImageOptions
+from legoworld.running.inspection import look, open_scene, write_inspection
 from legoworld.running.readout_run import RunRequest, run_readout
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.execution import execute
 from legoworld.scene.folder import BLEND, Source, find_scene
-from legoworld.track import Track, load_track, photo_names
-from legoworld.track_making import DepthChoice, annotation_source, depth_source, make_track
+from legoworld.scene.programs.execution import execute
+from legoworld.track_making.making import DepthChoice, annotation_source, depth_source, make_track
+from legoworld.tracks.track import Track, load_track, photo_names
 
 Say = Callable[[str], None]
 #: One image has no bootstrap; these are its tie orders.

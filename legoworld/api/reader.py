@@ -21,13 +21,13 @@ from legoworld.api.settings import (
     snapshot_cache,
 )
 from legoworld.errors import LegoWorldError, UsageError
-from legoworld.inspection import open_scene
-from legoworld.processors import usable_cores
+from legoworld.running.inspection import open_scene
 from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import Source, find_scene
-from legoworld.track import Track
+from legoworld.tracks.track import Track
 from legoworld.visibility.library import library
+from legoworld.workers.processors import usable_cores
 
 #: Scenes that wait for each worker: enough that none is idle, few enough to forget early.
 _AHEAD: Final = 2

@@ -19,19 +19,19 @@ from legoworld.api.settings import (
     track_of,
 )
 from legoworld.errors import CatalogError, UsageError
-from legoworld.places import Place
 from legoworld.readouts.tasks import protocol
 from legoworld.records.base import as_json
-from legoworld.running.engines import EngineName, engine_cores
+from legoworld.records.folders.run_folder import RUN
+from legoworld.remote import Place
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout, shard_images
-from legoworld.running.run_folder import RUN
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source
-from legoworld.track import Track, track_of_folder
+from legoworld.tracks.track import Track, track_of_folder
+from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
-    from legoworld.scene_names import Stranger
+    from legoworld.tracks.scene_names import Stranger
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +157,7 @@ def readout(
 
 def _strangers(scenes: Place, track: Track) -> list[Stranger]:
     """Scene folders that match no image of a track; of a folder of this machine only."""
-    from legoworld.scene_names import strangers
+    from legoworld.tracks.scene_names import strangers
 
     if not isinstance(scenes, Path):
         return []

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld import pictures
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
@@ -20,16 +19,17 @@ from legoworld.api.settings import (
     snapshot_cache,
 )
 from legoworld.errors import UsageError
-from legoworld.inspection import Inspection, OpenScene, look, write_inspection
-from legoworld.inspection import open_scene as read_folder
+from legoworld.readouts import pictures
 from legoworld.readouts.tasks import Protocol
 from legoworld.records.base import as_json
 from legoworld.records.instances import InstanceRow
+from legoworld.running.inspection import Inspection, OpenScene, look, write_inspection
+from legoworld.running.inspection import open_scene as read_folder
+from legoworld.running.source_comparison import SourceComparison, compare_sources
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import Source, find_scene
 from legoworld.scene.snapshot import RenderSettings, SceneCamera
-from legoworld.source_comparison import SourceComparison, compare_sources
-from legoworld.track import Track
+from legoworld.tracks.track import Track
 from legoworld.visibility.projection import Projection
 
 Photo = str | Path | NDArray[np.uint8]

@@ -9,7 +9,7 @@ from legoworld.errors import UsageError
 from legoworld.readouts.tasks import Protocol, protocol
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import SnapshotCache, default_cache_folder
-from legoworld.track import Track, load_track, serves
+from legoworld.tracks.track import Track, load_track, serves
 
 #: A folder of snapshots; True for the user's own (or $LEGOWORLD_CACHE), False for none.
 Cache = bool | str | Path

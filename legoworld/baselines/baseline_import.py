@@ -13,9 +13,9 @@ from legoworld.baselines.records import Record, ResultMissingError, failed_recor
 from legoworld.baselines.request import common_configuration
 from legoworld.errors import UsageError, one_line
 from legoworld.files import canonical_json, sha256_of_text
+from legoworld.pluralize import in_another_folder
 from legoworld.readouts.tasks import Protocol
-from legoworld.track import Track, TrackImage
-from legoworld.wording import in_another_folder
+from legoworld.tracks.track import Track, TrackImage
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,12 +21,12 @@ from legoworld.baselines.request import BaselineRequest, configuration_of, selec
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
+from legoworld.pluralize import share, word_for
 from legoworld.readouts.depth import depth_file
 from legoworld.records.baseline_run import PhotoEntry
-from legoworld.running import run_folder
-from legoworld.track import TrackImage
-from legoworld.track_making import find_photo
-from legoworld.wording import share, word_for
+from legoworld.records.folders import run_folder
+from legoworld.track_making.making import find_photo
+from legoworld.tracks.track import TrackImage
 from legoworld.workers.environment import passed
 
 PROVENANCE = "provenance"

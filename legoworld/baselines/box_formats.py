@@ -9,8 +9,8 @@ from typing import Final, Literal, get_args
 import numpy as np
 
 from legoworld.baselines.foreign_results import Entry
-from legoworld.evaluation.box_formats import BoxFormatError
-from legoworld.wording import counted
+from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError
+from legoworld.pluralize import counted
 
 BoxFormat = Literal["xywh", "xyxy", "cxcywh"]
 BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)

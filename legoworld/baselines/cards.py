@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, get_args
 
-from legoworld import catalog
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.records.base import UnsetType, to_record
 from legoworld.records.cards import BaselineCardFile, BaselineOption, Dtype, OptionValue
+from legoworld.shipped import catalog
 
 CARD: Final = "card.toml"
 PROJECT: Final = "pyproject.toml"

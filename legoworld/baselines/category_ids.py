@@ -10,13 +10,13 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, Literal, get_args
 
-from legoworld import catalog
 from legoworld.baselines.foreign_results import Entry
-from legoworld.dataset_versions import dataset_of, dataset_version
 from legoworld.errors import UsageError
-from legoworld.evaluation.prediction_checks import PredictionsInvalidError
-from legoworld.vocabulary import Vocabulary, normal_name
-from legoworld.wording import counted, share, word_for
+from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
+from legoworld.pluralize import counted, share, word_for
+from legoworld.shipped import catalog
+from legoworld.tracks.dataset_versions import dataset_of, dataset_version
+from legoworld.tracks.vocabulary import Vocabulary, normal_name
 
 CategoryIds = Literal["dataset", "coco80-0", "coco80-1", "lvis-0"]
 CATEGORY_IDS: Final[tuple[CategoryIds, ...]] = get_args(CategoryIds)

@@ -23,8 +23,8 @@ from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.records.base import as_json
 from legoworld.records.baseline_messages import ChildRequest, Message
-from legoworld.scene.scratch import ScratchFolder
 from legoworld.workers.environment import ChildKind, child_environment
+from legoworld.workers.scratch import ScratchFolder
 
 _KEPT_LOG_LINES: Final = 60
 _WAIT_FOR_END_S: Final = 5.0

@@ -23,7 +23,7 @@ from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.records.baseline_messages import Message
 from legoworld.records.baseline_run import PhotoEntry
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 
 Photos = Mapping[int, Path]
 

@@ -27,7 +27,7 @@ from legoworld.evaluation.depth.resampling import check_size
 from legoworld.files import write_npz
 from legoworld.records.base import RecordError, decode, to_record
 from legoworld.records.cameras import CameraEntry
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 
 _DECLARE: Final = (
     "say it with --space, and integers with --unit (disparity: as float32); name an array of "

@@ -31,12 +31,12 @@ from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.pictures import SUFFIXES
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.pluralize import counted
 from legoworld.readouts.depth import depth_file
 from legoworld.records.baseline_run import ImportedFrom, PhotoEntry, ReadArray
-from legoworld.running import run_folder
+from legoworld.records.folders import run_folder
 from legoworld.running.disk import check_disk
-from legoworld.track import TrackImage
-from legoworld.wording import counted
+from legoworld.tracks.track import TrackImage
 
 Say = Callable[[str], None]
 _FLOAT16: Final = "the file holds float16: three digits, and nothing beyond 65504"

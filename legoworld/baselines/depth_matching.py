@@ -11,7 +11,7 @@ from typing import Final
 
 from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.pictures import SUFFIXES
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 
 #: What tools add to a photo's name; others are named with --suffix.
 KNOWN_SUFFIXES: Final = (

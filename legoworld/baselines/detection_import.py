@@ -41,16 +41,16 @@ from legoworld.baselines.results_file import (
     with_masks,
     with_our_categories,
 )
-from legoworld.evaluation.box_formats import BoxFormatError
-from legoworld.evaluation.prediction_checks import PredictionsInvalidError
-from legoworld.evaluation.prediction_columns import columns_of
-from legoworld.evaluation.predictions import Predictions, check_results
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError
+from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
+from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
+from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.pluralize import counted, share, word_for
 from legoworld.records.baseline_run import ImportedFrom, PhotoEntry
-from legoworld.running import run_folder
-from legoworld.track import TrackImage
-from legoworld.wording import counted, share, word_for
+from legoworld.records.folders import run_folder
+from legoworld.tracks.track import TrackImage
 
 Say = Callable[[str], None]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from legoworld.evaluation.prediction_checks import PredictionsInvalidError
+from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 
 #: One object of a foreign results file.
 Entry = Mapping[str, Any]

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from legoworld.dataset_versions import dataset_of
 from legoworld.errors import LegoWorldError
+from legoworld.pluralize import counted
 from legoworld.records.base import RecordError, decode
-from legoworld.vocabulary import Category, Vocabulary, normal_name
-from legoworld.wording import counted
+from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.vocabulary import Category, Vocabulary, normal_name
 
 #: Names that PASCAL VOC gave six of COCO's categories, and that many checkpoints still carry.
 OLD_NAMES: Final[Mapping[str, str]] = MappingProxyType(

@@ -13,8 +13,8 @@ from typing import Any, Final, Literal
 
 from legoworld.baselines.foreign_results import Entry
 from legoworld.errors import LegoWorldError
-from legoworld.track import TrackImage
-from legoworld.wording import in_another_folder, share, word_for
+from legoworld.pluralize import in_another_folder, share, word_for
+from legoworld.tracks.track import TrackImage
 
 #: As many image ids without a gap are positions in a list, where the track's are others.
 _FEWEST_POSITIONS: Final = 10

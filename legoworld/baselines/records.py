@@ -8,21 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.box_formats import check_box_values
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthPredictionError
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.resampling import check_size
-from legoworld.evaluation.predictions import Predictions, check_results
-from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.evaluation.detection.inputs.box_formats import check_box_values
+from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results
+from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.readouts.depth import depth_file
 from legoworld.records.base import as_json, canonical, to_record
 from legoworld.records.baseline_messages import DepthSaid, Message
 from legoworld.records.baseline_run import PhotoEntry
-from legoworld.track import TrackImage
-from legoworld.vocabulary import Vocabulary
+from legoworld.tracks.track import TrackImage
+from legoworld.tracks.vocabulary import Vocabulary
 
 Record = dict[str, Any]
 """One image's {"row": per_image row, "predictions": list, "scene": run.json entry or None}."""

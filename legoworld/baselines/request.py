@@ -14,8 +14,8 @@ from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
-from legoworld.evaluation.prediction_order import ORDER
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.inputs.prediction_order import ORDER
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.tasks import Protocol
 from legoworld.records.baseline_messages import (
@@ -24,7 +24,7 @@ from legoworld.records.baseline_messages import (
     RequestedImage,
 )
 from legoworld.records.cards import OptionValue
-from legoworld.track import Track, TrackImage
+from legoworld.tracks.track import Track, TrackImage
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,9 +20,9 @@ from legoworld.baselines.foreign_results import (
 )
 from legoworld.baselines.labels import Matcher
 from legoworld.errors import one_line
-from legoworld.evaluation.masks import MOST_COORDINATE_PX, compressed
-from legoworld.evaluation.prediction_checks import PredictionsInvalidError
-from legoworld.wording import share, word_for
+from legoworld.evaluation.detection.inputs.masks import MOST_COORDINATE_PX, compressed
+from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
+from legoworld.pluralize import share, word_for
 
 _LISTS: Final = ("annotations", "predictions", "results")
 #: Only a result, or an image's results, has one of these beside what names them.

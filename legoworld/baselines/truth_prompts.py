@@ -11,7 +11,7 @@ from legoworld.errors import CatalogError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode
 from legoworld.records.lvis import VerifiedTruth
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 
 WHAT = "each image's positive and negative categories, as prompts"
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from legoworld.commands import options
-from legoworld.wording import counted, share
+from legoworld.pluralize import counted, share
 
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_run import BaselineResult
     from legoworld.readouts.tasks import Protocol
-    from legoworld.track import Track
+    from legoworld.tracks.track import Track
 
 TASKS = options.Choice(["coco", "coco-masks", "lvis", "eth3d"])
 
@@ -21,7 +21,7 @@ TASKS = options.Choice(["coco", "coco-masks", "lvis", "eth3d"])
 def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
     """The track and its task's protocol; click.UsageError for a track of another task."""
     from legoworld.readouts.tasks import protocol
-    from legoworld.track import load_track, serves
+    from legoworld.tracks.track import load_track, serves
 
     images = load_track(track)
     if not serves(images, task):

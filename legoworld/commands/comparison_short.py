@@ -8,7 +8,7 @@ from legoworld.commands import options
 from legoworld.commands.comparison_text import notes_text
 from legoworld.comparison.measures import HEADLINE
 from legoworld.comparison.tables import comparisons_of, coverage_table, headline_table
-from legoworld.wording import counted
+from legoworld.pluralize import counted
 
 if TYPE_CHECKING:
     from legoworld.comparison.tables import Document

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from legoworld.commands import options
-from legoworld.wording import counted
+from legoworld.pluralize import counted
 
 if TYPE_CHECKING:
     from legoworld.baselines.cards import BaselineCard
@@ -153,7 +153,7 @@ def _sandbox() -> Finding:
 
 
 def _lvis() -> Finding:
-    from legoworld.evaluation.lvis_package import HOW_TO_INSTALL, installed
+    from legoworld.evaluation.detection.lvis_package import HOW_TO_INSTALL, installed
 
     return Finding(
         name="LVIS evaluator",

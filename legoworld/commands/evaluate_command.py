@@ -14,14 +14,14 @@ from legoworld import exit_codes
 from legoworld.api.listening import Listener
 from legoworld.commands import options
 from legoworld.commands.evaluation_short import of_eth3d, short_depth, short_detections
-from legoworld.commands.places import PlaceType
-from legoworld.places import Place
-from legoworld.wording import counted
+from legoworld.commands.remote import PlaceType
+from legoworld.pluralize import counted
+from legoworld.remote import Place
 
 if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
 
-    from legoworld.evaluation.evaluators import EvaluatorKind
+    from legoworld.evaluation.detection.evaluators import EvaluatorKind
     from legoworld.records.evaluation_rows import DepthRow
     from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 
@@ -133,8 +133,8 @@ def _short(summary: DetectionSummary | DepthSummary) -> str:
 
 def _text(summary: DetectionSummary | DepthSummary) -> str:
     """Every metric with its interval and what it is over."""
-    from legoworld.evaluation.protocols import detection_protocol
-    from legoworld.evaluation.text import evaluation_text
+    from legoworld.evaluation.detection.protocols import detection_protocol
+    from legoworld.evaluation.detection.text import evaluation_text
     from legoworld.records.evaluation_summary import DepthSummary
 
     if isinstance(summary, DepthSummary):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from legoworld.wording import counted
+from legoworld.pluralize import counted
 
 if TYPE_CHECKING:
     from legoworld.records.evaluation_summary import (

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from legoworld.commands import options
-from legoworld.wording import share, word_for
+from legoworld.pluralize import share, word_for
 
 
 @click.command("evidence", context_settings={"help_option_names": ["-h", "--help"]})
@@ -38,7 +38,7 @@ def command(
     from legoworld.comparison.folder import KINDS
     from legoworld.comparison.verification import verify_comparison
     from legoworld.evaluation.evidence import verify
-    from legoworld.evaluation.reading import read_evidence
+    from legoworld.records.folders.evaluation_reading import read_evidence
 
     kind = read_evidence(folder, ("evaluation", *KINDS)).kind
     checks = verify_comparison(folder, root) if kind in KINDS else verify(folder, root)

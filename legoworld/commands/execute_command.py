@@ -60,7 +60,7 @@ def command(
       legoworld execute scene.py -o scenes/room --input textures --sandbox bubblewrap
     """
     from legoworld.api.settings import limits_of
-    from legoworld.scene.execution import execute
+    from legoworld.scene.programs.execution import execute
     from legoworld.workers.sandbox import protections
 
     notice = options.notifier(quiet)

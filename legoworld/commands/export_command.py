@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from legoworld.commands import options
-from legoworld.wording import counted
+from legoworld.pluralize import counted
 
 
 @click.command("export", context_settings={"help_option_names": ["-h", "--help"]})
@@ -49,7 +49,7 @@ def command(
       legoworld export runs/coco -o coco.json
       legoworld export runs/masks --format coco --track track.json -o masks.json
     """
-    from legoworld.coco_export import export_coco
+    from legoworld.api.coco_export import export_coco
 
     document = export_coco(run, output, track=track, overwrite=overwrite)
     n_images, n_annotations = len(document.images), len(document.annotations)

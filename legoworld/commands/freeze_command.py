@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from legoworld.commands import options
-from legoworld.wording import share
+from legoworld.pluralize import share
 
 if TYPE_CHECKING:
     from legoworld.records.frozen import FrozenRow
@@ -46,8 +46,8 @@ def command(
       legoworld freeze scenes/000000000139 --json
     """
     from legoworld.api.settings import limits_of, snapshot_cache
-    from legoworld.running.engines import engine_cores
     from legoworld.running.freeze_run import freeze_scenes
+    from legoworld.workers.engines import engine_cores
 
     rows = freeze_scenes(
         scenes,

@@ -9,10 +9,10 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options, sources
-from legoworld.commands.places import PlaceType
-from legoworld.commands.wording import outside_the_vocabulary
-from legoworld.places import Place
-from legoworld.wording import counted
+from legoworld.commands.remote import PlaceType
+from legoworld.commands.sentences import outside_the_vocabulary
+from legoworld.pluralize import counted
+from legoworld.remote import Place
 
 if TYPE_CHECKING:
     from legoworld.api.scenes import SceneView
@@ -90,7 +90,7 @@ def command(
         options.refuse_given(["source"], "does not go with --compare-sources: both files are read")
     _refuse_a_folder_of_scenes(scene)
     if photo is not None and size_wh is None:
-        from legoworld.pictures import read_photo
+        from legoworld.readouts.pictures import read_photo
 
         height, width = read_photo(photo).shape[:2]
         size_wh = (width, height)

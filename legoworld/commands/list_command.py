@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from legoworld import catalog
 from legoworld.commands import options
-from legoworld.wording import counted
+from legoworld.pluralize import counted
+from legoworld.shipped import catalog
 
 if TYPE_CHECKING:
     from legoworld.readouts.instructions import Instructions

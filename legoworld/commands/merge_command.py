@@ -7,9 +7,9 @@ from contextlib import ExitStack
 import click
 
 from legoworld.commands import options
-from legoworld.commands.places import PlaceType
-from legoworld.places import Place
-from legoworld.wording import counted, share
+from legoworld.commands.remote import PlaceType
+from legoworld.pluralize import counted, share
+from legoworld.remote import Place
 
 
 @click.command("merge", context_settings={"help_option_names": ["-h", "--help"]})

@@ -12,7 +12,7 @@ import click
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import escaped
-from legoworld.wording import did_you_mean
+from legoworld.pluralize import did_you_mean
 
 F = TypeVar("F", bound=Callable[..., Any])
 

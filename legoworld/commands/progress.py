@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from legoworld.api.listening import Listener
 from legoworld.commands import options
-from legoworld.wording import share
+from legoworld.pluralize import share
 
 #: Seconds between two lines of progress in a log.
 _LINE_S: Final = 30.0

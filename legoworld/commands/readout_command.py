@@ -10,10 +10,10 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
-from legoworld.commands.places import PlaceType
 from legoworld.commands.progress import shown_progress
+from legoworld.commands.remote import PlaceType
 from legoworld.commands.run_text import show_run
-from legoworld.places import Place
+from legoworld.remote import Place
 
 if TYPE_CHECKING:
     from legoworld.scene.blender_process import BlenderProcess
@@ -99,7 +99,7 @@ def command(
         wanted=no_cache and source == "blend" and engine == "local" and not isinstance(scenes, str),
     )
     from legoworld.api.readout import default_output, readout
-    from legoworld.commands.shipped import shipped_examples
+    from legoworld.shipped.examples import shipped_examples
 
     notice = options.notifier(quiet)
     if scenes is None:

@@ -9,7 +9,7 @@ from urllib.parse import unquote, urlsplit
 import click
 
 from legoworld.commands import options
-from legoworld.places import Place, is_url
+from legoworld.remote import Place, is_url
 
 
 class PlaceType(click.ParamType[Place]):

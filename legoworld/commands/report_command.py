@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from legoworld.commands import options
-from legoworld.wording import counted, share, word_for
+from legoworld.pluralize import counted, share, word_for
 
 
 @click.command("report", context_settings={"help_option_names": ["-h", "--help"]})

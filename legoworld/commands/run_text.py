@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from legoworld.commands import options
-from legoworld.commands.wording import outside_the_vocabulary
-from legoworld.scene_names import Stranger, lower_top
-from legoworld.wording import counted, share
+from legoworld.commands.sentences import outside_the_vocabulary
+from legoworld.pluralize import counted, share
+from legoworld.tracks.scene_names import Stranger, lower_top
 
 if TYPE_CHECKING:
     from legoworld.api.readout import Run

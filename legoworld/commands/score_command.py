@@ -11,10 +11,10 @@ import click
 from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.evaluation_short import short_depth, short_detections
-from legoworld.wording import counted
+from legoworld.pluralize import counted
 
 if TYPE_CHECKING:
-    from legoworld.one_photo import PhotoScore
+    from legoworld.api.one_photo import PhotoScore
 
 #: Findings without -v: the costly come first.
 _SHORT = 5
@@ -83,9 +83,9 @@ def command(
       legoworld score scenes/coffee --photo coffee.png --truth truth_lvis.json --task lvis -o look
       legoworld score scenes/000000000139 --photo 139.jpg --image 139 --truth instances.json
     """
+    from legoworld.api.one_photo import PhotoRequest, score_photo
     from legoworld.api.settings import limits_of, snapshot_cache
-    from legoworld.one_photo import PhotoRequest, score_photo
-    from legoworld.scene.scratch import scratch_folder
+    from legoworld.workers.scratch import scratch_folder
 
     if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend"):
         raise click.UsageError(

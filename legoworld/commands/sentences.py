@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from legoworld.wording import counted
+from legoworld.pluralize import counted
 
 
 def outside_the_vocabulary(label: str, count: int, nearest: list[str]) -> str:

@@ -9,11 +9,11 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
-from legoworld.wording import counted, word_for
+from legoworld.pluralize import counted, word_for
 
 if TYPE_CHECKING:
     from legoworld.records.instances import InstanceRow
-    from legoworld.source_comparison import Pair, SourceComparison
+    from legoworld.running.source_comparison import Pair, SourceComparison
 
 
 def document(found: SourceComparison) -> dict[str, Any]:

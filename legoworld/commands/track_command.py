@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import click
 
 from legoworld.commands import options
-from legoworld.wording import counted, share, word_for
+from legoworld.pluralize import counted, share, word_for
 
 if TYPE_CHECKING:
     from legoworld.records.track import MadeTrack
-    from legoworld.track_making import DepthChoice
+    from legoworld.track_making.making import DepthChoice
 
 
 @click.command("track", context_settings={"help_option_names": ["-h", "--help"]})
@@ -131,8 +131,8 @@ def _refuse_depth_options(task: str, given: Mapping[str, object], *, with_photos
 
 
 def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -> None:
-    from legoworld.depth_folder_tracks import declare
     from legoworld.evaluation.depth.integer_units import UNITS, is_unit
+    from legoworld.track_making.depth_folders import declare
 
     if unit is not None and not is_unit(unit) and unit != "px":
         raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
@@ -141,7 +141,7 @@ def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -
 
 
 def _depth_choice(scenes: str | None, dataset: str | None, photos: Path | None) -> DepthChoice:
-    from legoworld.track_making import DepthChoice
+    from legoworld.track_making.making import DepthChoice
 
     named = [name.strip() for name in scenes.split(",")] if scenes is not None else None
     return DepthChoice(
@@ -164,7 +164,7 @@ def _make(
     notice: Callable[[str], None],
 ) -> MadeTrack:
     from legoworld.errors import UsageError
-    from legoworld.track_making import make_track
+    from legoworld.track_making.making import make_track
 
     if output.exists() and not overwrite:
         raise UsageError(
@@ -202,9 +202,9 @@ def _lines(path: Path) -> list[str]:
 
 
 def _check(track: Path, photos: Path, *, as_json: bool) -> int:
-    from legoworld.pictures import read_photo
-    from legoworld.track import load_track
-    from legoworld.track_making import check_photos
+    from legoworld.readouts.pictures import read_photo
+    from legoworld.track_making.making import check_photos
+    from legoworld.tracks.track import load_track
 
     def size_of(path: Path) -> tuple[int, int]:
         height, width = read_photo(path).shape[:2]

@@ -7,8 +7,8 @@ from typing import Any
 
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.stored import Evaluated
+from legoworld.pluralize import counted
 from legoworld.records.evaluation_rows import ScoredDepthRow
-from legoworld.wording import counted
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
 #: What per_image rows say of the truth alone.

@@ -11,18 +11,22 @@ from numpy.typing import NDArray
 
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE, Measure, Measures, Metric
 from legoworld.comparison.subsets import counts_of_images, table_of_images
-from legoworld.evaluation import matches_file
-from legoworld.evaluation.accumulation import accumulate, metric_value, truths_per_category
 from legoworld.evaluation.bootstrap import resample_counts
-from legoworld.evaluation.matched_metrics import MatchedCounts, matched_metrics
-from legoworld.evaluation.matching import MatchTable
-from legoworld.evaluation.problem import Floats, Ints
-from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
-from legoworld.evaluation.protocols import Metric as OfficialMetric
-from legoworld.evaluation.resampling import resampled_metrics
-from legoworld.evaluation.scoring import metrics_of_one_image
+from legoworld.evaluation.detection.matching import matches_file
+from legoworld.evaluation.detection.matching.greedy import MatchTable
+from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts, matched_metrics
+from legoworld.evaluation.detection.problem import Floats, Ints
+from legoworld.evaluation.detection.protocols import AREA_NAMES, DetectionProtocol
+from legoworld.evaluation.detection.protocols import Metric as OfficialMetric
+from legoworld.evaluation.detection.ranking.accumulation import (
+    accumulate,
+    metric_value,
+    truths_per_category,
+)
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.evaluation.detection.ranking.ties import tie_orders
+from legoworld.evaluation.detection.scoring import metrics_of_one_image
 from legoworld.evaluation.stored import Evaluated
-from legoworld.evaluation.ties import tie_orders
 from legoworld.records.comparison import Level
 
 EQUAL: Final = "equal_confidence."

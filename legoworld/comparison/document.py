@@ -21,7 +21,7 @@ from legoworld.comparison.notes import notes_of
 from legoworld.comparison.pairing import has_truth, is_scored, pair_images
 from legoworld.comparison.provenance import provenance_by_field, recorded_provenance
 from legoworld.evaluation.bootstrap import LEVEL
-from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.base import as_json, to_record
 from legoworld.records.comparison import (

@@ -6,15 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from legoworld.comparison.folder import COMPARISON, ComparisonFolderError, input_entry
+from legoworld.comparison.folder import (
+    COMPARISON,
+    ComparisonFolderError,
+    input_entry,
+)
 from legoworld.comparison.provenance import NOT_RECORDED, provenance_notes
 from legoworld.errors import UsageError
-from legoworld.evaluation.folder import installed_versions
-from legoworld.evaluation.protocols import PROTOCOLS
-from legoworld.evaluation.reading import EVIDENCE
+from legoworld.evaluation.detection.protocols import PROTOCOLS
+from legoworld.pluralize import counted
 from legoworld.records.comparison import JOINED, ByField, Comparison, JoinedComparison
 from legoworld.records.evidence import AnyEvidence
-from legoworld.wording import counted
+from legoworld.records.folders.evaluation_folder import installed_versions
+from legoworld.records.folders.evaluation_reading import EVIDENCE
 
 #: The tasks in the order tables have them.
 _ORDER: Final = (*PROTOCOLS, "eth3d")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from legoworld.evaluation.bootstrap import centred_interval, interval, number
-from legoworld.evaluation.problem import Floats
+from legoworld.evaluation.detection.problem import Floats
 from legoworld.records.comparison import Better, ComparisonRow, Difference, Images, Level, Measured
 from legoworld.records.evaluation_summary import Interval
 

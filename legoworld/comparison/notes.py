@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from legoworld.comparison.provenance import provenance_notes
 from legoworld.errors import one_line
-from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.comparison import ByField
 

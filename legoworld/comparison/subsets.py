@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.matched_metrics import MatchedCounts
-from legoworld.evaluation.matching import MatchTable
+from legoworld.evaluation.detection.matching.greedy import MatchTable
+from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts
 
 
 def table_of_images(table: MatchTable, kept: NDArray[np.bool_]) -> MatchTable:

@@ -11,7 +11,7 @@ from typing import Final
 from legoworld.comparison.depth import depth_metrics
 from legoworld.comparison.detections import detection_metrics
 from legoworld.errors import UsageError
-from legoworld.evaluation.protocols import PROTOCOLS
+from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.records.comparison import Comparison, ComparisonRow
 
 _PAIRED: Final = "paired."

@@ -21,6 +21,7 @@ from legoworld.comparison.folder import (
 from legoworld.comparison.joining import join
 from legoworld.comparison.sides import read_sides
 from legoworld.comparison.tables import Document
+from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.evaluation.evidence import (
     Check,
     check_files,
@@ -28,11 +29,10 @@ from legoworld.evaluation.evidence import (
     located,
     until_damage,
 )
-from legoworld.evaluation.reading import EVIDENCE, read_evidence
-from legoworld.evaluation.scoring import AGREEMENT
 from legoworld.records.base import as_json, to_record
 from legoworld.records.comparison import Comparison, JoinedComparison
 from legoworld.records.evidence import AnyEvidence, ComparisonSettings
+from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
 
 
 def verify_comparison(folder: Path, root: Path | None) -> list[Check]:

@@ -9,8 +9,8 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
+from legoworld.pluralize import counted
 from legoworld.records.evaluation_summary import Interval
-from legoworld.wording import counted
 
 LEVEL: Final = 0.95
 #: Elements of one product of counts and values, to bound memory.

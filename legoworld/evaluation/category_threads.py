@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
-from legoworld.processors import usable_cores
+from legoworld.workers.processors import usable_cores
 
 _MOST_THREADS: Final = 8
 

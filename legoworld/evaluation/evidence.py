@@ -11,15 +11,20 @@ import numpy as np
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation import matches_file
-from legoworld.evaluation.accumulation import accumulate, metric_value
-from legoworld.evaluation.input_hash import hash_and_size, without_of
-from legoworld.evaluation.matched_metrics import matched_document
-from legoworld.evaluation.prediction_columns import columns_of
-from legoworld.evaluation.prediction_order import in_order
-from legoworld.evaluation.predictions import sha256_of_entries
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.reading import (
+from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
+from legoworld.evaluation.detection.inputs.prediction_order import in_order
+from legoworld.evaluation.detection.inputs.predictions import sha256_of_entries
+from legoworld.evaluation.detection.matching import matches_file
+from legoworld.evaluation.detection.matching.matched_metrics import matched_document
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
+from legoworld.evaluation.detection.scoring import AGREEMENT
+from legoworld.records.base import as_json, decode
+from legoworld.records.evaluation_rows import DepthRow, ImageRow
+from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, Summary
+from legoworld.records.evaluation_view import Result, TruthCategories
+from legoworld.records.evidence import AnyEvidence, DepthEvidence, DetectionEvidence
+from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
     MATCHES,
     VIEW,
@@ -28,12 +33,7 @@ from legoworld.evaluation.reading import (
     read_image_rows,
     read_summary,
 )
-from legoworld.evaluation.scoring import AGREEMENT
-from legoworld.records.base import as_json, decode
-from legoworld.records.evaluation_rows import DepthRow, ImageRow
-from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, Summary
-from legoworld.records.evaluation_view import Result, TruthCategories
-from legoworld.records.evidence import AnyEvidence, DepthEvidence, DetectionEvidence
+from legoworld.records.folders.input_hash import hash_and_size, without_of
 
 
 @dataclass(frozen=True)

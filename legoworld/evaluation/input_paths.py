@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from legoworld.evaluation.folder import InputFile
-from legoworld.places import child
+from legoworld.records.folders.evaluation_folder import InputFile
+from legoworld.remote import child
 
 
 @dataclass(frozen=True, kw_only=True)

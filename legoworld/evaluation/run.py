@@ -8,11 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.reading import read_rows
-from legoworld.running.prediction_files import IMAGES_PER_FILE, prediction_files, stored_entries
-from legoworld.running.result_hashes import altered
-from legoworld.running.run_folder import JOURNAL, ROWS, RUN
-from legoworld.wording import counted
+from legoworld.pluralize import counted
+from legoworld.records.folders.evaluation_reading import read_rows
+from legoworld.records.folders.prediction_files import (
+    IMAGES_PER_FILE,
+    prediction_files,
+    stored_entries,
+)
+from legoworld.records.folders.result_hashes import altered
+from legoworld.records.folders.run_folder import JOURNAL, ROWS, RUN
 
 
 class RunUnusableError(LegoWorldError):

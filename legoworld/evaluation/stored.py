@@ -12,8 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.protocols import PROTOCOLS
-from legoworld.evaluation.reading import (
+from legoworld.evaluation.detection.protocols import PROTOCOLS
+from legoworld.files import sha256_of_file
+from legoworld.records.base import decode
+from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow
+from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
+from legoworld.records.evidence import DepthEvidence, DetectionEvidence, Evidence
+from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
     MATCHES,
     PER_CATEGORY,
@@ -28,12 +34,6 @@ from legoworld.evaluation.reading import (
     reading,
     require_finished,
 )
-from legoworld.files import sha256_of_file
-from legoworld.records.base import decode
-from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow
-from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
-from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
-from legoworld.records.evidence import DepthEvidence, DetectionEvidence, Evidence
 
 T = TypeVar("T")
 RUN_VIEW: Final = f"{VIEW}/run.json"

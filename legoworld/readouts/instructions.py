@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from legoworld import catalog
 from legoworld.cards import Card
 from legoworld.errors import InstallationError
 from legoworld.readouts.tasks import Protocol
 from legoworld.readouts.tasks import protocol as protocol_of_task
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
-from legoworld.vocabulary import Vocabulary, normal_name
+from legoworld.shipped import catalog
+from legoworld.tracks.vocabulary import Vocabulary, normal_name
 
 WORDING: Final = "instructions/scene.toml"
 

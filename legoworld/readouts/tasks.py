@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from legoworld import catalog
 from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
 from legoworld.readouts.exports import Export, box_exports, mask_exports
 from legoworld.scene.instances import Instance
+from legoworld.shipped import catalog
+from legoworld.tracks.vocabulary import Vocabulary, load
 from legoworld.visibility.view import View
-from legoworld.vocabulary import Vocabulary, load
 
 Predict = Callable[[int, Sequence[Instance], View], list[Export]]
 

@@ -8,14 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from legoworld.evaluation.masks import overlaps
-from legoworld.evaluation.reading import Row
+from legoworld.evaluation.detection.inputs.masks import overlaps
+from legoworld.pluralize import counted
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.folders.evaluation_reading import Row
 from legoworld.records.report_page import Advice, DrawnPrediction
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, parts_of_truths
 from legoworld.report.shapes import drawn_predictions
-from legoworld.wording import counted
 
 _ORDER: Final = ("bad", "warn", "note")
 #: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.

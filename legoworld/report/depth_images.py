@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.view import decoded
-from legoworld.evaluation.reading import Row
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
+from legoworld.records.folders.evaluation_reading import Row
 from legoworld.records.report_page import Advice, DepthDrawing
 from legoworld.report.advice import failure_advice, sorted_advice
 

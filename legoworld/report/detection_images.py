@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.masks import Rle, compressed, overlaps
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.reading import Row
+from legoworld.evaluation.detection.inputs.masks import Rle, compressed, overlaps
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
+from legoworld.pluralize import counted
 from legoworld.records import evaluation_view as mask_records
 from legoworld.records.base import UnsetType
 from legoworld.records.evaluation_rows import DetectionRow
@@ -22,9 +22,9 @@ from legoworld.records.evaluation_view import (
     TrueAnnotation,
     TrueImage,
 )
+from legoworld.records.folders.evaluation_reading import Row
 from legoworld.report.error_kinds import ImageErrors, image_errors
 from legoworld.report.sources import ReportInputError
-from legoworld.wording import counted
 
 R = TypeVar("R", TrueAnnotation, ShownPrediction)
 

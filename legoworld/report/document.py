@@ -10,7 +10,6 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from legoworld.processors import usable_cores
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 from legoworld.records.report_page import (
@@ -42,6 +41,7 @@ from legoworld.report.tables import (
     score_free_rows,
 )
 from legoworld.report.tie_picture import tie_pictures
+from legoworld.workers.processors import usable_cores
 
 _TITLES = {"coco": "COCO boxes", "coco-masks": "COCO masks", "lvis": "LVIS masks", "eth3d": "Depth"}
 

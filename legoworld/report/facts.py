@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from legoworld.evaluation.reading import Row
+from legoworld.records.folders.evaluation_reading import Row
 from legoworld.records.report_page import FactTable
 
 Pairs = list[tuple[str, str]]

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from legoworld.evaluation.masks import overlaps, union
-from legoworld.evaluation.problem import Floats
+from legoworld.evaluation.detection.inputs.masks import overlaps, union
+from legoworld.evaluation.detection.problem import Floats
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
 from legoworld.report.error_kinds import FOREGROUND_IOU
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import names_a_file
-from legoworld.pictures import read_photo
+from legoworld.readouts.pictures import read_photo
 
 LONGEST_SIDE: Final = 800
 _QUALITY: Final = 75

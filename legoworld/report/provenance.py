@@ -10,13 +10,13 @@ from typing import Any, Final
 
 from msgspec.structs import asdict
 
-from legoworld import catalog
-from legoworld.dataset_versions import dataset_of
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.base import as_json
 from legoworld.records.comparison import Comparison
 from legoworld.records.report_page import Facts
 from legoworld.records.report_tables import SideOrigin, UsedData, UsedInput, UsedVersion
+from legoworld.shipped import catalog
+from legoworld.tracks.dataset_versions import dataset_of
 
 #: Licences of what a score is computed with, by package.
 _LICENCES: Final = {

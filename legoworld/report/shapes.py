@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from legoworld.evaluation.masks import bounding_box
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.inputs.masks import bounding_box
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_view import Rle
 from legoworld.records.report_page import Drawn, DrawnPrediction

@@ -9,10 +9,10 @@ from typing import Final
 
 from legoworld.comparison.folder import COMPARISON, KINDS, read_comparison
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.reading import SUMMARY, read_evidence
 from legoworld.evaluation.stored import Evaluated, checked, read_evaluation
 from legoworld.files import sha256_of_file
 from legoworld.records.comparison import JOINED, KIND, Comparison, JoinedComparison
+from legoworld.records.folders.evaluation_reading import SUMMARY, read_evidence
 
 #: What a baseline is called that recorded no name.
 _UNNAMED: Final = "baseline"

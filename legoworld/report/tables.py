@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.text import metric_rows, notes
 from legoworld.evaluation.stored import Evaluated
-from legoworld.evaluation.text import metric_rows, notes
+from legoworld.pluralize import counted, share
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import Comparison, Difference, Measured
 from legoworld.records.evaluation_rows import CategoryRow
@@ -21,7 +22,6 @@ from legoworld.records.report_tables import (
     NumberCell,
     NumberRow,
 )
-from legoworld.wording import counted, share
 
 #: What stands where no specialist's number is.
 NO_SPECIALIST: Final = "no specialist was run"

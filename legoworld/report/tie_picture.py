@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.matches_file import EQUAL, OWN, table_from
+from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, table_from
+from legoworld.evaluation.detection.ranking.ties import order_aps
 from legoworld.evaluation.stored import Evaluated
-from legoworld.evaluation.ties import order_aps
+from legoworld.pluralize import share
 from legoworld.records.evaluation_summary import Ties, TieSpread
 from legoworld.records.report_tables import TieBar, TieDrawing, TiePicture
-from legoworld.wording import share
 
 WIDTH: Final = 640
 HEIGHT: Final = 150

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
+from legoworld.pluralize import counted
 from legoworld.readouts.depth import depth_file_bytes
-from legoworld.wording import counted
 
 
 class OutputFullError(LegoWorldError):

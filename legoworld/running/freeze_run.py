@@ -19,11 +19,9 @@ from legoworld.files import TEMPORARY_SUFFIX
 from legoworld.records.frozen import FrozenRow
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.verdict import OK, Verdict
-from legoworld.running.engines import ENGINES, EngineName, Job, machine_lost
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache, bpy_version
-from legoworld.scene.execution_record import execution_warnings
 from legoworld.scene.folder import (
     BLEND,
     FROZEN,
@@ -37,9 +35,11 @@ from legoworld.scene.folder import (
 from legoworld.scene.freeze import FileHash, FrozenFiles, Hashes, hash_files, write_frozen
 from legoworld.scene.labels import read_labels_file
 from legoworld.scene.outside import leaves_scenes
+from legoworld.scene.programs.record import execution_warnings
 from legoworld.scene.reading import read_scene
 from legoworld.scene.side_files import read_side_file
-from legoworld.track import track_of_folder
+from legoworld.tracks.track import track_of_folder
+from legoworld.workers.engines import ENGINES, EngineName, Job, machine_lost
 
 #: A limit that was reached says nothing lasting about a scene: no record is made of it.
 _NOT_THE_SCENES_FAULT: Final = (

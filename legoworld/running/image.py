@@ -10,9 +10,8 @@ from typing import Any
 
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import sha256_of_file
-from legoworld.places import PlaceError, child, fetch_folder
 from legoworld.records.provenance import ProvenanceFile
-from legoworld.running.engines import machine_lost
+from legoworld.remote import PlaceError, child, fetch_folder
 from legoworld.running.image_record import (
     ImageOptions,
     Record,
@@ -36,8 +35,9 @@ from legoworld.scene.freeze import (
 )
 from legoworld.scene.outside import leaves_scenes
 from legoworld.scene.reading import read_hashed_side_file, read_scene
-from legoworld.scene.scratch import scratch_folder
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
+from legoworld.workers.engines import machine_lost
+from legoworld.workers.scratch import scratch_folder
 
 
 class DepthNotSharedError(LegoWorldError):

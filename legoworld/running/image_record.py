@@ -10,18 +10,18 @@ import numpy as np
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import as_unicode, canonical_json, sha256_of_file, sha256_of_text
-from legoworld.places import Place
 from legoworld.readouts.depth import depth_file, resampled_size, write_depth
 from legoworld.readouts.tasks import Protocol
 from legoworld.records.labels import LabelsFile
 from legoworld.records.provenance import ProvenanceFile
+from legoworld.remote import Place
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, SceneFolder, Source
 from legoworld.scene.freeze import Hashes
 from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels, labels_in, resolve_labels
 from legoworld.scene.reading import ReadScene, read_hashed_side_file
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.view import View, unseen_reasons, view
 

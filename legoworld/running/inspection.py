@@ -10,14 +10,14 @@ import numpy as np
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, SceneChangedError
 from legoworld.files import atomic_path, write_text
-from legoworld.pictures import (
+from legoworld.readouts.exports import bbox_xywh_px
+from legoworld.readouts.pictures import (
     depth_picture,
     instance_picture,
     overlay,
     read_photo,
     write_png,
 )
-from legoworld.readouts.exports import bbox_xywh_px
 from legoworld.records.base import readable
 from legoworld.records.instances import InstanceRow, InstancesFile
 from legoworld.scene.blender_process import BlenderProcess
@@ -27,9 +27,9 @@ from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
 from legoworld.scene.instances import Grouping, group
 from legoworld.scene.labels import read_labels_file, resolve_labels
 from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.view import View, unseen_reasons, view
-from legoworld.vocabulary import Vocabulary
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,11 +12,11 @@ from typing import Any
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import atomic_path
 from legoworld.readouts.tasks import TASKS
-from legoworld.repeats import repeated
-from legoworld.running import run_folder
-from legoworld.running.prediction_files import IMAGES_PER_FILE, with_division
+from legoworld.records.folders import run_folder
+from legoworld.records.folders.prediction_files import IMAGES_PER_FILE, with_division
+from legoworld.records.folders.run_folder import Record
+from legoworld.records.repeats import repeated
 from legoworld.running.readout_run import RunResult, run_document, summarise
-from legoworld.running.run_folder import Record
 
 #: What one shard's configuration holds that another's of the same run does not.
 _OWN = ("attempted", "partial", "shard", IMAGES_PER_FILE)

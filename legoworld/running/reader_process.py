@@ -11,9 +11,9 @@ from typing import Final
 from legoworld.errors import WorkerCrashedError
 from legoworld.running.image import SceneReader, failed_record
 from legoworld.running.image_record import ImageOptions, Record
-from legoworld.running.task_process import ProcessLostError, TaskProcess
 from legoworld.scene.blender_process import Limits
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
+from legoworld.workers.task_process import ProcessLostError, TaskProcess
 
 #: Images that are worth starting a process for, each.
 _WORTH_A_PROCESS: Final = 30

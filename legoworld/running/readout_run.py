@@ -15,22 +15,22 @@ from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import as_unicode, canonical_json, sha256_of_text
-from legoworld.processors import usable_cores
+from legoworld.pluralize import share, word_for
 from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
-from legoworld.running import run_folder
+from legoworld.records.folders import run_folder
+from legoworld.records.folders.prediction_files import with_division
 from legoworld.running.disk import check_disk
-from legoworld.running.engines import ENGINES, EngineName, Job, Worker
 from legoworld.running.image import SceneReader, arrived, lost_record, still_valid
 from legoworld.running.image_record import ROW_SCHEMA, ImageOptions, Record, verdict_instead
-from legoworld.running.prediction_files import with_division
 from legoworld.running.reader_process import ReaderProcess, worth_processes
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
-from legoworld.track import Track, TrackImage
+from legoworld.tracks.track import Track, TrackImage
 from legoworld.visibility.library import library
-from legoworld.wording import share, word_for
+from legoworld.workers.engines import ENGINES, EngineName, Job, Worker
+from legoworld.workers.processors import usable_cores
 
 
 @dataclass(frozen=True, kw_only=True)

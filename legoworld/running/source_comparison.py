@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import NO_INSTANCE
-from legoworld.inspection import Inspection
 from legoworld.records.instances import InstanceRow
+from legoworld.running.inspection import Inspection
 
 #: Instances of both sources agree from this mask IoU on.
 SAME_IOU: Final = 0.999

@@ -26,9 +26,9 @@ from legoworld.errors import (
     from_reason,
     one_line,
 )
-from legoworld.scene.scratch import ScratchFolder
 from legoworld.workers.descendants import resident_bytes
 from legoworld.workers.environment import blender_environment
+from legoworld.workers.scratch import ScratchFolder
 
 _POLL_S: Final = 0.02
 _REAP_EVERY_S: Final = 0.002

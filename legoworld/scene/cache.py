@@ -74,11 +74,11 @@ _SHARED: Final = (
     "files.py",
     "scene/affine.py",
     "scene/array_file.py",
-    "scene/ribbons.py",
+    "scene/hair/ribbons.py",
     "scene/snapshot.py",
-    "scene/spheres.py",
-    "scene/strands.py",
-    "scene/tubes.py",
+    "scene/hair/spheres.py",
+    "scene/hair/strands.py",
+    "scene/hair/tubes.py",
     "workers/environment.py",
 )
 

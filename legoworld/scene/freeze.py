@@ -23,7 +23,6 @@ from legoworld.files import (
 from legoworld.records.base import canonical, readable
 from legoworld.records.frozen import FrozenFile, HashedFile
 from legoworld.records.verdict import Verdict
-from legoworld.scene.execution_record import execution_warnings
 from legoworld.scene.folder import (
     ARTEFACTS,
     BLEND,
@@ -35,6 +34,7 @@ from legoworld.scene.folder import (
     SceneFolder,
 )
 from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
+from legoworld.scene.programs.record import execution_warnings
 from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, read_side_file
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.scene.labels import Label, Labels
 from legoworld.scene.snapshot import Snapshot
-from legoworld.vocabulary import Category
+from legoworld.tracks.vocabulary import Category
 
 #: (owner's kind, owner's index, the occurrence it stands in, the placement within that)
 _Key = tuple[Literal["object", "collection", "occurrence"], int, int, int]

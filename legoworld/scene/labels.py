@@ -17,7 +17,7 @@ from legoworld.records.labels import LabelsFile
 from legoworld.scene.folder import LABELS
 from legoworld.scene.side_files import SideFile, invalid, read_side_file
 from legoworld.scene.snapshot import Snapshot
-from legoworld.vocabulary import Category, Vocabulary
+from legoworld.tracks.vocabulary import Category, Vocabulary
 
 Kind = Literal["object", "collection"]
 

@@ -10,5 +10,5 @@ Kind = Literal["readouts", "datasets", "baselines", "examples"]
 
 def folder(kind: Kind) -> Path:
     """The folder of one kind of catalogue entry; the one place that knows checkout from wheel."""
-    shipped = Path(__file__).parent / "_catalog" / kind
-    return shipped if shipped.is_dir() else Path(__file__).parents[1] / kind
+    shipped = Path(__file__).parents[1] / "_catalog" / kind
+    return shipped if shipped.is_dir() else Path(__file__).parents[2] / kind

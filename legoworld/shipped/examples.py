@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from legoworld import catalog
 from legoworld.errors import InstallationError
+from legoworld.shipped import catalog
 
 
 def shipped_examples(task: str) -> tuple[Path, Path]:

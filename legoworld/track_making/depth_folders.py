@@ -19,12 +19,12 @@ from legoworld.evaluation.depth.declaration import (
 from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
 from legoworld.evaluation.depth.pictures import files_named
 from legoworld.evaluation.depth.truth import planar_metres
-from legoworld.pictures import read_photo
+from legoworld.pluralize import counted
+from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import canonical
 from legoworld.records.track import ImageInfo, Part
-from legoworld.track import scene_name
-from legoworld.track_source import Source
-from legoworld.wording import counted
+from legoworld.tracks.source import Source
+from legoworld.tracks.track import scene_name
 
 _PHOTO_SUFFIXES: Final = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".ppm")
 

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from legoworld.colmap import Calibration, CalibrationError, read_calibration
 from legoworld.errors import CatalogError, UsageError
 from legoworld.evaluation.depth.eth3d import (
     PHOTOS,
@@ -20,9 +19,10 @@ from legoworld.evaluation.depth.eth3d import (
     training_images,
 )
 from legoworld.files import canonical_json, sha256_of_file
+from legoworld.pluralize import counted
 from legoworld.records.track import ImageInfo, Part
-from legoworld.track_source import Source
-from legoworld.wording import counted
+from legoworld.tracks.colmap import Calibration, CalibrationError, read_calibration
+from legoworld.tracks.source import Source
 
 ETH3D: Final = "eth3d"
 _VERSION: Final = "training-dslr"

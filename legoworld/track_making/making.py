@@ -15,22 +15,22 @@ from typing import Any, Final
 import numpy as np
 from msgspec.structs import asdict
 
-from legoworld.dataset_versions import dataset_of, dataset_version
-from legoworld.depth_folder_tracks import depth_folder_source
 from legoworld.errors import CatalogError, LegoWorldError, UsageError
-from legoworld.eth3d_tracks import eth3d_source
-from legoworld.evaluation.truth_checks import (
+from legoworld.evaluation.detection.inputs.truth_checks import (
     check_annotations,
     check_image_values,
     check_images,
 )
 from legoworld.files import atomic_path, names_a_file, sha256_of_file
+from legoworld.pluralize import in_another_folder
 from legoworld.records.base import RecordError, canonical, readable, to_record
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, MadeTrack, TrackInfo
-from legoworld.track import TrackImage, load_track, photo_names
-from legoworld.track_source import Source
-from legoworld.vocabulary import categories_in, vocabulary_of
-from legoworld.wording import in_another_folder
+from legoworld.track_making.depth_folders import depth_folder_source
+from legoworld.track_making.eth3d import eth3d_source
+from legoworld.tracks.dataset_versions import dataset_of, dataset_version
+from legoworld.tracks.source import Source
+from legoworld.tracks.track import TrackImage, load_track, photo_names
+from legoworld.tracks.vocabulary import categories_in, vocabulary_of
 
 #: Everything a track may say about an image. LVIS's lists of verified categories are annotations.
 _PUBLIC_KEYS: Final = tuple(key for key in ImageInfo.__struct_fields__ if key not in PRIVATE_KEYS)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from legoworld import catalog
-from legoworld.vocabulary import Vocabulary, load
+from legoworld.shipped import catalog
+from legoworld.tracks.vocabulary import Vocabulary, load
 
 #: LVIS v0.5's number of categories; its ids are other numbers for v1's names.
 _LVIS_V05_CATEGORIES: Final = 1230

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from legoworld.dataset_versions import dataset_of
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
-from legoworld.places import Place, folders_holding
 from legoworld.records.base import UNSET, RecordError, decode
+from legoworld.records.repeats import repeated
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, TrackFile
-from legoworld.repeats import repeated
-from legoworld.vocabulary import Vocabulary, vocabulary_of
+from legoworld.remote import Place, folders_holding
+from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.vocabulary import Vocabulary, vocabulary_of
 
 _SCENE_FILES = ("scene.blend", "scene.glb")
 

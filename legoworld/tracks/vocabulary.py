@@ -12,8 +12,8 @@ from typing import Final
 from legoworld.errors import CatalogError
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.records.base import RecordError, to_record
+from legoworld.records.repeats import repeated
 from legoworld.records.track import CategoryInfo
-from legoworld.repeats import repeated
 
 #: Labels whose match is remembered, at most: a scene may bring any number.
 _REMEMBERED: Final = 10_000

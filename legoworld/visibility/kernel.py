@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, ShapeError
-from legoworld.processors import usable_cores
 from legoworld.visibility.library import AlphaStruct, SurfacesStruct, ViewStruct, library
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import (
@@ -30,6 +29,7 @@ from legoworld.visibility.surfaces import (
     Surfaces,
     check_surfaces,
 )
+from legoworld.workers.processors import usable_cores
 
 __all__ = ["HOLDOUT", "MAX_SIDE", "Buffers", "Cutouts", "Surfaces", "coverage", "render"]
 

@@ -17,7 +17,7 @@ from typing import Any, Final, Generic, Literal, Protocol, TypeVar
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, WorkerCrashedError
-from legoworld.processors import usable_cores
+from legoworld.workers.processors import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

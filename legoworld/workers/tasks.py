@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar, overload
 
-from legoworld.running.engines import ENGINES, EngineName, Job, Worker
-from legoworld.running.task_process import ProcessLostError, TaskProcess, carried
+from legoworld.workers.engines import ENGINES, EngineName, Job, Worker
+from legoworld.workers.task_process import ProcessLostError, TaskProcess, carried
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

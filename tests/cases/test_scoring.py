@@ -17,7 +17,7 @@ from pycocotools import mask
 from pycocotools.coco import COCO
 
 from legoworld import cli
-from legoworld.evaluation import lvis_package
+from legoworld.evaluation.detection import lvis_package
 
 SIZE_WH = (80, 60)
 NAMES = ("collection_three_times", "particles", "ring")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from legoworld import open_scene
-from legoworld.source_comparison import SourceComparison
+from legoworld.running.source_comparison import SourceComparison
 
 pytestmark = pytest.mark.blender
 

@@ -11,7 +11,7 @@ import pytest
 from running.run_folders import readout, results
 
 from legoworld import cli
-from legoworld.running.engines import Job, run_ray
+from legoworld.workers.engines import Job, run_ray
 
 pytest.importorskip("ray")
 

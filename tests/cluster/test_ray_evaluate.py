@@ -9,7 +9,7 @@ import pytest
 from evaluation.commands import evaluate, files, made, small_pieces
 
 from legoworld.evaluation.depth.image_tasks import image_tasks
-from legoworld.running.tasks import Crew, results_of
+from legoworld.workers.tasks import Crew, results_of
 
 ray = pytest.importorskip("ray")
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from legoworld.comparison.making import make_comparison
 from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.detections import evaluate_detections
-from legoworld.evaluation.evaluators import EvaluatorKind
+from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.evidence import Check
 from legoworld.files import sha256_of_file
 from legoworld.records.base import canonical

@@ -22,9 +22,9 @@ from evaluation.detection_runs import random_predictions, random_truth
 from legoworld.comparison.sides import read_sides
 from legoworld.comparison.verification import verify_comparison
 from legoworld.evaluation.bootstrap import resample_counts
-from legoworld.evaluation.matches_file import table_from
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.detection.matching.matches_file import table_from
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 
 
 def sides_of(task, folder):

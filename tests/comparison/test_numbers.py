@@ -21,14 +21,14 @@ from legoworld.comparison.detections import detection_metrics
 from legoworld.comparison.sides import read_sides
 from legoworld.comparison.subsets import counts_of_images, table_of_images
 from legoworld.evaluation.bootstrap import centred_interval, resample_counts, resampled_means
-from legoworld.evaluation.evaluators import run_evaluator
-from legoworld.evaluation.matched_metrics import matched_metrics
-from legoworld.evaluation.matches_file import EQUAL, OWN, counts_from, table_from
-from legoworld.evaluation.predictions import with_equal_confidence
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.reading import read_rows
-from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.detection.evaluators import run_evaluator
+from legoworld.evaluation.detection.inputs.predictions import with_equal_confidence
+from legoworld.evaluation.detection.matching.matched_metrics import matched_metrics
+from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, counts_from, table_from
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.records.base import as_json
+from legoworld.records.folders.evaluation_reading import read_rows
 
 
 def official_on(folder, task, evaluation, image_ids, *, equal):

@@ -12,7 +12,7 @@ import pytest
 from comparison.evaluations import compared, evaluated, row_of
 from evaluation.official import official_with_ids
 
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.protocols import detection_protocol
 
 pytestmark = pytest.mark.real_data
 

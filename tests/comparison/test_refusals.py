@@ -26,8 +26,8 @@ from legoworld.comparison.compatibility import IncomparableError
 from legoworld.comparison.sides import distinct_names
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.reading import EvaluationFolderError
 from legoworld.evaluation.stored import EvaluationChangedError
+from legoworld.records.folders.evaluation_reading import EvaluationFolderError
 
 
 def refused(sides, output, match, error: type[LegoWorldError] = IncomparableError, **options):

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from pycocotools import mask as coco_mask
 
-from legoworld.evaluation.predictions import check_predictions
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.inputs.predictions import check_predictions
+from legoworld.evaluation.detection.inputs.truth import read_truth
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import read_run
-from legoworld.evaluation.truth import read_truth
-from legoworld.vocabulary import from_json
+from legoworld.tracks.vocabulary import from_json
 
 Document = dict[str, Any]
 
@@ -168,9 +168,9 @@ def checked(folder: Path, task: str, truth: Document, predictions: Sequence[Any]
 
 def match_everything(protocol: Any, truth: Any, predictions: Any):
     """(problem, match table)."""
-    from legoworld.evaluation.matches import states_of
-    from legoworld.evaluation.matching import match_table
-    from legoworld.evaluation.problem import build_problem
+    from legoworld.evaluation.detection.matching.greedy import match_table
+    from legoworld.evaluation.detection.matching.matches import states_of
+    from legoworld.evaluation.detection.problem import build_problem
 
     problem = build_problem(truth, predictions, protocol)
     return problem, match_table(problem, states_of(problem, truth, predictions))

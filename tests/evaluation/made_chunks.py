@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 
-from legoworld.evaluation.chunks import Chunk
-from legoworld.evaluation.compiled_matching import pairs_of_chunk
-from legoworld.evaluation.overlaps import Overlaps
-from legoworld.evaluation.problem import Detections, TrueInstances
+from legoworld.evaluation.detection.matching.chunks import Chunk
+from legoworld.evaluation.detection.matching.compiled_matching import pairs_of_chunk
+from legoworld.evaluation.detection.matching.overlaps import Overlaps
+from legoworld.evaluation.detection.problem import Detections, TrueInstances
 
 
 def chunk_of(

@@ -11,8 +11,8 @@ from evaluation.detection_runs import write_run, write_truth
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
-from legoworld.evaluation import lvis_package
-from legoworld.evaluation.detections import evaluate_detections
+from legoworld.evaluation.detection import lvis_package
+from legoworld.evaluation.detection.evaluate import evaluate_detections
 
 
 def direct_coco(truth_path, results, iou_type="bbox"):

@@ -10,10 +10,10 @@ import numpy as np
 from pycocotools import mask as coco_mask
 from scipy.optimize import linear_sum_assignment
 
-from legoworld.evaluation.masks import areas_px, compressed
-from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.pairing import HIT
-from legoworld.evaluation.protocols import AREA_RANGES, IOU_THRESHOLDS
+from legoworld.evaluation.detection.inputs.masks import areas_px, compressed
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.pairing import HIT
+from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 
 PREFER_HIT, PREFER_LABEL = 1e-9, 1e-11
 THRESHOLDS = np.minimum(IOU_THRESHOLDS, 1 - 1e-10)

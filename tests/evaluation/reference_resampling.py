@@ -9,15 +9,15 @@ import itertools
 
 import numpy as np
 
-from legoworld.evaluation.accumulation import (
+from legoworld.evaluation.detection.matching.greedy import IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
+from legoworld.evaluation.detection.matching.matches import matches_of
+from legoworld.evaluation.detection.protocols import AREA_NAMES, IOU_THRESHOLDS
+from legoworld.evaluation.detection.ranking.accumulation import (
     category_slices,
     first_reached,
     mean_precision,
 )
-from legoworld.evaluation.matched_metrics import matched_counts, matched_metrics
-from legoworld.evaluation.matches import matches_of
-from legoworld.evaluation.matching import IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.protocols import AREA_NAMES, IOU_THRESHOLDS
 
 
 def copies(image, score, count):
@@ -46,7 +46,7 @@ def mean_in_order(values):
 
 
 def resampled_metrics(table, protocol, counts, frequencies=None):
-    """As legoworld.evaluation.resampling.resampled_metrics."""
+    """As legoworld.evaluation.detection.ranking.resampling.resampled_metrics."""
     found = {m.name: np.full(len(counts), np.nan) for m in protocol.metrics}
     slices = category_slices(table)
     for draw, count in enumerate(counts):
@@ -74,7 +74,7 @@ def resampled_metrics(table, protocol, counts, frequencies=None):
 
 
 def average_precision_in_orders(ranking, order, plain, n_truths):
-    """As legoworld.evaluation.compiled.ordered_precision, of ties' own ranking."""
+    """As compiled_accumulation.ordered_precision, of ties' own ranking."""
     steps = first_reached(n_truths)
     values = []
     for t, flags in enumerate(ranking.true):
@@ -102,7 +102,7 @@ def segments(values):
 
 
 def random_orders(ranking, n, random):
-    """As legoworld.evaluation.random_orders.random_orders, of ties' own ranking."""
+    """As random_orders.random_orders, of ties' own ranking."""
     order = np.repeat(np.arange(len(ranking.group))[None], n, axis=0)
     plain = np.repeat(ranking.plain_before[ranking.group][None], n, axis=0)
     for run in segments(ranking.group):

@@ -17,11 +17,11 @@ from evaluation.official import evaluate
 from pycocotools import mask as coco_mask
 
 from legoworld import cli
-from legoworld.catalog import folder
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
-from legoworld.evaluation.box_formats import check_box_format
-from legoworld.evaluation.detections import evaluate_detections
-from legoworld.evaluation.masks import measured, rle_problem
+from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.detection.inputs.box_formats import check_box_format
+from legoworld.evaluation.detection.inputs.masks import measured, rle_problem
+from legoworld.shipped.catalog import folder
 
 
 def refused(tmp_path, task, truth, predictions, match):

@@ -20,9 +20,9 @@ from legoworld.evaluation.bootstrap import (
     resample_counts,
     resampled_means,
 )
-from legoworld.evaluation.evaluators import run_evaluator
-from legoworld.evaluation.resampling import resampled_metrics
-from legoworld.evaluation.scoring import frequencies_of
+from legoworld.evaluation.detection.evaluators import run_evaluator
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.evaluation.detection.scoring import frequencies_of
 
 
 def resampled(truth, predictions, counts):

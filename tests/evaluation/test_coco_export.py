@@ -13,9 +13,9 @@ from pycocotools import mask as coco_mask
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
-from legoworld.catalog import folder
 from legoworld.cli import run as call
-from legoworld.evaluation.prediction_order import canonical_key
+from legoworld.evaluation.detection.inputs.prediction_order import canonical_key
+from legoworld.shipped.catalog import folder
 
 TASKS = ("coco", "coco-masks", "lvis")
 

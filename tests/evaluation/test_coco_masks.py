@@ -12,10 +12,10 @@ from evaluation.official import direct_coco, evaluate
 from pycocotools import mask as coco_mask
 
 from legoworld.cli import run as call
-from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.reading import read_rows
-from legoworld.track import load_track, serves
-from legoworld.track_making import make_track
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.records.folders.evaluation_reading import read_rows
+from legoworld.track_making.making import make_track
+from legoworld.tracks.track import load_track, serves
 
 SIZE_HW = (90, 120)
 

@@ -11,11 +11,14 @@ from evaluation.detection_runs import checked, random_predictions, random_truth,
 from evaluation.made_chunks import chunk_of
 from pycocotools import mask as coco_mask
 
-from legoworld.evaluation.chunks import Chunk, Chunks
-from legoworld.evaluation.compiled_matching import pairs_of_chunk, states_of_chunk
-from legoworld.evaluation.masks import areas_px
-from legoworld.evaluation.overlaps import Overlaps, overlaps_of
-from legoworld.evaluation.problem import build_problem
+from legoworld.evaluation.detection.inputs.masks import areas_px
+from legoworld.evaluation.detection.matching.chunks import Chunk, Chunks
+from legoworld.evaluation.detection.matching.compiled_matching import (
+    pairs_of_chunk,
+    states_of_chunk,
+)
+from legoworld.evaluation.detection.matching.overlaps import Overlaps, overlaps_of
+from legoworld.evaluation.detection.problem import build_problem
 
 
 def assert_same(chunk: Chunk, overlaps: Overlaps) -> tuple[np.ndarray, int]:
@@ -59,7 +62,7 @@ def test_made_up_overlaps_full_of_ties(levels, odd):
 @pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 @pytest.mark.parametrize("seed", range(4))
 def test_tracks_with_crowds_areas_and_gaps(task, seed, tmp_path, monkeypatch):
-    monkeypatch.setattr("legoworld.evaluation.chunks._CHUNK_DETECTIONS", 30)
+    monkeypatch.setattr("legoworld.evaluation.detection.matching.chunks._CHUNK_DETECTIONS", 30)
     document = random_truth(task, seed=seed, images=25, per_image=8)
     predictions = random_predictions(task, document, seed=seed, per_image=20, levels=5)
     protocol, truth, predictions = checked(tmp_path, task, document, predictions)

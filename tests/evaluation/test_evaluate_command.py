@@ -18,11 +18,11 @@ from evaluation.detection_runs import (
 )
 
 from legoworld import cli
-from legoworld.evaluation.matched_metrics import matched_metrics
-from legoworld.evaluation.matches_file import EQUAL, counts_from, table_from
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.reading import read_rows
-from legoworld.evaluation.resampling import resampled_metrics
+from legoworld.evaluation.detection.matching.matched_metrics import matched_metrics
+from legoworld.evaluation.detection.matching.matches_file import EQUAL, counts_from, table_from
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.records.folders.evaluation_reading import read_rows
 
 
 @pytest.fixture(params=["coco", "lvis"])

@@ -15,11 +15,11 @@ from evaluation.detection_runs import (
 from evaluation.official import evaluate
 
 from legoworld import cli
-from legoworld.catalog import folder
-from legoworld.dataset_versions import dataset_of
-from legoworld.evaluation.detections import evaluate_detections
-from legoworld.evaluation.reading import read_rows
+from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.records.base import as_json
+from legoworld.records.folders.evaluation_reading import read_rows
+from legoworld.shipped.catalog import folder
+from legoworld.tracks.dataset_versions import dataset_of
 
 TASKS = pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 
@@ -54,7 +54,7 @@ def test_the_shipped_truth_scores_one_against_itself(task, tmp_path):
     truth = json.loads(path.read_text(encoding="utf-8"))
     predictions = as_predictions(task, truth)
     if task != "coco":
-        from legoworld.evaluation.masks import compressed
+        from legoworld.evaluation.detection.inputs.masks import compressed
 
         sizes = {i["id"]: (i["height"], i["width"]) for i in truth["images"]}
         for p in predictions:

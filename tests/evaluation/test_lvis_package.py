@@ -10,12 +10,12 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 
 from legoworld import cli
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation import lvis_package
+from legoworld.evaluation.detection import lvis_package
 
 PROGRAM = """
 import logging, sys
 import numpy
-from legoworld.evaluation import lvis_package
+from legoworld.evaluation.detection import lvis_package
 before = dict(vars(numpy)), logging.root.level, list(logging.root.handlers), logging.basicConfig
 package = lvis_package.load()
 assert lvis_package.load() is package

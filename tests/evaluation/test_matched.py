@@ -18,11 +18,11 @@ from evaluation.made_chunks import best_pairs
 from evaluation.reference_resampling import pair_metrics
 from pycocotools import mask as coco_mask
 
-from legoworld.evaluation.accumulation import accumulate, metric_value
-from legoworld.evaluation.evaluators import run_evaluator
-from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.protocols import IOU_THRESHOLDS
-from legoworld.evaluation.scoring import frequencies_of
+from legoworld.evaluation.detection.evaluators import run_evaluator
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS
+from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
+from legoworld.evaluation.detection.scoring import frequencies_of
 
 
 def best_by_trying(iou):

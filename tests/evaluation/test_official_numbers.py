@@ -15,12 +15,12 @@ from evaluation.detection_runs import (
 )
 from evaluation.official import direct, evaluate
 
-from legoworld.evaluation.accumulation import accumulate, metric_value
-from legoworld.evaluation.evaluators import EvaluatorDisagreesError, run_evaluator
-from legoworld.evaluation.prediction_columns import columns_of
-from legoworld.evaluation.prediction_order import canonical_key
-from legoworld.evaluation.scoring import check_agreement, frequencies_of
-from legoworld.evaluation.text import official_lines
+from legoworld.evaluation.detection.evaluators import EvaluatorDisagreesError, run_evaluator
+from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
+from legoworld.evaluation.detection.inputs.prediction_order import canonical_key
+from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
+from legoworld.evaluation.detection.scoring import check_agreement, frequencies_of
+from legoworld.evaluation.detection.text import official_lines
 
 
 @pytest.mark.parametrize("levels", [None, 3, 1])

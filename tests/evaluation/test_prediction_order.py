@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legoworld.evaluation.box_formats import finite_floats, is_finite
-from legoworld.evaluation.prediction_columns import columns_of
-from legoworld.evaluation.prediction_order import canonical_key, in_order
-from legoworld.evaluation.texts import texts_of
+from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
+from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
+from legoworld.evaluation.detection.inputs.prediction_order import canonical_key, in_order
+from legoworld.evaluation.detection.inputs.texts import texts_of
 
 
 def entries(kind, random, n=300):

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from legoworld.errors import LegoWorldError, UsageError
-from legoworld.running.task_process import ProcessLostError, TaskProcess
-from legoworld.running.tasks import ALONE, Crew, results_of
+from legoworld.workers.task_process import ProcessLostError, TaskProcess
+from legoworld.workers.tasks import ALONE, Crew, results_of
 
 CREWS = [ALONE, Crew(workers=2), Crew(workers=5)]
 

@@ -15,12 +15,17 @@ from evaluation.detection_runs import (
     random_truth,
 )
 
-from legoworld.evaluation.accumulation import accumulate, metric_value
-from legoworld.evaluation.compiled import bits_of, ordered_precision
-from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
-from legoworld.evaluation.protocols import detection_protocol
-from legoworld.evaluation.random_orders import random_orders
-from legoworld.evaluation.ties import _ranking, order_aps, tie_orders
+from legoworld.evaluation.detection.matching.greedy import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+    MatchTable,
+)
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
+from legoworld.evaluation.detection.ranking.compiled_accumulation import bits_of, ordered_precision
+from legoworld.evaluation.detection.ranking.random_orders import random_orders
+from legoworld.evaluation.detection.ranking.ties import _ranking, order_aps, tie_orders
 
 COCO = detection_protocol("coco")
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from evaluation.detection_runs import random_truth, write_truth
 
-from legoworld import catalog, cli
+from legoworld import cli
 from legoworld.errors import CatalogError, LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
-from legoworld.track import load_track
-from legoworld.track_making import make_track
+from legoworld.shipped import catalog
+from legoworld.track_making.making import make_track
+from legoworld.tracks.track import load_track
 
 #: Numbers so odd that they can only come from an annotation.
 ODD = 7919

@@ -10,11 +10,11 @@ import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.inputs.truth import read_truth
+from legoworld.evaluation.detection.inputs.truth_checks import TruthInvalidError
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import read_run
-from legoworld.evaluation.truth import read_truth
-from legoworld.evaluation.truth_checks import TruthInvalidError
-from legoworld.track_making import make_track
+from legoworld.track_making.making import make_track
 
 TRIANGLE = [1.0, 1.0, 5.5, 1.0, 5.0, 5.0]
 

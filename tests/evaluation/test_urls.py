@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from evaluation.commands import evaluate, files, made
 
-from legoworld import cli, places
+from legoworld import cli
+from legoworld import remote as places
 
 fsspec = pytest.importorskip("fsspec")
 
@@ -66,8 +67,8 @@ def test_inputs_are_named_by_where_they_really_are(tmp_path):
 
 
 def test_a_password_in_a_url_is_not_written_down(tmp_path):
-    from legoworld.evaluation.folder import InputFile
-    from legoworld.evaluation.origins import Origins, recorded_inputs
+    from legoworld.evaluation.input_paths import Origins, recorded_inputs
+    from legoworld.records.folders.evaluation_folder import InputFile
 
     run = InputFile(role="run", path=tmp_path / "run.json", sha256="", size_bytes=0)
     origins = Origins(run_url="ftp://me:secret@host/run/")

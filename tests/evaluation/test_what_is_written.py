@@ -13,9 +13,9 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 from evaluation.official import evaluate
 
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
-from legoworld.evaluation.box_formats import BoxFormatError, check_box_format
-from legoworld.evaluation.detections import evaluate_detections
-from legoworld.evaluation.folder import EVIDENCE, prepare_folder
+from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError, check_box_format
+from legoworld.records.folders.evaluation_folder import EVIDENCE, prepare_folder
 
 TASKS = ["coco", "coco-masks", "lvis"]
 

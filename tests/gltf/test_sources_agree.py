@@ -10,10 +10,10 @@ import pytest
 
 from legoworld import cli
 from legoworld.api.scenes import Scene
-from legoworld.inspection import open_scene
+from legoworld.running.inspection import open_scene
+from legoworld.running.source_comparison import SourceComparison
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import SceneFolder
-from legoworld.source_comparison import SourceComparison
 
 EXPORT = """
 def export(name, **more):

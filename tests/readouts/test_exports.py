@@ -30,10 +30,10 @@ from legoworld.readouts.exports import (
 )
 from legoworld.readouts.tasks import TASKS, protocol
 from legoworld.scene.instances import Instance
+from legoworld.tracks.vocabulary import Category
 from legoworld.visibility.kernel import Buffers, Surfaces
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, instance_extents
-from legoworld.vocabulary import Category
 
 #: A view of made-up buffers has no surfaces behind it.
 NOTHING = Surfaces(

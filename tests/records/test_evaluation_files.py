@@ -10,16 +10,16 @@ import pytest
 from comparison.evaluations import compared, depth_scene_and_baseline, scene_and_baseline
 
 from legoworld.comparison.folder import read_document
-from legoworld.evaluation.reading import (
+from legoworld.records.base import as_json, canonical, decode, readable
+from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
+from legoworld.records.evidence import DepthComparison, DetectionComparison
+from legoworld.records.folders.evaluation_reading import (
     EvaluationFolderError,
     read_category_rows,
     read_evaluation_evidence,
     read_image_rows,
     read_summary,
 )
-from legoworld.records.base import as_json, canonical, decode, readable
-from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
-from legoworld.records.evidence import DepthComparison, DetectionComparison
 
 
 @pytest.fixture(scope="module", params=["coco", "coco-masks", "lvis", "eth3d"])

@@ -15,7 +15,7 @@ import numpy as np
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 
 from legoworld import cli
-from legoworld.evaluation.detections import evaluate_detections
+from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.report.document import PageDocument, page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources

@@ -17,7 +17,7 @@ from report.pages import HOSTILE, document_of, evaluated, page_of, write_photos,
 
 from legoworld import cli
 from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.masks import areas_px, compressed
+from legoworld.evaluation.detection.inputs.masks import areas_px, compressed
 from legoworld.report import page_file
 
 LISTED = (

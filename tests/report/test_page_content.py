@@ -12,7 +12,7 @@ from evaluation.detection_runs import random_truth
 from report.pages import HOSTILE, Tables, document_of, embedded, evaluated, page_of, write_photos
 
 from legoworld import cli
-from legoworld.evaluation.protocols import detection_protocol
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.stored import EvaluationChangedError
 from legoworld.records.base import as_json
 from legoworld.report import page_file

@@ -15,7 +15,8 @@ from gltf.scenes import scene_at
 from running.run_folders import tree
 
 from legoworld import cli
-from legoworld.running import readout_run, run_folder
+from legoworld.records.folders import run_folder
+from legoworld.running import readout_run
 
 NAMES = ("a", "b", "c")
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from legoworld.errors import WorkerCrashedError
-from legoworld.running.engines import (
+from legoworld.workers.engines import (
     ENGINES,
     ClusterUnreachableError,
     EngineMissingError,
@@ -25,8 +25,8 @@ from legoworld.running.engines import (
     run_local,
     run_ray,
 )
-from legoworld.running.task_process import ProcessLostError, TaskProcess, carried
-from legoworld.running.tasks import ALONE, Crew, results_of
+from legoworld.workers.task_process import ProcessLostError, TaskProcess, carried
+from legoworld.workers.tasks import ALONE, Crew, results_of
 
 
 class Books:

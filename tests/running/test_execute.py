@@ -11,8 +11,8 @@ from running.executed import BUILD, execute, execution
 
 from legoworld import cli
 from legoworld.files import sha256_of_file
-from legoworld.scene.execution_record import execution_warnings
-from legoworld.scene.execution_verdicts import ended_early, over_limit
+from legoworld.scene.programs.record import execution_warnings
+from legoworld.scene.programs.verdicts import ended_early, over_limit
 from legoworld.workers.sandbox import Ending, SandboxLimits
 
 pytestmark = pytest.mark.blender

@@ -13,7 +13,7 @@ from running.executed import BUILD, execute, execution
 from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.records.execution import ProgramReport, Reason
-from legoworld.scene.program_report import read_report
+from legoworld.scene.programs.report import read_report
 
 pytestmark = pytest.mark.blender
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from legoworld.api import folders
-from legoworld.places import PlaceError, fetch_folder
+from legoworld.remote import PlaceError, fetch_folder
 
 fsspec = pytest.importorskip("fsspec")
 
@@ -23,7 +23,7 @@ def url() -> str:
 
 @pytest.mark.parametrize("name", ["../escaped", "scene/../../escaped", "scene//x", "./x"])
 def test_a_name_that_leads_out_is_refused_and_nothing_is_written(name, url, tmp_path, monkeypatch):
-    monkeypatch.setattr("legoworld.places._names_below", lambda *_a: [name, "scene/scene.blend"])
+    monkeypatch.setattr("legoworld.remote._names_below", lambda *_a: [name, "scene/scene.blend"])
     with pytest.raises(PlaceError, match="no path inside its folder"):
         fetch_folder(url, tmp_path / "into")
     assert list(tmp_path.iterdir()) == []

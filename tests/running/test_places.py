@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from running.run_folders import readout, results
 
-from legoworld import cli, places
+from legoworld import cli
+from legoworld import remote as places
 
 fsspec = pytest.importorskip("fsspec")
 

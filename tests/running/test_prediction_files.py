@@ -17,8 +17,8 @@ from specialists.tracks import make_track
 
 from legoworld import cli
 from legoworld.files import canonical_json
-from legoworld.running import prediction_files as storage
-from legoworld.running.prediction_files import (
+from legoworld.records.folders import prediction_files as storage
+from legoworld.records.folders.prediction_files import (
     PredictionsUnreadableError,
     delete_predictions,
     prediction_files,

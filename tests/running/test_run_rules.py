@@ -15,9 +15,10 @@ from running.run_folders import readout, results, tree
 
 from legoworld import cli
 from legoworld.files import canonical_json
-from legoworld.running import disk, journal
+from legoworld.records.folders import run_journal as journal
+from legoworld.records.folders.run_folder import begin, earlier_records, refuse_strangers
+from legoworld.running import disk
 from legoworld.running.disk import OutputFullError, check_disk
-from legoworld.running.run_folder import begin, earlier_records, refuse_strangers
 
 FIXED = ("--source", "glb", "--no-cache", "--workers", 1)
 

@@ -12,7 +12,7 @@ import pytest
 from legoworld import cli
 from legoworld.commands import progress
 from legoworld.commands.run_text import failure_lines, stranger_lines, warning_lines
-from legoworld.scene_names import Stranger, lower_top, strangers
+from legoworld.tracks.scene_names import Stranger, lower_top, strangers
 
 
 def row(number, status="ok", reason=None, warnings=()):

@@ -23,7 +23,7 @@ from legoworld.running.image import read_image
 from legoworld.running.image_record import ImageOptions, Record
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 
 STATUSES = ("ok", "missing", "invalid", "changed", "failed", "timeout")
 IMAGE = TrackImage(id=1, file_name="scene.jpg", size_wh=(64, 64), scene="scene")

@@ -16,7 +16,7 @@ from legoworld.scene.snapshot import (
     SceneObject,
     Snapshot,
 )
-from legoworld.vocabulary import Vocabulary, from_json
+from legoworld.tracks.vocabulary import Vocabulary, from_json
 
 CAMERA = SceneCamera(
     name="Camera",

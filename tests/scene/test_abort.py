@@ -7,9 +7,9 @@ import subprocess
 import sys
 import threading
 
-from legoworld.running.task_process import TaskProcess
 from legoworld.scene import blender_process
 from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.workers.task_process import TaskProcess
 
 
 def sleeping() -> subprocess.Popen:

@@ -20,7 +20,7 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import hash_files, write_frozen
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 
 pytestmark = pytest.mark.blender
 

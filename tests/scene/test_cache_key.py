@@ -27,7 +27,7 @@ LAZY = PACKAGE / "__init__.py"
 NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_codes.py",
                      "scene/folder.py",
                      # how a program that was executed ended
-                     "scene/program_report.py", "records/base.py", "records/execution.py",
+                     "scene/programs/report.py", "records/base.py", "records/execution.py",
                      "records/verdict.py")  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from scene.by_hand import HandScene, categories, outside
 
 from legoworld.errors import LabelsInvalidError
 from legoworld.scene.labels import read_labels_file
-from legoworld.vocabulary import from_json
+from legoworld.tracks.vocabulary import from_json
 
 LVIS = from_json(
     [

@@ -23,7 +23,7 @@ from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts, hash_files, write_frozen
 from legoworld.scene.side_files import NESTING_LIMIT, SIZE_LIMITS, read_side_file
-from legoworld.track import TrackImage
+from legoworld.tracks.track import TrackImage
 
 PRIVATE = "the private key"
 IMAGE = TrackImage(id=1, file_name="scene.jpg", size_wh=(64, 64), scene="scene")

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from legoworld.scene import strands as strands_module
 from legoworld.scene.affine import cross, dot, length, unit
-from legoworld.scene.ribbons import ribbons
-from legoworld.scene.spheres import sphere, sphere_error, sphere_levels
-from legoworld.scene.strands import TOLERANCE, Eye, Strands, nodes, usable
-from legoworld.scene.tubes import linear_tubes, round_tubes
+from legoworld.scene.hair import strands as strands_module
+from legoworld.scene.hair.ribbons import ribbons
+from legoworld.scene.hair.spheres import sphere, sphere_error, sphere_levels
+from legoworld.scene.hair.strands import TOLERANCE, Eye, Strands, nodes, usable
+from legoworld.scene.hair.tubes import linear_tubes, round_tubes
 
 #: Looks along +z of the strands' own frame from 10 units before its origin.
 TEN_BEFORE = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 10]])

@@ -22,7 +22,7 @@ from legoworld.baselines.request import BaselineRequest, configuration_of
 from legoworld.files import canonical_json, readable_json
 from legoworld.readouts.tasks import protocol
 from legoworld.records.baseline_messages import Message
-from legoworld.track import load_track
+from legoworld.tracks.track import load_track
 
 HELLO = '{"provenance": {}, "environment": {}}\n'
 DONE = '{"done": true}\n'

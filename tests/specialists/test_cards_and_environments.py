@@ -45,7 +45,7 @@ def test_list_and_doctor_find_the_same_baselines(capsys):
 
 
 def test_an_unknown_name_comes_with_the_nearest(monkeypatch, copy):
-    monkeypatch.setattr("legoworld.catalog.folder", lambda _kind: copy.parent)
+    monkeypatch.setattr("legoworld.shipped.catalog.folder", lambda _kind: copy.parent)
     with pytest.raises(UsageError, match="'fakes'; expected: fake or a folder"):
         load_baseline("fakes")
     assert load_baseline("fake").name == "fake"

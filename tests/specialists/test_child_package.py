@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from legoworld import catalog
 from legoworld.baselines.labels import OLD_NAMES, label_map
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.readouts.tasks import protocol
-from legoworld.vocabulary import from_json
+from legoworld.shipped import catalog
+from legoworld.tracks.vocabulary import from_json
 
 SHARED = catalog.folder("baselines") / "shared"
 

@@ -15,7 +15,7 @@ from specialists.tracks import call, make_track, rows, run_document
 
 from legoworld.baselines.depth_matching import KNOWN_SUFFIXES, match_files
 from legoworld.evaluation.depth.errors import DepthFileError
-from legoworld.track import TrackImage, scene_name
+from legoworld.tracks.track import TrackImage, scene_name
 
 NAMES = ["hall/images/dslr_images/A.JPG", "hall/images/dslr_images/B.JPG"]
 DEPTH = np.linspace(1, 9, 48 * 64, dtype=np.float32).reshape(48, 64)

@@ -9,7 +9,7 @@ import pytest
 from pycocotools import mask as coco_mask
 from specialists.tracks import SIZE_WH, call, make_track, run_document
 
-from legoworld.catalog import folder as catalog_folder
+from legoworld.shipped.catalog import folder as catalog_folder
 
 #: COCO's own way of naming: ids that are the names' numbers, far from 1, 2, 3.
 IDS = (139, 285, 632, 724, 776)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from legoworld.scene.program_report import read_report
+from legoworld.scene.programs.report import read_report
 from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import workspace_bytes
 

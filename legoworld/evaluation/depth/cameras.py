@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from legoworld.colmap import Camera
 from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.errors import CameraModelError
-from legoworld.wording import counted
+from legoworld.pluralize import counted
+from legoworld.tracks.colmap import Camera
 
 #: Number of parameters by model, in the order of cameras.txt.
 #: PINHOLE: fx fy cx cy; THIN_PRISM_FISHEYE: fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1.

@@ -8,12 +8,12 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from legoworld import catalog
-from legoworld.colmap import Calibration, Camera, calibration_files
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.files import names_a_file
 from legoworld.records.base import decode
 from legoworld.records.track import ListedImage
+from legoworld.shipped import catalog
+from legoworld.tracks.colmap import Calibration, Camera, calibration_files
 
 #: The folder of a scene's photos, below images/ and in images.txt.
 PHOTOS: Final = "dslr_images"

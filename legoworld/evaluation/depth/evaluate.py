@@ -14,7 +14,14 @@ from legoworld.evaluation.depth.predictions import DepthRun, read_depth_run
 from legoworld.evaluation.depth.protocol import CAMERA_MODELS, DepthProtocol, depth_protocol
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
-from legoworld.evaluation.folder import (
+from legoworld.evaluation.input_paths import HERE, Origins, recorded_inputs
+from legoworld.evaluation.run import run_view
+from legoworld.files import names_a_file
+from legoworld.pluralize import counted
+from legoworld.records.evaluation_rows import DepthRow
+from legoworld.records.evaluation_summary import DepthSummary
+from legoworld.records.evidence import DepthConfiguration, DepthEvidence
+from legoworld.records.folders.evaluation_folder import (
     Evaluation,
     InputFile,
     input_file,
@@ -22,15 +29,8 @@ from legoworld.evaluation.folder import (
     prepare_folder,
     write_evaluation,
 )
-from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
-from legoworld.evaluation.run import run_view
-from legoworld.files import names_a_file
-from legoworld.records.evaluation_rows import DepthRow
-from legoworld.records.evaluation_summary import DepthSummary
-from legoworld.records.evidence import DepthConfiguration, DepthEvidence
-from legoworld.running.run_folder import ROWS, RUN
-from legoworld.running.tasks import ALONE, Crew
-from legoworld.wording import counted
+from legoworld.records.folders.run_folder import ROWS, RUN
+from legoworld.workers.tasks import ALONE, Crew
 
 
 def evaluate_depth(

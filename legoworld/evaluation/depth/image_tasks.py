@@ -14,7 +14,7 @@ from legoworld.evaluation.depth.predictions import DepthImage
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.rows import ImageResult, score_row
 from legoworld.evaluation.depth.truth import TruthFile
-from legoworld.running.tasks import Crew, results_of
+from legoworld.workers.tasks import Crew, results_of
 
 #: Bytes of truth that are scored by the time that other processes have started.
 _FEW_BYTES: Final = 16 << 20

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.errors import DepthFileError
-from legoworld.wording import counted
+from legoworld.pluralize import counted
 
 _SATURATED: Final = 65535
 

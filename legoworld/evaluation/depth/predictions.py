@@ -12,11 +12,11 @@ from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
 from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.reading import read_rows
 from legoworld.evaluation.run import Run, RunImage, read_run
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.depth import depth_file
-from legoworld.running.run_folder import ROWS
+from legoworld.records.folders.evaluation_reading import read_rows
+from legoworld.records.folders.run_folder import ROWS
 
 _TASK: Final = "eth3d"
 

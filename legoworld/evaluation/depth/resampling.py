@@ -9,12 +9,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.colmap import Camera
 from legoworld.errors import ShapeError
 from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.arrays import DepthArray, Index
 from legoworld.evaluation.depth.cameras import pinhole_from_distorted
 from legoworld.evaluation.depth.errors import DepthPredictionError
+from legoworld.tracks.colmap import Camera
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,6 @@ from typing import Final
 
 from msgspec.structs import asdict, replace
 
-from legoworld.colmap import Camera
 from legoworld.evaluation.depth.errors import (
     DepthFileError,
     DepthMissingError,
@@ -23,6 +22,7 @@ from legoworld.evaluation.depth.truth import DepthTruth, TruthFile, load_truth
 from legoworld.evaluation.depth.view import small_view
 from legoworld.records.evaluation_rows import DepthRow, Metrics, ScoredDepthRow, UnscoredDepthRow
 from legoworld.records.evaluation_view import DepthView
+from legoworld.tracks.colmap import Camera
 
 #: What a flagged fit may mean. A disparity labelled as depth can score well: only its sign tells.
 _FLAGS: Final = {

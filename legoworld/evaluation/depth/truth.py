@@ -10,7 +10,6 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.colmap import Calibration, Camera, read_calibration
 from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
@@ -26,7 +25,8 @@ from legoworld.evaluation.depth.pictures import (
 )
 from legoworld.evaluation.depth.predictions import photo_stem
 from legoworld.evaluation.run import RunImage
-from legoworld.wording import share
+from legoworld.pluralize import share
+from legoworld.tracks.colmap import Calibration, Camera, read_calibration
 
 _BAND_ROWS: Final = 64
 

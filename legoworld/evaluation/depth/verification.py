@@ -15,12 +15,12 @@ from legoworld.evaluation.depth.rows import score_row
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.evaluation.evidence import Check, located
-from legoworld.evaluation.reading import SUMMARY
 from legoworld.evaluation.run import RunImage
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.records.evidence import DepthEvidence
+from legoworld.records.folders.evaluation_reading import SUMMARY
 
 #: Images scored again, spread evenly over the track: a full-size one takes seconds.
 SCORED_AGAIN: Final = 10

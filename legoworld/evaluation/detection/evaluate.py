@@ -8,30 +8,26 @@ from pathlib import Path
 
 import numpy as np
 
-from legoworld.evaluation import lvis_package, matches_file
-from legoworld.evaluation.accumulation import truths_per_category
-from legoworld.evaluation.evaluators import EvaluatorKind
-from legoworld.evaluation.folder import (
-    Evaluation,
-    InputFile,
-    input_file,
-    installed_versions,
-    prepare_folder,
-    write_evaluation,
-)
-from legoworld.evaluation.matched_metrics import matched_document
-from legoworld.evaluation.matching import FALSE_POSITIVE
-from legoworld.evaluation.origins import HERE, Origins, recorded_inputs
-from legoworld.evaluation.predictions import (
+from legoworld.evaluation.detection import lvis_package
+from legoworld.evaluation.detection.evaluators import EvaluatorKind
+from legoworld.evaluation.detection.inputs.predictions import (
     Predictions,
     check_predictions,
     with_equal_confidence,
 )
-from legoworld.evaluation.problem import Ints
-from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol, detection_protocol
-from legoworld.evaluation.rows import per_category_rows, per_image_rows, views
-from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
-from legoworld.evaluation.scoring import (
+from legoworld.evaluation.detection.inputs.truth import Truth, read_truth
+from legoworld.evaluation.detection.matching import matches_file
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE
+from legoworld.evaluation.detection.matching.matched_metrics import matched_document
+from legoworld.evaluation.detection.problem import Ints
+from legoworld.evaluation.detection.protocols import (
+    AREA_NAMES,
+    DetectionProtocol,
+    detection_protocol,
+)
+from legoworld.evaluation.detection.ranking.accumulation import truths_per_category
+from legoworld.evaluation.detection.rows import per_category_rows, per_image_rows, views
+from legoworld.evaluation.detection.scoring import (
     Notice,
     RankedScore,
     Score,
@@ -41,7 +37,8 @@ from legoworld.evaluation.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.truth import Truth, read_truth
+from legoworld.evaluation.input_paths import HERE, Origins, recorded_inputs
+from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_summary import (
     Counts,
@@ -61,7 +58,15 @@ from legoworld.records.evidence import (
     RawScores,
     RunOrigin,
 )
-from legoworld.running.tasks import ALONE, Crew
+from legoworld.records.folders.evaluation_folder import (
+    Evaluation,
+    InputFile,
+    input_file,
+    installed_versions,
+    prepare_folder,
+    write_evaluation,
+)
+from legoworld.workers.tasks import ALONE, Crew
 
 
 def evaluate_detections(

@@ -12,11 +12,11 @@ import numpy as np
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation import lvis_package
-from legoworld.evaluation.predictions import Predictions
-from legoworld.evaluation.problem import Floats
-from legoworld.evaluation.protocols import DetectionProtocol, IouType
-from legoworld.evaluation.truth import Truth
+from legoworld.evaluation.detection import lvis_package
+from legoworld.evaluation.detection.inputs.predictions import Predictions
+from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.problem import Floats
+from legoworld.evaluation.detection.protocols import DetectionProtocol, IouType
 
 EvaluatorKind = Literal["official", "fast"]
 

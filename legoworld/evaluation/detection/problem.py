@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.caps import rank_in_group
-from legoworld.evaluation.prediction_columns import PredictionColumns
-from legoworld.evaluation.predictions import Predictions
-from legoworld.evaluation.protocols import DetectionProtocol
-from legoworld.evaluation.truth import Truth
+from legoworld.evaluation.detection.inputs.caps import rank_in_group
+from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns
+from legoworld.evaluation.detection.inputs.predictions import Predictions
+from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.protocols import DetectionProtocol
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.accumulation import truths_per_category
 from legoworld.evaluation.bootstrap import number
-from legoworld.evaluation.matched_metrics import image_sums
-from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.predictions import Predictions
-from legoworld.evaluation.problem import Ints
+from legoworld.evaluation.detection.inputs.predictions import Predictions
+from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.matched_metrics import image_sums
+from legoworld.evaluation.detection.problem import Ints
+from legoworld.evaluation.detection.ranking.accumulation import truths_per_category
+from legoworld.evaluation.detection.scoring import Score, category_precision
 from legoworld.evaluation.run import Run
-from legoworld.evaluation.scoring import Score, category_precision
-from legoworld.evaluation.truth import Truth
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_rows import CategoryRow, DetectionRow, Outcomes
 

@@ -9,26 +9,30 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.accumulation import Curves, accumulate, metric_value
 from legoworld.evaluation.bootstrap import centred_interval, resample_counts
-from legoworld.evaluation.evaluators import (
+from legoworld.evaluation.detection.evaluators import (
     EvaluatorDisagreesError,
     EvaluatorKind,
     OfficialScores,
     run_evaluator,
 )
-from legoworld.evaluation.matched_metrics import MatchedCounts, matched_counts, matched_metrics
-from legoworld.evaluation.matches import matches_of, states_of
-from legoworld.evaluation.matching import MatchTable, match_table
-from legoworld.evaluation.pairing import Pairs
-from legoworld.evaluation.predictions import Predictions
-from legoworld.evaluation.problem import Floats, Problem, build_problem
-from legoworld.evaluation.protocols import AREA_NAMES, DetectionProtocol
-from legoworld.evaluation.resampling import resampled_metrics
-from legoworld.evaluation.ties import TieResult, tie_orders
-from legoworld.evaluation.truth import Truth
+from legoworld.evaluation.detection.inputs.predictions import Predictions
+from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.matching.greedy import MatchTable, match_table
+from legoworld.evaluation.detection.matching.matched_metrics import (
+    MatchedCounts,
+    matched_counts,
+    matched_metrics,
+)
+from legoworld.evaluation.detection.matching.matches import matches_of, states_of
+from legoworld.evaluation.detection.matching.pairing import Pairs
+from legoworld.evaluation.detection.problem import Floats, Problem, build_problem
+from legoworld.evaluation.detection.protocols import AREA_NAMES, DetectionProtocol
+from legoworld.evaluation.detection.ranking.accumulation import Curves, accumulate, metric_value
+from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.evaluation.detection.ranking.ties import TieResult, tie_orders
 from legoworld.records.evaluation_summary import Interval, Values
-from legoworld.running.tasks import ALONE, Crew
+from legoworld.workers.tasks import ALONE, Crew
 
 #: Largest difference between an evaluator's number and ours: summation order, nothing more.
 AGREEMENT: Final = 1e-12

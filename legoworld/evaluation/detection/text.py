@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from legoworld.evaluation.protocols import DetectionProtocol, Metric
+from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
+from legoworld.pluralize import counted
 from legoworld.records.evaluation_summary import Coverage, DetectionSummary
-from legoworld.wording import counted
 
 Table = Callable[[Sequence[str], Sequence[Sequence[object]]], str]
 

@@ -18,17 +18,6 @@ from numpy.typing import NDArray
 
 from legoworld import __version__
 from legoworld.errors import ConfigurationMismatchError
-from legoworld.evaluation.input_hash import hash_and_size, without_of
-from legoworld.evaluation.reading import (
-    EVIDENCE,
-    MATCHES,
-    PER_CATEGORY,
-    PER_IMAGE,
-    SUMMARY,
-    VIEW,
-    EvaluationFolderError,
-    read_evidence,
-)
 from legoworld.files import (
     TEMPORARY_SUFFIX,
     atomic_path,
@@ -57,6 +46,17 @@ from legoworld.records.evidence import (
     DetectionEvidence,
     Input,
 )
+from legoworld.records.folders.evaluation_reading import (
+    EVIDENCE,
+    MATCHES,
+    PER_CATEGORY,
+    PER_IMAGE,
+    SUMMARY,
+    VIEW,
+    EvaluationFolderError,
+    read_evidence,
+)
+from legoworld.records.folders.input_hash import hash_and_size, without_of
 
 #: Packages a score can depend on; those that are installed are named in evidence.json.
 _PACKAGES: Final = ("numpy", "scipy", "pycocotools", "lvis", "hotcoco", "OpenEXR")

@@ -19,16 +19,7 @@ from legoworld.files import (
     sync_folder,
     write_text,
 )
-from legoworld.running.journal import (
-    JOURNAL,
-    Record,
-    UnwritableRecordError,
-    append,
-    journal,
-    journal_records,
-    predictions_at,
-)
-from legoworld.running.prediction_files import (
+from legoworld.records.folders.prediction_files import (
     FOLDER,
     IMAGES_PER_FILE,
     PREDICTIONS,
@@ -38,7 +29,16 @@ from legoworld.running.prediction_files import (
     present_files,
     write_predictions,
 )
-from legoworld.running.result_hashes import RESULTS, RUN_SCHEMA, altered, hashes
+from legoworld.records.folders.result_hashes import RESULTS, RUN_SCHEMA, altered, hashes
+from legoworld.records.folders.run_journal import (
+    JOURNAL,
+    Record,
+    UnwritableRecordError,
+    append,
+    journal,
+    journal_records,
+    predictions_at,
+)
 
 RUN: Final = "run.json"
 ROWS: Final = "per_image.jsonl"

@@ -15,7 +15,7 @@ import bpy
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.records.execution import ProgramError, ProgramReport, Stage
 from legoworld.scene.folder import BLEND, GLB, PICTURE
-from legoworld.scene.program_report import MOST_WARNINGS
+from legoworld.scene.programs.report import MOST_WARNINGS
 
 #: Object types that can render as something; a program must add or change one of them.
 _SHOWS: Final = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME",

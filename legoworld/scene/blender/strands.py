@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from legoworld.errors import NonFiniteGeometryError
 from legoworld.scene.affine import inverse, length, transformed
+from legoworld.scene.hair.strands import Strands, usable
 from legoworld.scene.snapshot import LARGEST_COORDINATE
-from legoworld.scene.strands import Strands, usable
 
 if TYPE_CHECKING:
     import bpy

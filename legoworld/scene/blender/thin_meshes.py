@@ -20,11 +20,11 @@ from legoworld.scene.blender.strands import (
     hair_systems,
     particle_hair,
 )
-from legoworld.scene.ribbons import Triangulated, joined, ribbons
+from legoworld.scene.hair.ribbons import Triangulated, joined, ribbons
+from legoworld.scene.hair.spheres import sphere, sphere_levels
+from legoworld.scene.hair.strands import Eye, Strands
+from legoworld.scene.hair.tubes import linear_tubes, round_tubes
 from legoworld.scene.snapshot import SceneCamera
-from legoworld.scene.spheres import sphere, sphere_levels
-from legoworld.scene.strands import Eye, Strands
-from legoworld.scene.tubes import linear_tubes, round_tubes
 
 if TYPE_CHECKING:
     import bpy

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.scene.strands import Eye, Nodes, Strands, nodes, side
+from legoworld.scene.hair.strands import Eye, Nodes, Strands, nodes, side
 
 Triangulated = tuple[NDArray[np.float32], NDArray[np.int32]]
 """(V, 3) float32 vertices and (T, 3) int32 triangles."""

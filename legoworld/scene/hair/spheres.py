@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.affine import cross, dot, unit
-from legoworld.scene.ribbons import Triangulated
-from legoworld.scene.strands import TOLERANCE
+from legoworld.scene.hair.ribbons import Triangulated
+from legoworld.scene.hair.strands import TOLERANCE
 
 #: Twenty triangles, and four times as many with every level.
 _MOST_LEVELS: Final = 6

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.affine import cross, dot, length, unit
-from legoworld.scene.ribbons import Triangulated, joined, quads
-from legoworld.scene.spheres import sphere, sphere_levels
-from legoworld.scene.strands import TOLERANCE, Eye, Nodes, Strands, nodes
+from legoworld.scene.hair.ribbons import Triangulated, joined, quads
+from legoworld.scene.hair.spheres import sphere, sphere_levels
+from legoworld.scene.hair.strands import TOLERANCE, Eye, Nodes, Strands, nodes
 
 _FEWEST_SIDES: Final = 4
 _MOST_SIDES: Final = 64

@@ -27,15 +27,14 @@ from legoworld.records.verdict import OK, Verdict
 from legoworld.scene.artefacts import check_glb, check_picture, without_metadata
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
-from legoworld.scene.execution_verdicts import (
+from legoworld.scene.folder import BLEND, EXECUTION, FROZEN, GLB, PICTURE, PROGRAM
+from legoworld.scene.programs.report import REPORT, read_report
+from legoworld.scene.programs.verdicts import (
     ProgramLimitError,
     ProgramOutputError,
     ended_early,
     over_limit,
 )
-from legoworld.scene.folder import BLEND, EXECUTION, FROZEN, GLB, PICTURE, PROGRAM
-from legoworld.scene.program_report import REPORT, read_report
-from legoworld.scene.scratch import scratch_folder
 from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import (
     Confinement,
@@ -44,6 +43,7 @@ from legoworld.workers.sandbox import (
     SandboxLimits,
     protections,
 )
+from legoworld.workers.scratch import scratch_folder
 
 _NOT_SHOWN: Final = "the sandbox shows the program no file but its own"
 _SHOW: Final = "name what it reads with --input"

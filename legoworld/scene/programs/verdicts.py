@@ -9,7 +9,7 @@ from typing import Final
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.scene.program_report import BEGUN
+from legoworld.scene.programs.report import BEGUN
 from legoworld.workers.sandbox import Ending, Limit, SandboxLimits, SandboxUnavailableError
 
 #: What faulthandler prints before the stack, in a crash and at the time limit.

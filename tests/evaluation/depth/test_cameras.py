@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from evaluation.depth.folders import COURTYARD
 
-from legoworld.colmap import Camera
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.cameras import pinhole_from_distorted
 from legoworld.evaluation.depth.errors import CameraModelError
 from legoworld.evaluation.depth.resampling import sampler
+from legoworld.tracks.colmap import Camera
 
 WORDS = [float(x) for x in COURTYARD.split()]
 CAMERA = Camera(model="THIN_PRISM_FISHEYE", size_wh=(6048, 4032), params=tuple(WORDS[2:]))

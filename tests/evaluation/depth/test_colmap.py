@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from legoworld.colmap import (
+from legoworld.tracks.colmap import (
     BINARY_MODELS,
     CalibrationError,
     Camera,

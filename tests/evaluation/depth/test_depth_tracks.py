@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from evaluation.depth.folders import plane, rows_of, write_eth3d
 
-from legoworld import catalog, cli
+from legoworld import cli
 from legoworld.errors import CatalogError, UsageError
 from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.records.base import canonical
-from legoworld.track import load_track
-from legoworld.track_making import DepthChoice, make_track
+from legoworld.shipped import catalog
+from legoworld.track_making.making import DepthChoice, make_track
+from legoworld.tracks.track import load_track
 
 Track = dict[str, Any]
 Make = Callable[..., Track]

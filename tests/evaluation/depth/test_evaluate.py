@@ -258,8 +258,8 @@ def test_evidence_names_every_input(tmp_path: Path) -> None:
 
 def test_the_dataset_s_camera_changes_what_is_read(tmp_path: Path) -> None:
     # A bent camera. The truth is what it sees of the pinhole's slanted plane.
-    from legoworld.colmap import Camera
     from legoworld.evaluation.depth.cameras import pinhole_from_distorted
+    from legoworld.tracks.colmap import Camera
 
     words = "300 200 170 170 151 99 0.2 0.2 0 0.0005 -0.15 0.4 0 0.0008"
     numbers = [float(w) for w in words.split()]

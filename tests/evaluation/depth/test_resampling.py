@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from legoworld.colmap import Camera
 from legoworld.errors import ShapeError
 from legoworld.evaluation.depth.arrays import DepthArray, Space
 from legoworld.evaluation.depth.errors import DepthPredictionError
 from legoworld.evaluation.depth.resampling import bilinear, check_size, sampler
+from legoworld.tracks.colmap import Camera
 
 Array = NDArray[Any]
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from evaluation.depth.folders import plane, write_arrays, write_eth3d
 
-from legoworld.colmap import read_calibration
 from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
 from legoworld.evaluation.depth.eth3d import (
     photo_camera,
@@ -17,6 +16,7 @@ from legoworld.evaluation.depth.eth3d import (
 )
 from legoworld.evaluation.depth.truth import find_truth, load_truth
 from legoworld.evaluation.run import RunImage
+from legoworld.tracks.colmap import read_calibration
 
 NAME = "courtyard/images/dslr_images/DSC_0286.JPG"
 OTHER = "office/images/dslr_images/DSC_0219.JPG"

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.prediction_columns import PredictionColumns
+from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns
 
 
 def rank_in_group(sorted_groups: NDArray[np.int64]) -> NDArray[np.int64]:

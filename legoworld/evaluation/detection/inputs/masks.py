@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pycocotools import mask as _mask
 
-from legoworld.evaluation.library import check, library, pointer
+from legoworld.evaluation.kernels.library import check, library, pointer
 
 _API: Any = _mask  # its stubs know neither lists of RLE nor text counts
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.box_formats import finite_floats, is_finite
-from legoworld.vocabulary import Vocabulary
-from legoworld.wording import counted, share, word_for
+from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
+from legoworld.pluralize import counted, share, word_for
+from legoworld.tracks.vocabulary import Vocabulary
 
 #: What to do where a key is missing that a results list must have and ground truth has not.
 _ADD: Final = {

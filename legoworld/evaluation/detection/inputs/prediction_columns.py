@@ -10,7 +10,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.texts import Texts, texts_of
+from legoworld.evaluation.detection.inputs.texts import Texts, texts_of
 
 Ints = NDArray[np.int64]
 

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from legoworld.evaluation.prediction_columns import Ints, PredictionColumns
+from legoworld.evaluation.detection.inputs.prediction_columns import Ints, PredictionColumns
 
 #: canonical: by image id, category id, payload. given: by image id, then as the predictions were
 #: given, which is the order of an imported file or of a model's own answer.

@@ -12,28 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import EQUAL_CONFIDENCE
-from legoworld.evaluation.box_formats import check_box_format
-from legoworld.evaluation.caps import without_empty
-from legoworld.evaluation.masks import compressed, covers, measured, rle_problem
-from legoworld.evaluation.prediction_checks import (
+from legoworld.evaluation.detection.inputs.box_formats import check_box_format
+from legoworld.evaluation.detection.inputs.caps import without_empty
+from legoworld.evaluation.detection.inputs.masks import compressed, covers, measured, rle_problem
+from legoworld.evaluation.detection.inputs.prediction_checks import (
     PredictionsInvalidError,
     check_ids,
     check_keys,
     sound_keys,
 )
-from legoworld.evaluation.prediction_columns import PredictionColumns, score_column
-from legoworld.evaluation.prediction_order import (
+from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns, score_column
+from legoworld.evaluation.detection.inputs.prediction_order import (
     PredictionOrder,
     in_order,
     order_of,
     places_in_order,
 )
-from legoworld.evaluation.protocols import DetectionProtocol
+from legoworld.evaluation.detection.inputs.texts import Texts, texts_of
+from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
-from legoworld.evaluation.texts import Texts, texts_of
-from legoworld.evaluation.truth import Truth
 from legoworld.files import canonical_json
-from legoworld.vocabulary import Vocabulary
+from legoworld.tracks.vocabulary import Vocabulary
 
 CheckBoxes = Callable[[Sequence[dict[str, Any]], Mapping[int, tuple[int, int]]], Mapping[str, int]]
 

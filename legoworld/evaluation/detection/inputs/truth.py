@@ -9,19 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from legoworld.dataset_versions import dataset_version
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.protocols import DetectionProtocol
-from legoworld.evaluation.run import Run, RunImage
-from legoworld.evaluation.truth_checks import (
+from legoworld.evaluation.detection.inputs.truth_checks import (
     TruthInvalidError,
     check_annotations,
     check_boxes,
     check_image_values,
     check_images,
 )
-from legoworld.vocabulary import Vocabulary, from_json
-from legoworld.wording import counted, share, word_for
+from legoworld.evaluation.detection.protocols import DetectionProtocol
+from legoworld.evaluation.run import Run, RunImage
+from legoworld.pluralize import counted, share, word_for
+from legoworld.tracks.dataset_versions import dataset_version
+from legoworld.tracks.vocabulary import Vocabulary, from_json
 
 
 class TruthMismatchError(LegoWorldError):

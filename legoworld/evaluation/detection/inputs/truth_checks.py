@@ -14,10 +14,19 @@ from typing import Any
 import numpy as np
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.box_formats import BoxFormatError, check_box_format, is_finite
-from legoworld.evaluation.masks import MOST_COORDINATE_PX, covers, measured, rle_problem
+from legoworld.evaluation.detection.inputs.box_formats import (
+    BoxFormatError,
+    check_box_format,
+    is_finite,
+)
+from legoworld.evaluation.detection.inputs.masks import (
+    MOST_COORDINATE_PX,
+    covers,
+    measured,
+    rle_problem,
+)
+from legoworld.pluralize import counted, share
 from legoworld.records.track import LARGEST_ID
-from legoworld.wording import counted, share
 
 Entry = dict[str, Any]
 Fault = Callable[[Entry], str | None]

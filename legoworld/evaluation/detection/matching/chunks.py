@@ -12,10 +12,10 @@ from typing import Any, Final, TypeVar, overload
 
 import numpy as np
 
-from legoworld.evaluation.predictions import Predictions
-from legoworld.evaluation.problem import Detections, Floats, Ints, Problem, TrueInstances
-from legoworld.evaluation.protocols import IouType
-from legoworld.evaluation.truth import Truth
+from legoworld.evaluation.detection.inputs.predictions import Predictions
+from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.problem import Detections, Floats, Ints, Problem, TrueInstances
+from legoworld.evaluation.detection.protocols import IouType
 
 #: Detections of a chunk, about: 25 ms of work on boxes, 80 on masks, and at most 3 MB to send.
 _CHUNK_DETECTIONS: Final = 8000

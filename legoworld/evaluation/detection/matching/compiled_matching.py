@@ -11,11 +11,11 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.chunks import Chunk
-from legoworld.evaluation.library import check, library, pointer
-from legoworld.evaluation.overlaps import Overlaps
-from legoworld.evaluation.pairing import Pairs
-from legoworld.evaluation.protocols import AREA_RANGES, IOU_THRESHOLDS
+from legoworld.evaluation.detection.matching.chunks import Chunk
+from legoworld.evaluation.detection.matching.overlaps import Overlaps
+from legoworld.evaluation.detection.matching.pairing import Pairs
+from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
+from legoworld.evaluation.kernels.library import check, library, pointer
 
 #: As both evaluators compare: no overlap of 1 is lost to rounding.
 _THRESHOLDS: Final = np.minimum(IOU_THRESHOLDS, 1 - 1e-10)

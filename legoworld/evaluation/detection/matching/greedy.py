@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.problem import (
+from legoworld.evaluation.detection.problem import (
     Floats,
     Ints,
     Problem,
 )
-from legoworld.evaluation.protocols import AREA_RANGES
+from legoworld.evaluation.detection.protocols import AREA_RANGES
 
 #: What became of a detection at an area range and a threshold.
 FALSE_POSITIVE, TRUE_POSITIVE, IGNORED = 0, 1, 2

@@ -7,14 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.chunks import Chunk, Chunks
-from legoworld.evaluation.compiled_matching import pairs_of_chunk, states_of_chunk
-from legoworld.evaluation.overlaps import overlaps_of
-from legoworld.evaluation.pairing import Pairs
-from legoworld.evaluation.predictions import Predictions
-from legoworld.evaluation.problem import Problem
-from legoworld.evaluation.truth import Truth
-from legoworld.running.tasks import ALONE, Crew, results_of
+from legoworld.evaluation.detection.inputs.predictions import Predictions
+from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.matching.chunks import Chunk, Chunks
+from legoworld.evaluation.detection.matching.compiled_matching import (
+    pairs_of_chunk,
+    states_of_chunk,
+)
+from legoworld.evaluation.detection.matching.overlaps import overlaps_of
+from legoworld.evaluation.detection.matching.pairing import Pairs
+from legoworld.evaluation.detection.problem import Problem
+from legoworld.workers.tasks import ALONE, Crew, results_of
 
 
 @dataclass(frozen=True, kw_only=True)

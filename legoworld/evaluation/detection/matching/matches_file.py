@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.matched_metrics import MatchedCounts
-from legoworld.evaluation.matching import MatchTable
-from legoworld.evaluation.protocols import AREA_RANGES, IOU_THRESHOLDS
-from legoworld.evaluation.scoring import RankedScore, Score
+from legoworld.evaluation.detection.matching.greedy import MatchTable
+from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts
+from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
+from legoworld.evaluation.detection.scoring import RankedScore, Score
 
 Arrays = Mapping[str, NDArray[Any]]
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legoworld.evaluation.chunks import Chunk
-from legoworld.evaluation.library import check, library, pointer
-from legoworld.evaluation.masks import compressed, joined_texts, measured, overlaps
-from legoworld.evaluation.problem import Floats
+from legoworld.evaluation.detection.inputs.masks import compressed, joined_texts, measured, overlaps
+from legoworld.evaluation.detection.matching.chunks import Chunk
+from legoworld.evaluation.detection.problem import Floats
+from legoworld.evaluation.kernels.library import check, library, pointer
 
 
 @dataclass(frozen=True, kw_only=True)

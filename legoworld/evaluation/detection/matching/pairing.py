@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from legoworld.evaluation.problem import Bools, Floats, Ints
+from legoworld.evaluation.detection.problem import Bools, Floats, Ints
 
 #: A pair at least this good is a true positive of precision and recall.
 HIT: Final = 0.5

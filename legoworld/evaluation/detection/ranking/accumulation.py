@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.matching import FALSE_POSITIVE, TRUE_POSITIVE, MatchTable
-from legoworld.evaluation.problem import Floats, Ints
-from legoworld.evaluation.protocols import (
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE, MatchTable
+from legoworld.evaluation.detection.problem import Floats, Ints
+from legoworld.evaluation.detection.protocols import (
     AREA_NAMES,
     IOU_THRESHOLDS,
     RECALL_THRESHOLDS,

@@ -10,10 +10,10 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.library import check, library, pointer
-from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.problem import Floats, Ints
-from legoworld.evaluation.protocols import IOU_THRESHOLDS, RECALL_THRESHOLDS
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.problem import Floats, Ints
+from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS, RECALL_THRESHOLDS
+from legoworld.evaluation.kernels.library import check, library, pointer
 
 Bits = NDArray[np.uint16]
 Counts = NDArray[np.int32]

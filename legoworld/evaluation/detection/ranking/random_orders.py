@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import InstallationError
-from legoworld.evaluation.library import check, library, pointer
-from legoworld.evaluation.problem import Ints
+from legoworld.evaluation.detection.problem import Ints
+from legoworld.evaluation.kernels.library import check, library, pointer
 
 Counts = NDArray[np.int32]
 

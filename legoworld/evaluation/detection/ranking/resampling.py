@@ -11,16 +11,20 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from legoworld.errors import ShapeError
-from legoworld.evaluation.accumulation import category_slices
 from legoworld.evaluation.category_threads import category_threads
-from legoworld.evaluation.compiled import in_lanes, ranking_of, resample
-from legoworld.evaluation.matching import MatchTable
-from legoworld.evaluation.problem import Floats
-from legoworld.evaluation.protocols import (
+from legoworld.evaluation.detection.matching.greedy import MatchTable
+from legoworld.evaluation.detection.problem import Floats
+from legoworld.evaluation.detection.protocols import (
     AREA_NAMES,
     IOU_THRESHOLDS,
     DetectionProtocol,
     Metric,
+)
+from legoworld.evaluation.detection.ranking.accumulation import category_slices
+from legoworld.evaluation.detection.ranking.compiled_accumulation import (
+    in_lanes,
+    ranking_of,
+    resample,
 )
 
 Counts = NDArray[np.int32]

@@ -12,17 +12,22 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.accumulation import (
+from legoworld.evaluation.category_threads import category_threads
+from legoworld.evaluation.detection.matching.greedy import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+    MatchTable,
+)
+from legoworld.evaluation.detection.problem import Floats, Ints
+from legoworld.evaluation.detection.ranking.accumulation import (
     category_slices,
     first_reached,
     mean_precision,
     truths_per_category,
 )
-from legoworld.evaluation.category_threads import category_threads
-from legoworld.evaluation.compiled import bits_of, ordered_precision
-from legoworld.evaluation.matching import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE, MatchTable
-from legoworld.evaluation.problem import Floats, Ints
-from legoworld.evaluation.random_orders import random_orders
+from legoworld.evaluation.detection.ranking.compiled_accumulation import bits_of, ordered_precision
+from legoworld.evaluation.detection.ranking.random_orders import random_orders
 from legoworld.records.evaluation_summary import Ties
 
 #: Elements of one block of random orders, to bound memory: part of what a seed means.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from legoworld.wording import counted, in_another_folder, share, word_for
+from legoworld.pluralize import counted, in_another_folder, share, word_for
 
 PACKAGE = Path(__file__).parents[1] / "legoworld"
 #: A number in an f-string with a plural right behind it: wrong for 1.
@@ -18,8 +18,12 @@ PLURAL = re.compile(
     r"orders|photos|pixels|predictions|runs|scenes|shards|truths|views|warnings)\b"
 )
 #: What is printed when a command went well; messages of errors have their own numbers.
-PRINTED = [*sorted((PACKAGE / "commands").glob("*.py")), PACKAGE / "report" / "tables.py",
-           PACKAGE / "report" / "tie_picture.py", PACKAGE / "evaluation" / "text.py"]  # fmt: skip
+PRINTED = [
+    *sorted((PACKAGE / "commands").glob("*.py")),
+    PACKAGE / "report" / "tables.py",
+    PACKAGE / "report" / "tie_picture.py",
+    PACKAGE / "evaluation" / "detection" / "text.py",
+]
 
 
 def plurals(path: Path) -> Iterator[str]:

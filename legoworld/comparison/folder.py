@@ -12,9 +12,7 @@ from msgspec.structs import replace
 from legoworld.comparison.formats import FORMATS
 from legoworld.comparison.tables import coverage_table, csv_table, headline_table
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
-from legoworld.evaluation.folder import input_file, installed_versions
-from legoworld.evaluation.protocols import PROTOCOLS
-from legoworld.evaluation.reading import EVIDENCE, read_evidence
+from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import READ, Evaluated
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file, write_text
 from legoworld.records.base import RecordError, as_json, readable, to_record
@@ -38,6 +36,8 @@ from legoworld.records.evidence import (
     PairedNumbers,
     PairEvidence,
 )
+from legoworld.records.folders.evaluation_folder import input_file, installed_versions
+from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
 
 COMPARISON: Final = "comparison.json"
 KINDS: Final = (KIND, JOINED)
