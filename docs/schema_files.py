@@ -10,6 +10,8 @@ import msgspec
 
 from legoworld import exit_codes
 from legoworld.files import readable_json
+from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
+from legoworld.records.bench_run import BenchRow
 from legoworld.records.coco_file import CocoFile
 from legoworld.records.comparison import Comparison, JoinedComparison
 from legoworld.records.evaluation_rows import (
@@ -30,6 +32,9 @@ FOLDER = Path(__file__).with_name("schemas")
 
 #: The public formats: the name in docs/schemas, and the type of a file, or of a line of it.
 FORMATS: dict[str, Any] = {
+    "bench-run-per-image": BenchRow,
+    "bench-track": BenchTrackFile,
+    "bench-truth": BenchTruthFile,
     "coco-export": CocoFile,
     "comparison": Comparison,
     "comparison-joined": JoinedComparison,

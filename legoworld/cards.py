@@ -66,6 +66,22 @@ _FIXED_FOR: dict[str, dict[str, Any]] = {
         "vocabulary.qualifier": "where_ambiguous",
     },
     "eth3d": {"readout.reads": "depth"},
+    "bench": {
+        "readout.reads": "surface_and_render",
+        "raster.frame": "full",
+        "raster.intrinsics": "reference",
+        "render.engine": "CYCLES",
+        "render.device": "CPU",
+        "render.adaptive_sampling": False,
+        "render.denoiser": False,
+        "render.compositor": False,
+        "render.sequencer": False,
+        "render.border": False,
+        "render.film_transparent": False,
+        "render.resolution_percentage": 100,
+        "scoring.comparison": "<=",
+        "scoring.failed_image": "zero",
+    },
 }
 
 

@@ -264,6 +264,8 @@ def listed(capsys: pytest.CaptureFixture[str], kind: str, *more: str) -> list[st
 def test_a_task_leaves_what_is_for_it(kind, capsys):
     every = listed(capsys, kind)
     by_task = {task: listed(capsys, kind, "--task", task) for task in TASKS}
+    if kind == "tasks":  # its scenes are built from a picture, and carry no labels
+        every.remove("bench")
     assert sorted({name for names in by_task.values() for name in names}) == every
     for task, names in by_task.items():
         if (kind, task) == ("baselines", "coco-masks") and not names:

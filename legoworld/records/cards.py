@@ -8,7 +8,7 @@ from msgspec import Meta, field
 
 from legoworld.records.base import UNSET, Record, UnsetType
 
-TaskName = Literal["coco", "coco-masks", "lvis", "eth3d"]
+TaskName = Literal["coco", "coco-masks", "lvis", "eth3d", "bench"]
 Text = Annotated[str, Meta(min_length=1)]
 OptionType = Literal["str", "int", "float", "bool"]
 OptionValue = str | int | float | bool
