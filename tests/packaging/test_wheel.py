@@ -65,7 +65,7 @@ def test_the_wheel_holds_the_library_and_the_catalogue_and_nothing_else(wheel):
     for needed in (
         "legoworld/py.typed",
         "legoworld/visibility/_kernel.so",
-        "legoworld/evaluation/_kernel.so",
+        "legoworld/evaluation/kernels/_kernel.so",
         "legoworld/_catalog/readouts/coco.toml",
         "legoworld/_catalog/datasets/lvis/categories.json",
         "legoworld/_catalog/datasets/skimage_examples/track_coco.json",
