@@ -19,12 +19,31 @@ from legoworld.commands import options
 from legoworld.workers import engines, task_process
 
 ROOT = Path(__file__).parents[1]
-COMMANDS = cli.main.list_commands(click.Context(cli.main))
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+def named(value: object) -> str | None:
+    """A test's name from the words of its command."""
+    return " ".join(value) if isinstance(value, list) else None
+
+
+def every_command(group: click.Command, *path: str) -> Iterator[tuple[str, click.Command]]:
+    """A command with all below it, each with the words that call it."""
+    yield " ".join(path), group
+    if isinstance(group, click.Group):
+        with click.Context(group) as context:
+            for name in group.list_commands(context):
+                command = group.get_command(context, name)
+                assert command is not None
+                yield from every_command(command, *path, name)
+
+
+COMMANDS = dict(every_command(cli.main))
+CALLED = [name for name in COMMANDS if name]
+
+
+@pytest.mark.parametrize("name", CALLED)
 def test_every_command_has_help_and_examples(name, capsys):
-    assert cli.run([name, "-h"]) == 0
+    assert cli.run([*name.split(), "-h"]) == 0
     text = capsys.readouterr().out
     examples = [x for x in text.splitlines() if x.strip().startswith(f"legoworld {name}")]
     assert 2 <= len(examples) <= 4
@@ -38,6 +57,23 @@ def test_every_command_has_help_and_examples(name, capsys):
 def test_the_reference_page_is_what_the_commands_say():
     check = [sys.executable, str(ROOT / "docs" / "commands_page.py"), "--check"]
     assert subprocess.run(check, check=False).returncode == 0, "run `python docs/commands_page.py`"
+
+
+@pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        (["track", "check", "pyproject.toml", "--photos", "docs", "--seed", "1"], "--seed"),
+        (["track", "check", "pyproject.toml", "--photos", "docs", "--unit", "mm"], "--unit"),
+        (["track", "make", "--task", "coco", "--truth", "x", "-o", "y", "--root", "z"], "--root"),
+        (["evidence", "--root", "docs", "verify", "docs"], "--root"),
+        (["baseline", "import", "x", "--weights", "y"], "--weights"),
+    ],
+    ids=named,
+)
+def test_a_command_has_no_option_of_its_neighbours(words, refused, capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert cli.run(words) == 2
+    assert re.search(rf"No such option:? '?{refused}\b", capsys.readouterr().err)
 
 
 @pytest.mark.parametrize(
@@ -55,11 +91,6 @@ def test_the_reference_page_is_what_the_commands_say():
 def test_exit_codes(arguments, code, capsys):
     assert cli.run(arguments) == code
     capsys.readouterr()
-
-
-def named(value: object) -> str | None:
-    """A test's name from the words of its command."""
-    return " ".join(value) if isinstance(value, list) else None
 
 
 def raising(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
@@ -165,22 +196,11 @@ def test_a_misspelt_word_is_refused_with_the_nearest(words, near, capsys):
     assert "Did you mean" not in capsys.readouterr().err
 
 
-def every_command(group: click.Command) -> Iterator[click.Command]:
-    """A command with all below it."""
-    yield group
-    if isinstance(group, click.Group):
-        with click.Context(group) as context:
-            for name in group.list_commands(context):
-                command = group.get_command(context, name)
-                assert command is not None
-                yield from every_command(command)
-
-
 def test_every_choice_names_the_nearest_word():
     """One way for all: an option with click's own Choice lists the words and leaves it there."""
     choices = [
-        (command.name, parameter.name, parameter.type)
-        for command in every_command(cli.main)
+        (name, parameter.name, parameter.type)
+        for name, command in COMMANDS.items()
         for parameter in command.params
         if isinstance(parameter.type, click.Choice)
     ]

@@ -1,17 +1,30 @@
-"""`legoworld evidence`."""
+"""`legoworld evidence`: the group, and `verify`."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from legoworld.commands import options
 from legoworld.pluralize import share, word_for
 
+_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
-@click.command("evidence", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("action", type=options.Choice(["verify"]))
+
+@click.group("evidence", context_settings=_HELP)
+def command() -> None:
+    """Check the evidence of an evaluation or a comparison: the hashes and numbers on record.
+
+    \b
+    Examples:
+      legoworld evidence verify evals/coco
+      legoworld evidence verify comparisons/coco
+    """
+
+
+@command.command("verify", context_settings=_HELP)
 @click.argument("folder", type=options.EXISTING_FOLDER)
 @click.option(
     "--root",
@@ -19,8 +32,8 @@ from legoworld.pluralize import share, word_for
     help="Look for the inputs below here [default: where they were, seen from FOLDER].",
 )
 @options.output_options
-def command(
-    action: str, folder: Path, root: Path | None, as_json: bool, quiet: bool, verbose: bool
+def verify_command(
+    folder: Path, root: Path | None, as_json: bool, quiet: bool, verbose: bool
 ) -> int:
     """Check that an evaluation's or a comparison's FOLDER is what its evidence.json says.
 

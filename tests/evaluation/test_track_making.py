@@ -189,6 +189,9 @@ def test_check_finds_what_is_missing_broken_or_of_another_size(tmp_path, capsys)
     assert "9 of 12 photos" in shown
     assert cli.run(["track", "make", "--task", "coco"]) == 2
     assert cli.run(["track", "check"]) == 2
+    capsys.readouterr()
+    assert cli.run([*make, "--overwrite", "--seed", "3"]) == 2, "nothing is drawn"
+    assert "--seed is for --sample" in capsys.readouterr().err
 
 
 def test_images_are_chosen_by_id_or_name(tmp_path):
