@@ -67,6 +67,22 @@ def test_imports_point_one_way(path):
             assert LEVEL[room(module)] <= LEVEL[own], f"{own} imports {module}"
 
 
+def test_every_room_is_a_folder_or_module_and_each_of_those_a_room():
+    there = {path.relative_to(PACKAGE).with_suffix("").parts[0] for path in FILES}
+    assert there - {"__init__"} == set(LEVEL)
+
+
+def test_the_page_lists_the_rooms_as_they_are():
+    page = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    cells = re.findall(r"^\| (`.*?) \| .*\|$", page[: page.index("## The walk")], re.MULTILINE)
+    assert [tuple(re.findall(r"`(\w+)`", cell)) for cell in cells] == ROOMS
+    below = {
+        f"{p.parent.name}/{p.name}" for p in PACKAGE.glob("*/*/") if (p / "__init__.py").is_file()
+    }
+    named = set(re.findall(r"`(\w+/\w+)`", page))
+    assert below - named == set()
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_only_the_blender_corner_imports_bpy_and_nothing_imports_torch(path):
     tops = {name.split(".")[0] for name in imported(path)}
