@@ -20,6 +20,7 @@ from legoworld.pluralize import did_you_mean
 
 _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",
+    "blender": "a headless Blender that coding agents drive",
     "freeze": "check scene artefacts and put their hashes on record",
     "inspect": "what is in one scene: instances, buffers, overlay",
     "track": "make a public track from annotations, or check one",

@@ -26,6 +26,7 @@ ROOMS = [
     ("cards", "tracks"),
     ("workers",),
     ("scene",),
+    ("endpoint",),
     ("visibility",),
     ("readouts",),
     ("running",),

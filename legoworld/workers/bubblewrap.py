@@ -1,4 +1,4 @@
-"""Bubblewrap: a program that sees its workspace, Python and Blender, and no network.
+"""Bubblewrap: a program that sees its workspace, Python and Blender, and by default no network.
 
 https://github.com/containers/bubblewrap; `apt-get install bubblewrap`.
 """
@@ -31,6 +31,11 @@ _SYSTEM: Final = (
     "/etc/alternatives", "/etc/fonts", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d",
     "/etc/localtime",
 )  # fmt: skip
+#: What names of hosts and certificates are looked up in, shown where a network is.
+_NETWORK: Final = (
+    "/etc/ca-certificates", "/etc/hosts", "/etc/nsswitch.conf", "/etc/pki", "/etc/resolv.conf",
+    "/etc/ssl",
+)  # fmt: skip
 _PROBE_WITHIN_S: Final = 20.0
 _PACKAGE: Final = Path(__file__).parents[1]
 _WITNESS: Final = Path(__file__).with_name("witness.py")
@@ -60,24 +65,34 @@ def find_bubblewrap() -> Bubblewrap | str:
 
 
 def confined(
-    bubblewrap: Bubblewrap, argv: Sequence[str], *, scratch: Path, read_only: Sequence[Path]
+    bubblewrap: Bubblewrap,
+    argv: Sequence[str],
+    *,
+    scratch: Path,
+    read_only: Sequence[Path],
+    workspace: Path | None = None,
+    network: bool = False,
 ) -> list[str]:
     """The command that runs `argv` confined.
 
-    scratch: the only folder it can write to, seen as INSIDE; its `temporary` is TEMPORARY_INSIDE
-    and its `shared` /dev/shm. read_only: files and folders it can read besides Python, Blender and
-    the system's libraries. How `argv` ends is said on descriptor 3 (witness.py).
+    scratch: a folder it can write to, seen as INSIDE; its `temporary` is TEMPORARY_INSIDE and its
+    `shared` /dev/shm. workspace: the other one, seen under its own name, where it starts; without
+    one it starts in an empty folder. read_only: files and folders it can read besides Python,
+    Blender and the system's libraries. network: shared with the machine. How `argv` ends is said on
+    descriptor 3 (witness.py).
     """
     return [
         bubblewrap.program,
         *_namespaces(),
+        *(["--share-net"] if network else []),
         "--bind", str(scratch), str(INSIDE),
         "--bind", str(scratch / "temporary"), str(TEMPORARY_INSIDE),
         "--bind", str(scratch / "shared"), str(_SHARED_MEMORY_INSIDE),
-        *_shown(read_only),
+        *_shown([*read_only, *(_there(_NETWORK) if network else ())]),
+        *(["--bind", str(workspace), str(workspace)] if workspace else []),
         "--remount-ro", "/",
         "--remount-ro", "/dev",
-        "--chdir", str(INSIDE / "empty"),
+        "--chdir", str(workspace or INSIDE / "empty"),
         "--", sys.executable, "-I", "-S", str(_WITNESS), *argv,
     ]  # fmt: skip
 
@@ -88,6 +103,10 @@ def _namespaces() -> list[str]:
         "--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL",
         "--proc", "/proc", "--dev", "/dev",
     ]  # fmt: skip
+
+
+def _there(names: Sequence[str]) -> list[Path]:
+    return [path for name in names if (path := Path(name)).exists()]
 
 
 def _shown(read_only: Sequence[Path]) -> list[str]:

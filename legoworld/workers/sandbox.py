@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -83,24 +83,28 @@ class Ending:
 
 @dataclass(frozen=True, kw_only=True)
 class Protections:
-    """What a sandbox holds and does not hold. why_not: why there is no bubblewrap."""
+    """What a sandbox holds and does not hold.
+
+    why_not: why there is no bubblewrap; network: whether the program was given the network.
+    """
 
     bubblewrap: str | None
     why_not: str | None
+    network: bool = False
 
     @property
     def holds(self) -> list[str]:
         """Names of the protections that are in force."""
         linux = sys.platform == "linux"
         return [
-            *(_WITH_BUBBLEWRAP if self.bubblewrap else ()),
+            *(p for p in _WITH_BUBBLEWRAP if self.bubblewrap and not (self.network and p == _NET)),
             *_EVERYWHERE,
             *(_ON_LINUX if linux else ()),
         ]
 
     @property
     def does_not_hold(self) -> list[str]:
-        """Names of the protections that another machine would have."""
+        """Names of the protections that are not in force."""
         held = self.holds
         return [p for p in (*_WITH_BUBBLEWRAP, *_EVERYWHERE, *_ON_LINUX) if p not in held]
 
@@ -114,18 +118,22 @@ class Protections:
         )
 
 
-_WITH_BUBBLEWRAP: Final = ("network", "files", "other processes")
+_NET: Final = "network"
+_WITH_BUBBLEWRAP: Final = (_NET, "files", "other processes")
 _EVERYWHERE: Final = ("environment", "time", "output", "file size", "workspace size")
 _ON_LINUX: Final = ("memory with child processes", "child processes ended")
 
 
-def protections(confinement: Confinement) -> Protections:
-    """What a sandbox would hold here. SandboxUnavailableError where bubblewrap is a must."""
+def protections(confinement: Confinement, *, network: bool = False) -> Protections:
+    """What a sandbox would hold here. SandboxUnavailableError where bubblewrap is a must.
+
+    network: the program is to have the network.
+    """
     if confinement == "limits":
-        return Protections(bubblewrap=None, why_not="not asked for")
+        return Protections(bubblewrap=None, why_not="not asked for", network=network)
     found = find_bubblewrap()
     if isinstance(found, Bubblewrap):
-        return Protections(bubblewrap=found.version, why_not=None)
+        return Protections(bubblewrap=found.version, why_not=None, network=network)
     if confinement == "bubblewrap":
         raise SandboxUnavailableError(
             "bubblewrap cannot be used",
@@ -133,7 +141,7 @@ def protections(confinement: Confinement) -> Protections:
             expected="a bubblewrap that may make user namespaces",
             next_step="apt-get install bubblewrap, or allow user namespaces on this machine",
         )
-    return Protections(bubblewrap=None, why_not=found)
+    return Protections(bubblewrap=None, why_not=found, network=network)
 
 
 class Sandbox:
@@ -141,16 +149,28 @@ class Sandbox:
 
     scratch: an empty folder for its files. The program starts in `scratch/empty`, and its results
     are looked for in `scratch/output`. owner: the folder that the keeper removes should legoworld
-    be killed. The time limit begins here.
+    be killed. workspace: a folder that stays, which the program can write to as well and starts in;
+    it counts towards the disk limit. variables: of its environment, besides the usual ones. The
+    time limit begins here.
     """
 
     def __init__(
-        self, scratch: Path, limits: SandboxLimits, held: Protections, *, owner: Path
+        self,
+        scratch: Path,
+        limits: SandboxLimits,
+        held: Protections,
+        *,
+        owner: Path,
+        workspace: Path | None = None,
+        variables: Mapping[str, str] | None = None,
     ) -> None:
         self.scratch = scratch.resolve()
         self._owner = owner.resolve()
         self._limits = limits
         self._confined = held.bubblewrap is not None
+        self._network = held.network
+        self._workspace = None if workspace is None else workspace.resolve()
+        self._variables = dict(variables or {})
         #: When the time limit is reached, in time.monotonic() seconds, in every process.
         self.deadline = time.monotonic() + limits.time_s
         self._keeper: subprocess.Popen[bytes] | None = None
@@ -183,10 +203,17 @@ class Sandbox:
         if self._confined:
             found = find_bubblewrap()
             assert isinstance(found, Bubblewrap)
-            command = confined(found, argv, scratch=self.scratch, read_only=read_only)
+            command = confined(
+                found,
+                argv,
+                scratch=self.scratch,
+                read_only=read_only,
+                workspace=self._workspace,
+                network=self._network,
+            )
         order = {
             "argv": command,
-            "cwd": str(self.scratch / "empty"),
+            "cwd": str(self._workspace or self.scratch / "empty"),
             "file_bytes": self._limits.disk_bytes,
             "output": write_output,
             "witnessed": self._confined,
@@ -235,6 +262,14 @@ class Sandbox:
                 if over is not None:
                     return self._end_for(over)
 
+    def stop(self) -> None:
+        """End the program from another thread than the one in `wait`, which then returns."""
+        keeper = self._keeper
+        if keeper is not None and keeper.stdin is not None:
+            with contextlib.suppress(OSError, ValueError):  # it is being closed already
+                keeper.stdin.write(b"e")
+                keeper.stdin.flush()
+
     def close(self) -> None:
         """End the program with everything it started. The scratch folder stays, for its owner."""
         keeper, self._keeper = self._keeper, None
@@ -260,7 +295,7 @@ class Sandbox:
     def _environment(self) -> dict[str, str]:
         home = self.seen("home")
         temporary = TEMPORARY_INSIDE if self._confined else self.seen("temporary")
-        return blender_environment(home=home, temporary=temporary)
+        return blender_environment(home=home, temporary=temporary) | self._variables
 
     def _read_output(self) -> bool:
         """Take what was printed, keep its end; False when no more can come."""
@@ -278,9 +313,13 @@ class Sandbox:
             return "processes"
         if memory_bytes(pids, self._limits.memory_bytes) > self._limits.memory_bytes:
             return "memory"
-        if disk and workspace_bytes(self.scratch) > self._limits.disk_bytes:
+        if disk and self._disk_bytes() > self._limits.disk_bytes:
             return "disk"
         return "time" if now > self.deadline else None
+
+    def _disk_bytes(self) -> int:
+        kept = workspace_bytes(self._workspace) if self._workspace else 0
+        return workspace_bytes(self.scratch) + kept
 
     def _end_for(self, over: Limit) -> Ending:
         self._read_what_is_left()

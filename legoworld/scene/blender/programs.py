@@ -30,11 +30,11 @@ class ProgramBuiltNothingError(LegoWorldError):
     code = "built_nothing"
 
 
-class _BlenderQuitError(BaseException):
+class BlenderQuitError(BaseException):
     """Stands for the program's own call to quit Blender."""
 
 
-class _Replaced:
+class Replaced:
     """A group of operators with one of them replaced.
 
     bpy.ops makes its groups anew at every access, so the replacement has to stand for the group.
@@ -70,7 +70,7 @@ def execute_program(program: Path, output: Path, begin: Callable[[Stage], None])
             next_step="correct the program and execute it again",
         )
     begin("export")
-    warnings = [*_pack(), *_export(output)]
+    warnings = [*pack_images(), *export_scene(output)]
     return ProgramReport(
         ok=True,
         error=error,
@@ -116,10 +116,10 @@ def _run(program: Path, skipped: list[str]) -> ProgramError | None:
         return {"FINISHED"}
 
     def no_quit(*_args: object, **_kwargs: object) -> set[str]:
-        raise _BlenderQuitError
+        raise BlenderQuitError
 
-    bpy.ops.render = _Replaced(bpy.ops.render, "render", no_render)
-    bpy.ops.wm = _Replaced(bpy.ops.wm, "quit_blender", no_quit)
+    bpy.ops.render = Replaced(bpy.ops.render, "render", no_render)
+    bpy.ops.wm = Replaced(bpy.ops.wm, "quit_blender", no_quit)
     # A program's exit() closes standard input, which is where the next request comes from.
     stdin, sys.stdin = sys.stdin, io.StringIO()
     arguments, sys.argv = sys.argv, ["blender", "--background", "--python", str(program)]
@@ -128,7 +128,7 @@ def _run(program: Path, skipped: list[str]) -> ProgramError | None:
         source = program.read_bytes()
         code = compile(source, str(program), "exec")
         exec(code, {"__name__": "__main__", "__file__": str(program)})
-    except (_BlenderQuitError, KeyboardInterrupt):
+    except (BlenderQuitError, KeyboardInterrupt):
         return None
     except SystemExit as done:
         if done.code in (None, 0):
@@ -180,7 +180,7 @@ def _describe(error: ProgramError) -> str:
     return f"{where}{error.type}: {error.message}"
 
 
-def _export(output: Path) -> list[str]:
+def export_scene(output: Path) -> list[str]:
     """Save the scene; what glTF cannot hold is a warning, not a failure."""
     warnings = []
     bpy.ops.wm.save_as_mainfile(
@@ -203,7 +203,7 @@ def _export(output: Path) -> list[str]:
     return warnings
 
 
-def _pack() -> list[str]:
+def pack_images() -> list[str]:
     """Put images the program loaded or painted into the file: its folder does not stay."""
     warnings = []
     for image in bpy.data.images:

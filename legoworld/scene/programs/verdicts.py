@@ -103,7 +103,7 @@ def over_limit(
 def ended_early(ending: Ending, at: str | None, program: Path) -> LegoWorldError:
     """The error of a process that ended without the end of its report. at: its last stage."""
     code = ending.code or 0
-    how = _signal_name(-code) if code < 0 else f"exit code {code}"
+    how = signal_name(-code) if code < 0 else f"exit code {code}"
     begun = at is not None or _begun(ending)
     if not begun and _last_line(ending).startswith("bwrap: "):
         return SandboxUnavailableError(
@@ -141,7 +141,8 @@ def _begun(ending: Ending) -> bool:
     return BEGUN in ending.first_output.splitlines()
 
 
-def _signal_name(number: int) -> str:
+def signal_name(number: int) -> str:
+    """SIGSEGV for 11; the number itself where the system names none."""
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -1,0 +1,1 @@
+"""A headless Blender that speaks Blender MCP's socket protocol: its calls and its scenes."""

@@ -1,0 +1,221 @@
+"""An endpoint's Blender: in a sandbox, asked over a socket, and ended at a limit or in a crash."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import selectors
+import socket
+import struct
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from legoworld.errors import LegoWorldError, one_line
+from legoworld.records.base import RecordError, canonical, decode
+from legoworld.records.endpoint import BlenderReply, BlenderRequest, Parameters
+from legoworld.scene.folder import BLEND
+from legoworld.scene.programs.verdicts import signal_name
+from legoworld.workers.sandbox import Ending, Limit, Protections, Sandbox, SandboxLimits
+from legoworld.workers.scratch import ScratchFolder
+
+_LENGTH: Final = struct.Struct(">I")
+_LARGEST_REPLY: Final = 64 << 20
+#: Code that does not stop when it is interrupted is ended with its Blender this much later.
+_GRACE_S: Final = 10.0
+_START_WITHIN_S: Final = 120.0
+_CHANNEL: Final = "channel"
+
+
+class BlenderEndedError(LegoWorldError):
+    """The endpoint's Blender ended while it had a request.
+
+    limit: the one it was ended for, None where it crashed or ended itself.
+    """
+
+    code = "blender_ended"
+
+    def __init__(self, what: str, *, found: str = "", limit: Limit | None = None) -> None:
+        super().__init__(what, found=found)
+        self.limit = limit
+
+
+class LiveBlender:
+    """One Blender process from its start to its end.
+
+    workspace: the folder it can write to under its own name. blend: the file it opens, None for
+    Blender's start-up scene; one from outside of the workspace becomes `workspace/scene.blend`, so
+    that the original is never written. Requests come from one thread at a time.
+    """
+
+    def __init__(
+        self,
+        workspace: Path,
+        limits: SandboxLimits,
+        held: Protections,
+        *,
+        blend: Path | None = None,
+        inputs: Sequence[Path] = (),
+    ) -> None:
+        self._limits = limits
+        self._folder = ScratchFolder("legoworld-endpoint-")
+        scratch = self._folder.path / "sandbox"
+        scratch.mkdir()
+        self._sandbox = Sandbox(scratch, limits, held, owner=self._folder.path, workspace=workspace)
+        self._ending: Ending | None = None
+        self._watch: threading.Thread | None = None
+        self._line: socket.socket | None = None
+        try:
+            self._start(workspace.resolve(), blend, inputs)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def output(self) -> Path:
+        """The folder that Blender leaves files for the endpoint in, as the endpoint sees it."""
+        return self._sandbox.scratch / "output"
+
+    def seen(self, name: str) -> str:
+        """A file of the output folder as Blender sees it."""
+        return str(self._sandbox.seen("output") / name)
+
+    def ask(self, kind: str, params: Parameters, time_s: float) -> BlenderReply:
+        """Blender's reply; BlenderEndedError where there is none, and this Blender is over."""
+        request = BlenderRequest(kind=kind, params=params, time_s=time_s)
+        data = canonical(request).encode("utf-8", "surrogatepass")
+        assert self._line is not None
+        try:
+            self._line.settimeout(time_s + _GRACE_S)
+            self._line.sendall(_LENGTH.pack(len(data)) + data)
+            return self._reply(time.monotonic() + time_s + _GRACE_S)
+        except (OSError, RecordError) as error:
+            raise self._over(error, time_s) from error
+
+    def close(self) -> None:
+        """End Blender with everything it started."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+        self._sandbox.stop()
+        if self._watch is not None:
+            self._watch.join()
+        self._sandbox.close()
+        self._folder.close()
+
+    def _start(self, workspace: Path, blend: Path | None, inputs: Sequence[Path]) -> None:
+        shown = [path.resolve() for path in inputs]
+        opened = None if blend is None else blend.resolve()
+        foreign = opened is not None and not opened.is_relative_to(workspace)
+        order = json.dumps(
+            {
+                "open": None if opened is None else str(opened),
+                "become": str(workspace / BLEND) if foreign else None,
+            }
+        )
+        with _listening(self._sandbox.scratch) as listener:
+            self._sandbox.start(
+                [
+                    *(sys.executable, "-u", "-m", "legoworld.scene.blender.endpoint"),
+                    *(str(self._sandbox.seen(_CHANNEL)), order),
+                ],
+                [*shown, *([opened] if opened and foreign else [])],
+            )
+            self._watch = threading.Thread(target=self._wait_for_end, daemon=True)
+            self._watch.start()
+            self._line = self._accepted(listener)
+        try:
+            self._line.settimeout(_START_WITHIN_S)
+            self._reply(time.monotonic() + _START_WITHIN_S)
+        except (OSError, RecordError) as error:
+            raise self._over(error, _START_WITHIN_S) from error
+
+    def _accepted(self, listener: socket.socket) -> socket.socket:
+        deadline = time.monotonic() + _START_WITHIN_S
+        with selectors.DefaultSelector() as selector:
+            selector.register(listener, selectors.EVENT_READ)
+            while not selector.select(0.05):
+                if self._ending is not None or time.monotonic() > deadline:
+                    raise self._over(TimeoutError(), _START_WITHIN_S)
+        return listener.accept()[0]
+
+    def _wait_for_end(self) -> None:
+        self._ending = self._sandbox.wait()
+
+    def _reply(self, deadline: float) -> BlenderReply:
+        size = _LENGTH.unpack(self._exactly(_LENGTH.size, deadline))[0]
+        if size > _LARGEST_REPLY:
+            raise ConnectionError(f"a reply of {size:,} bytes")
+        return decode(BlenderReply, self._exactly(size, deadline))
+
+    def _exactly(self, size: int, deadline: float) -> bytes:
+        assert self._line is not None
+        data = bytearray()
+        while len(data) < size:
+            self._line.settimeout(max(deadline - time.monotonic(), 0.001))
+            part = self._line.recv(min(size - len(data), 1 << 20))
+            if not part:
+                raise ConnectionError("its end of the line is closed")
+            data += part
+        return bytes(data)
+
+    def _over(self, error: Exception, time_s: float) -> BlenderEndedError:
+        """Why there is no reply; this Blender has ended when it is known."""
+        if isinstance(error, TimeoutError) and self._ending is None:
+            self.close()
+            return BlenderEndedError(
+                f"Blender was ended: still busy {_GRACE_S:g} s after its {time_s:g} s were over",
+                limit="time",
+            )
+        if self._watch is not None:
+            self._watch.join(_GRACE_S)  # the line closes a little before its end is known
+        ending = self._ending
+        self.close()
+        if ending is None:
+            return BlenderEndedError("Blender closed its line", found=str(error))
+        if ending.over is not None:
+            return BlenderEndedError(_over_limit(ending.over, self._limits), limit=ending.over)
+        code = ending.code or 0
+        how = signal_name(-code) if code < 0 else f"exit code {code}"
+        last = [line for line in ending.last_output.splitlines() if line.strip()]
+        said = one_line(last[-1], 150) if last and code >= 0 else ""
+        return BlenderEndedError(f"Blender crashed or was ended: {how}", found=said)
+
+
+def _over_limit(limit: Limit, limits: SandboxLimits) -> str:
+    return {
+        "time": f"the trial's {limits.time_s:g} s are over",
+        "memory": f"Blender used more than {limits.memory_bytes / 2**30:g} GiB and was ended",
+        "disk": f"more than {limits.disk_bytes / 2**30:g} GiB were written, and Blender was ended",
+        "output": f"more than {limits.output_bytes >> 20} MiB were printed, and Blender was ended",
+        "processes": f"more than {limits.processes} processes ran, and all were ended",
+    }[limit]
+
+
+@contextlib.contextmanager
+def _listening(folder: Path) -> Iterator[socket.socket]:
+    """A socket in a folder, whatever the length of its path."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+            listener.bind(f"/proc/self/fd/{descriptor}/{_CHANNEL}")
+            listener.listen(1)
+            yield listener
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,76 @@
+"""`legoworld blender serve`: one session and its port, until it is told to end."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from legoworld.endpoint.server import HOST, EndpointServer
+from legoworld.endpoint.session import Session, Trial
+from legoworld.errors import UsageError
+from legoworld.scene.folder import BLEND
+from legoworld.workers.sandbox import Protections, SandboxLimits
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serving:
+    """What is served. workspace: None for a folder named after the port."""
+
+    scene: Path | None
+    port: int
+    workspace: Path | None
+    inputs: Sequence[Path]
+    held: Protections
+    limits: SandboxLimits
+    call_time_s: float
+
+
+def serve_endpoint(
+    serving: Serving,
+    over: threading.Event,
+    *,
+    say: Callable[[str], None],
+    notice: Callable[[str], None],
+) -> None:
+    """Serve until `over` is set or the time limit is reached."""
+    workspace = serving.workspace or Path(f"blender-{serving.port}")
+    workspace.mkdir(parents=True, exist_ok=True)
+    _refuse_second_scene(serving.scene, workspace)
+    record = workspace.with_name(f"{workspace.name}.trajectory")
+    session = Session(
+        Trial(
+            workspace=workspace,
+            record=record,
+            limits=serving.limits,
+            held=serving.held,
+            inputs=serving.inputs,
+            blend=serving.scene,
+            call_time_s=serving.call_time_s,
+        )
+    )
+    with closing(session), EndpointServer(session, serving.port) as server:
+        if session.record.checkpoints:
+            notice(f"continuing {record} after {len(session.record.calls)} calls")
+        session.start()
+        held = serving.held
+        notice(f"runs any code it is sent; kept from it: {', '.join(held.holds)}")
+        if held.does_not_hold:
+            why = f" ({held.why_not})" if held.why_not else ""
+            notice(f"warning: not kept from it: {', '.join(held.does_not_hold)}{why}")
+        notice(f"Blender writes to {workspace}; every scene is kept in {record}")
+        say(f"listening on {HOST}:{server.port}")
+        over.wait(serving.limits.time_s)
+
+
+def _refuse_second_scene(scene: Path | None, workspace: Path) -> None:
+    saved = workspace / BLEND
+    if scene is not None and saved.exists() and scene.resolve() != saved.resolve():
+        raise UsageError(
+            f"the workspace has a {BLEND} already, and it is never overwritten",
+            found=str(saved),
+            expected=f"a workspace without one, or that one as SCENE: {saved}",
+            next_step="pass another --workspace",
+        )

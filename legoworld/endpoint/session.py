@@ -1,0 +1,289 @@
+"""A trial's Blender as its clients see it: every command has an answer, whatever became of it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
+from legoworld.endpoint.screenshots import NotShownError, deliver_picture, may_be_written
+from legoworld.endpoint.trial_record import TrialRecord, copy_regular
+from legoworld.errors import LegoWorldError, one_line
+from legoworld.files import sha256_of_file
+from legoworld.records.endpoint import (
+    Answer,
+    BlenderReply,
+    Call,
+    Checkpoint,
+    Command,
+    Failure,
+    Parameters,
+    Success,
+)
+from legoworld.scene.folder import BLEND
+from legoworld.workers.results import take_file
+from legoworld.workers.sandbox import Protections, SandboxLimits
+
+#: mcp-for-blender waits 180 s for an answer.
+CALL_TIME_S: Final = 165.0
+_SAVE_WITHIN_S: Final = 120.0
+_PICTURE: Final = "screenshot.png"
+_COPY: Final = "checkpoint.blend"
+_RECOVERED: Final = "recovered.blend"
+#: What needs a network or an account, and is off: the add-on's words for its libraries.
+_OFF: Final = ("polyhaven", "hyper3d", "sketchfab", "polypizza", "hunyuan3d", "tripo", "meshy")
+_BY_BLENDER: Final = (
+    "execute_code", "export_scene", "get_addon_info", "get_object_info", "get_scene_info",
+    "get_viewport_screenshot", "list_scene_items",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """What a session is given.
+
+    workspace: the folder Blender can write to; record: where calls and checkpoints are kept, which
+    it cannot write to; limits: of the whole trial; inputs: what Blender can read besides; blend:
+    the scene to begin with.
+    """
+
+    workspace: Path
+    record: Path
+    limits: SandboxLimits
+    held: Protections
+    inputs: Sequence[Path] = ()
+    blend: Path | None = None
+    call_time_s: float = CALL_TIME_S
+
+
+class Session:
+    """Answers commands one after the other, from any thread.
+
+    Blender is started with the first command, and again after it has crashed, was ended at a limit
+    or did not stop: with the scene as the last call that came back had left it.
+    """
+
+    def __init__(self, trial: Trial) -> None:
+        self._trial = trial
+        self._record = TrialRecord(trial.record)
+        self._live: LiveBlender | None = None
+        self._busy = threading.Lock()
+        rows = self._record.calls
+        self._begun = time.monotonic() - (rows[-1].at_s + rows[-1].seconds if rows else 0.0)
+        #: Of the open scene's file: a save of an unchanged scene has the same bytes.
+        self._live_sha256 = ""
+        self._saved: tuple[int, ...] | None = self._saved_stamp()
+
+    @property
+    def record(self) -> TrialRecord:
+        """The calls and checkpoints so far."""
+        return self._record
+
+    def start(self) -> None:
+        """Start Blender now; raises BlenderEndedError where it does not start."""
+        with self._busy:
+            self._blender()
+
+    def answer(self, command: Command) -> Answer:
+        """The answer to a command; a failure is an answer, too."""
+        known = _without_blender(command)
+        if known is not None:
+            return known
+        if command.type not in _BY_BLENDER:
+            return Failure(message=f"Unknown command type: {command.type}")
+        with self._busy:
+            if self._left_s() <= 0:
+                over = f"the trial's {self._trial.limits.time_s:g} s are over"
+                return Failure(message=f"{over}; no further call is possible")
+            return self._answered(command)
+
+    def close(self) -> None:
+        """End Blender. What was recorded stays."""
+        live, self._live = self._live, None
+        if live is not None:
+            live.close()
+
+    def _answered(self, command: Command) -> Answer:
+        number, at_s = len(self._record.calls) + 1, self._at_s()
+        params = command.params or {}
+        seconds, left = 0.0, None
+        status: Literal["success", "error", "crashed", "timeout"] = "error"
+        try:
+            reply = self._asked(command.type, params)
+            seconds = reply.seconds
+            answer = _answer_of(reply)
+            if isinstance(answer, Success):
+                status = "success"
+            elif reply.stopped:
+                status = "timeout"
+            if command.type in ("execute_code", "get_viewport_screenshot"):
+                left = self._checkpoint(number, keep=command.type == "execute_code")
+        except BlenderEndedError as error:
+            self._live = None
+            status = "timeout" if error.limit == "time" else "crashed"
+            answer = Failure(message=self._ended(error))
+            seconds = self._at_s() - at_s
+        except (LegoWorldError, OSError) as error:
+            answer = Failure(message=str(error))
+        code = params.get("code")
+        self._record.note(
+            Call(
+                number=number,
+                command=command.type,
+                code=code if isinstance(code, str) else None,
+                at_s=round(at_s, 4),
+                seconds=round(seconds, 6),
+                status=status,
+                said=one_line(_said(answer), 400),
+                checkpoint=None if left is None else left.ordinal,
+            )
+        )
+        return answer
+
+    def _asked(self, kind: str, params: Parameters) -> BlenderReply:
+        limit = min(self._trial.call_time_s, max(self._left_s(), 0.1))
+        if kind == "get_viewport_screenshot":
+            return self._screenshot(params, limit)
+        if kind == "export_scene":
+            path = params.get("filepath")
+            if not isinstance(path, str) or not may_be_written(path, self._trial.workspace):
+                raise NotShownError(
+                    "export_scene writes to the workspace alone",
+                    found=str(path),
+                    expected=f"a path below {self._trial.workspace.resolve()}",
+                )
+        return self._blender().ask(kind, params, limit)
+
+    def _screenshot(self, params: Parameters, limit: float) -> BlenderReply:
+        """Render inside, and put the picture where the client will look for it."""
+        wanted = str(params.get("filepath") or "")
+        live = self._blender()
+        inside = {**params, "filepath": live.seen(_PICTURE)}
+        reply = live.ask("get_viewport_screenshot", inside, limit)
+        if isinstance(reply.result, dict) and reply.result.get("success"):
+            deliver_picture(live.output, _PICTURE, wanted, self._trial.workspace)
+            reply.result["filepath"] = wanted
+        return reply
+
+    def _blender(self) -> LiveBlender:
+        if self._live is None:
+            limits = self._trial.limits
+            left = SandboxLimits(
+                time_s=max(self._left_s(), 0.1),
+                memory_bytes=limits.memory_bytes,
+                disk_bytes=limits.disk_bytes,
+                output_bytes=limits.output_bytes,
+                processes=limits.processes,
+            )
+            self._live = LiveBlender(
+                self._trial.workspace,
+                left,
+                self._trial.held,
+                blend=self._to_open(),
+                inputs=self._trial.inputs,
+            )
+            if (found := self._saved_copy()) is not None:
+                found[0].unlink()
+                self._live_sha256 = found[1]
+        return self._live
+
+    def _to_open(self) -> Path | None:
+        """The last live checkpoint, as a file in the workspace; what was given before there is any.
+
+        A copy: what the agent saves next must not go into the store.
+        """
+        last = self._record.last("live")
+        if last is None:
+            return self._trial.blend
+        recovered = self._trial.workspace / _RECOVERED
+        recovered.unlink(missing_ok=True)
+        copy_regular(self._record.blend(last), recovered)
+        return recovered
+
+    def _checkpoint(self, call: int, *, keep: bool) -> Checkpoint | None:
+        """Keep the open scene, and what the agent has saved, where they changed.
+
+        keep: whether the call may have changed the scene. A render's settings are put back, yet
+        Blender marks what it looked at: the scene after it is the one before.
+        """
+        left = None
+        if (found := self._saved_copy()) is not None:
+            copy, sha256 = found
+            if keep and sha256 != self._live_sha256:
+                at_s = self._at_s()
+                left = self._record.take(copy, sha256, kind="live", call=call, at_s=at_s)
+            else:
+                copy.unlink()
+            self._live_sha256 = sha256
+        return self._keep_saved(call) or left
+
+    def _saved_copy(self) -> tuple[Path, str] | None:
+        """A copy of the open scene beside the store and its hash; None where it cannot be saved."""
+        live = self._blender()
+        reply = live.ask("save_copy", {"output": live.seen(_COPY)}, _SAVE_WITHIN_S)
+        into = self._record.incoming()
+        if reply.error is not None or not take_file(live.output, _COPY, into):
+            return None
+        return into / _COPY, sha256_of_file(into / _COPY)
+
+    def _keep_saved(self, call: int) -> Checkpoint | None:
+        """Keep the scene.blend that the agent saved, before a later call can spoil it."""
+        stamp = self._saved_stamp()
+        if stamp is None or stamp == self._saved:
+            return None
+        self._saved = stamp
+        copy = self._record.incoming() / _COPY
+        if not copy_regular(self._trial.workspace / BLEND, copy):
+            return None
+        sha256 = sha256_of_file(copy)
+        return self._record.take(copy, sha256, kind="saved", call=call, at_s=self._at_s())
+
+    def _saved_stamp(self) -> tuple[int, ...] | None:
+        try:
+            status = (self._trial.workspace / BLEND).lstat()
+        except OSError:
+            return None
+        return status.st_ino, status.st_size, status.st_mtime_ns
+
+    def _ended(self, error: BlenderEndedError) -> str:
+        if self._left_s() <= 0:
+            return f"{error}; no further call is possible"
+        last = self._record.last("live")
+        where = "as it began" if last is None else f"as call {last.call} left it"
+        return f"{error}; the next call finds Blender started anew, with the scene {where}"
+
+    def _at_s(self) -> float:
+        return time.monotonic() - self._begun
+
+    def _left_s(self) -> float:
+        return self._trial.limits.time_s - self._at_s()
+
+
+def _without_blender(command: Command) -> Answer | None:
+    """The answers that need no Blender."""
+    if command.type == "ping":
+        return Success(result={"pong": True})
+    if command.type == "get_telemetry_consent":
+        return Success(result={"consent": False})
+    if command.type == "set_telemetry_consent":
+        return Success(result={"error": "this endpoint collects nothing, and that stays so"})
+    name = command.type.removeprefix("get_").removesuffix("_status")
+    if name in _OFF and command.type == f"get_{name}_status":
+        off = "This endpoint has no asset libraries and no generators: build with bpy."
+        return Success(result={"enabled": False, "message": off})
+    return None
+
+
+def _answer_of(reply: BlenderReply) -> Answer:
+    return Success(result=reply.result) if reply.error is None else Failure(message=reply.error)
+
+
+def _said(answer: Answer) -> str:
+    if isinstance(answer, Failure):
+        return answer.message
+    result = answer.result
+    return str(result.get("result", "")) if isinstance(result, dict) else ""
