@@ -176,6 +176,12 @@ class UnreadableBlendError(SceneInvalidError):
     code = "unreadable_blend"
 
 
+class TiersNotNestedError(SceneInvalidError):
+    """The object sets of a reference scene's tiers do not lie one in the other."""
+
+    code = "tiers_not_nested"
+
+
 class SceneChangedError(LegoWorldError):
     """A frozen file's sha256 is not the recorded one."""
 
@@ -222,6 +228,7 @@ BY_CODE: dict[str, type[LegoWorldError]] = {
         NonFiniteGeometryError,
         MissingLibraryError,
         UnreadableBlendError,
+        TiersNotNestedError,
     )
 }
 

@@ -47,6 +47,11 @@ class SnapshotCache:
         key = sha256_of_text(canonical_json([scene_file_key(scene_file_sha256), content]))
         return self._entry(key, ".snapshot")
 
+    def entry_of(self, content_sha256: str, suffix: str) -> Path:
+        """Where what this program makes of some content is or belongs."""
+        key = [content_sha256, reader_sha256(), bpy_version()]
+        return self._entry(sha256_of_text(canonical_json(key)), suffix)
+
     def _entry(self, key: str, suffix: str) -> Path:
         return Path(f"{self.folder}/{key[:2]}/{key[2:]}{suffix}")  # joined once, for every image
 

@@ -49,6 +49,21 @@ def view(
 ) -> View:
     """Render a snapshot's instances as its camera sees them."""
     camera = projection(snapshot.camera, snapshot.render, size_wh)
+    return view_through(camera, snapshot, grouping, size_wh, threads=threads)
+
+
+def view_through(
+    camera: Projection,
+    snapshot: Snapshot,
+    grouping: Grouping,
+    size_wh: tuple[int, int],
+    *,
+    threads: int | None = None,
+) -> View:
+    """Render a snapshot's instances from its camera's pose, with another projection than its own.
+
+    camera: in pixels of `size_wh` and scene units.
+    """
     surfaces = _surfaces(snapshot, grouping.surface_instance)
     buffers = render(
         surfaces,
@@ -65,6 +80,24 @@ def view(
         buffers=buffers,
         area_px=area,
         bbox_xyxy_px=extents,
+    )
+
+
+def surfaces_through(
+    camera: Projection,
+    snapshot: Snapshot,
+    size_wh: tuple[int, int],
+    *,
+    threads: int | None = None,
+) -> Buffers:
+    """Which surface of a snapshot (its index) each pixel shows, and how far; no label enters."""
+    numbers = np.arange(len(snapshot.surface_mesh), dtype=np.int32)
+    return render(
+        _surfaces(snapshot, numbers),
+        camera,
+        size_wh,
+        depth_scale=snapshot.render.unit_scale,
+        threads=threads,
     )
 
 

@@ -182,13 +182,17 @@ def _describe(error: ProgramError) -> str:
 
 def export_scene(output: Path) -> list[str]:
     """Save the scene; what glTF cannot hold is a warning, not a failure."""
-    warnings = []
     bpy.ops.wm.save_as_mainfile(
         filepath=str(output / BLEND), compress=True, relative_remap=False, check_existing=False
     )
+    return export_glb(output / GLB)
+
+
+def export_glb(path: Path) -> list[str]:
+    """Export the open file as scene.glb; a warning where glTF cannot hold it, and no file."""
     try:
         bpy.ops.export_scene.gltf(
-            filepath=str(output / GLB),
+            filepath=str(path),
             export_format="GLB",
             export_extras=True,
             export_cameras=True,
@@ -198,9 +202,9 @@ def export_scene(output: Path) -> list[str]:
             export_hierarchy_full_collections=True,  # collections carry labels
         )
     except (RuntimeError, ValueError, TypeError, AttributeError, KeyError) as error:
-        warnings.append(f"{GLB} was not exported: {one_line(str(error), 200)}")
-        (output / GLB).unlink(missing_ok=True)
-    return warnings
+        path.unlink(missing_ok=True)
+        return [f"{GLB} was not exported: {one_line(str(error), 200)}"]
+    return []
 
 
 def pack_images() -> list[str]:

@@ -111,6 +111,39 @@ def _picture(request: dict[str, Any]) -> dict[str, Any]:
     return render_picture(Path(request["output"]))
 
 
+def _card_render(request: dict[str, Any]) -> dict[str, Any]:
+    """Render a .blend by a card; see `card_render`."""
+    from legoworld.scene.blender.card_render import render_by_card
+
+    render_by_card(Path(request["blend"]), Path(request["output"]), request["card"])
+    return {}
+
+
+def _facts(request: dict[str, Any]) -> dict[str, Any]:
+    """What a .blend holds besides geometry; its images' thumbnails go into the output."""
+    from legoworld.files import write_npz
+    from legoworld.scene.blender.integrity import scene_facts
+
+    facts, thumbnails = scene_facts(Path(request["blend"]), tuple(request["thumbnail_wh"]))
+    write_npz(Path(request["output"]), {"textures": thumbnails}, compressed=True)
+    return {"facts": facts}
+
+
+def _cases(request: dict[str, Any]) -> dict[str, Any]:
+    """The cases of a reference scene."""
+    from legoworld.scene.blender.reference_cases import cases_of
+
+    return {"cases": cases_of(Path(request["blend"]))}
+
+
+def _case(request: dict[str, Any]) -> dict[str, Any]:
+    """The scene of one case, saved in the output folder."""
+    from legoworld.scene.blender.reference_cases import write_case
+
+    write_case(Path(request["blend"]), Path(request["output"]), request["case"])
+    return {}
+
+
 def _version(_request: dict[str, Any]) -> dict[str, Any]:
     import bpy
 
@@ -122,6 +155,10 @@ _REQUESTS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "snapshot": _snapshot,
     "check": _check,
     "picture": _picture,
+    "card_render": _card_render,
+    "facts": _facts,
+    "cases": _cases,
+    "case": _case,
 }
 
 if __name__ == "__main__":

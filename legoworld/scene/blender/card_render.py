@@ -1,0 +1,111 @@
+"""Rendering an open scene by a card: the evaluator's own picture, and the reference's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import bpy
+
+from legoworld.errors import SceneInvalidError
+from legoworld.scene.blender.cameras import refuse_missing_camera
+from legoworld.scene.blender.opening import open_blend
+from legoworld.scene.blender.render_state import rendered_view_layer
+
+#: Everything of a render that is no part of the scene itself: set, whatever the file says.
+_RENDER: Final[dict[str, Any]] = {
+    "engine": "CYCLES",
+    "resolution_percentage": 100,
+    "pixel_aspect_x": 1.0,
+    "pixel_aspect_y": 1.0,
+    "film_transparent": False,
+    "use_border": False,
+    "use_crop_to_border": False,
+    "use_compositing": False,
+    "use_sequencer": False,
+    "use_freestyle": False,
+    "use_motion_blur": False,
+    "use_multiview": False,
+    "use_persistent_data": False,
+    "use_single_layer": False,
+    "use_stamp": False,  # it would write the machine's name into the picture
+    "dither_intensity": 0.0,
+    "filepath": "",
+}
+_CYCLES: Final[dict[str, Any]] = {
+    "device": "CPU",
+    "shading_system": False,
+    "use_animated_seed": False,
+    "use_adaptive_sampling": False,
+    "use_preview_adaptive_sampling": False,
+    "use_denoising": False,
+    "use_guiding": False,
+    "use_sample_subset": False,
+    "sample_offset": 0,
+    "sampling_pattern": "TABULATED_SOBOL",
+    "auto_scrambling_distance": False,
+    "scrambling_distance": 1.0,
+    "time_limit": 0.0,
+    "pixel_filter_type": "BLACKMAN_HARRIS",
+    "filter_width": 1.5,
+}
+
+
+def render_by_card(blend: Path, output: Path, wanted: dict[str, Any]) -> None:
+    """Render a .blend's active camera to an 8-bit RGB PNG.
+
+    wanted: "size_wh", "samples", "seed", "denoise" and "threads" (0: all). What makes the picture
+    is the scene's own: camera, geometry, materials, lights, world, bounces, exposure and view
+    transform; the rest is the card's. Raises what `open_blend` does, NoCameraError, and
+    SceneInvalidError for a scene that Blender refuses to render.
+    """
+    scene = open_blend(blend).scene
+    refuse_missing_camera(scene)
+    render = scene.render
+    for name, value in _RENDER.items():
+        setattr(render, name, value)
+    render.resolution_x, render.resolution_y = wanted["size_wh"]
+    render.threads_mode = "FIXED" if wanted["threads"] else "AUTO"
+    if wanted["threads"]:
+        render.threads = wanted["threads"]
+    for name, value in _CYCLES.items():
+        setattr(scene.cycles, name, value)
+    scene.cycles.samples, scene.cycles.seed = wanted["samples"], wanted["seed"]
+    if wanted["denoise"]:
+        scene.cycles.use_denoising = True
+        scene.cycles.denoiser = "OPENIMAGEDENOISE"
+        scene.cycles.denoising_use_gpu = False
+    shown = rendered_view_layer(scene)
+    for layer in scene.view_layers:
+        layer.use = layer == shown
+    _write_png(scene, output)
+
+
+def _write_png(scene: bpy.types.Scene, output: Path) -> None:
+    settings = scene.render.image_settings
+    settings.media_type = "IMAGE"
+    settings.file_format = "PNG"
+    settings.color_mode = "RGB"
+    settings.color_depth = "8"
+    settings.compression = 15
+    settings.color_management = "FOLLOW_SCENE"
+    scene.render.filepath = str(output)
+    scene.render.use_file_extension = False
+    scene.render.use_overwrite = True
+    other = {} if scene == bpy.context.scene else {"scene": scene.name}
+    try:
+        bpy.ops.render.render(write_still=True, **other)
+    except RuntimeError as error:
+        raise SceneInvalidError(
+            "Blender refuses to render the scene",
+            found=str(error).removeprefix("Error: "),
+            expected="a scene that renders",
+            next_step="render it in Blender and correct what it complains about",
+        ) from error
+    if not output.is_file():
+        raise SceneInvalidError(
+            "Blender rendered the scene and left no picture",
+            found="no file",
+            expected="a PNG of its active camera",
+            next_step="render it in Blender and correct what it complains about",
+        )

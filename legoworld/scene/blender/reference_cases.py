@@ -1,0 +1,170 @@
+"""The cases of a reference scene: its views, its tiers, and the scene of one of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import bpy
+
+from legoworld.errors import NoCameraError, TiersNotNestedError
+from legoworld.scene.blender.objects import ancestors
+from legoworld.scene.blender.opening import open_blend
+from legoworld.scene.blender.programs import export_glb, pack_images
+
+_TIERS: Final = ("easy", "medium", "hard")
+#: Light and camera stay as they are in every tier.
+_FIXED: Final = ("LIGHT", "LIGHT_PROBE", "CAMERA", "SPEAKER")
+
+
+def cases_of(blend: Path) -> dict[str, Any]:
+    """What a reference scene says of its cases, as JSON values.
+
+    views: names of cameras; tiers: those it has, or [None]; unscored: names of owners with a false
+    `scored`; environment, theme, split: of the scene's own properties. Raises what `open_blend`
+    does, NoCameraError and TiersNotNestedError.
+    """
+    scene = open_blend(blend).scene
+    words = {key: _text(scene.get(key)) for key in ("environment", "theme", "split")}
+    owners = [*scene.objects, *scene.collection.children_recursive]
+    return {
+        **words,
+        "views": _views(scene),
+        "tiers": _Tiers(scene).names(),
+        "unscored": sorted({o.name for o in owners if _is_false(o.get("scored"))}),
+    }
+
+
+def write_case(blend: Path, output: Path, wanted: dict[str, Any]) -> None:
+    """Save the scene of one case as scene.blend in `output`; with "glb" scene.glb beside it.
+
+    wanted: "tier", "view" (a camera's name), "size_wh" and "glb". Objects of later tiers are hidden
+    from rendering and not deleted: what refers to them stays as it is.
+    """
+    scene = open_blend(blend).scene
+    if wanted["tier"] is not None:
+        last = _TIERS.index(wanted["tier"])
+        tiers = _Tiers(scene)
+        for thing in tiers.things:
+            if tiers.of(thing) > last:
+                thing.hide_render = True
+    for marker in scene.timeline_markers:
+        marker.camera = None
+    scene.camera = scene.objects[wanted["view"]]
+    scene.render.resolution_x, scene.render.resolution_y = wanted["size_wh"]
+    scene.render.resolution_percentage = 100
+    pack_images()
+    bpy.ops.wm.save_as_mainfile(
+        filepath=str(output / "scene.blend"), compress=True, relative_remap=True,
+        check_existing=False,
+    )  # fmt: skip
+    if wanted["glb"]:
+        export_glb(output / "scene.glb")
+
+
+def _things(scene: bpy.types.Scene) -> list[Any]:
+    """The objects of a scene and those of collections that it instances."""
+    found = {o.name_full: o for o in scene.objects}
+    todo = list(found.values())
+    while todo:
+        collection = todo.pop().instance_collection
+        for member in collection.all_objects if collection is not None else ():
+            if member.name_full not in found:
+                found[member.name_full] = member
+                todo.append(member)
+    return [found[name] for name in sorted(found)]
+
+
+def _views(scene: bpy.types.Scene) -> list[str]:
+    cameras = [o for o in scene.objects if o.type == "CAMERA" and "view" in o]
+    if cameras:
+        return [o.name for o in sorted(cameras, key=lambda o: (_number(o["view"]), o.name))]
+    if scene.camera is None:
+        raise NoCameraError(
+            "the reference scene has no view",
+            found="no camera with a property `view`, and no active camera",
+            expected="cameras with a custom property `view` (0, 1, ...), or an active one",
+            next_step="add a camera in Blender and save the scene",
+        )
+    return [scene.camera.name]
+
+
+class _Tiers:
+    """The tier of every object that a render of a scene may show."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.things = [o for o in _things(scene) if o.type not in _FIXED]
+        self._holding: dict[str, list[Any]] = {}
+        for collection in bpy.data.collections:
+            for member in collection.all_objects:
+                self._holding.setdefault(member.name_full, []).append(collection)
+
+    def names(self) -> list[str | None]:
+        """None alone, or all three, each with an object that the one before lacks."""
+        counts = [0, 0, 0]
+        for thing in self.things:
+            counts[self.of(thing)] += 1
+        if not any(_declared(o) is not None for thing in self.things for o in self._owners(thing)):
+            return [None]
+        for number in (1, 2):
+            if not counts[number]:
+                raise _not_nested(
+                    f"{_TIERS[number]} has the objects of {_TIERS[number - 1]} and no other",
+                    f"an object with the property tier = {_TIERS[number]!r}",
+                )
+        return list(_TIERS)
+
+    def of(self, thing: Any) -> int:
+        """An object's tier: the latest of its own, its ancestors' and its collections'."""
+        own = _declared(thing)
+        outer = [(_declared(owner), owner.name) for owner in self._owners(thing)[1:]]
+        latest = max((tier for tier, _ in outer if tier is not None), default=0)
+        if own is not None and own < latest:
+            holder = next(name for tier, name in outer if tier == latest)
+            raise _not_nested(
+                f"{thing.name!r} is of tier {_TIERS[own]}, and {holder!r}, which holds it, of "
+                f"{_TIERS[latest]}",
+                "parts that are there no earlier than what holds them",
+            )
+        return latest if own is None else own
+
+    def _owners(self, thing: Any) -> list[Any]:
+        """The object, its ancestors, and all collections that hold one of them."""
+        owners = [thing, *ancestors(thing)]
+        holding = {c.name_full: c for o in owners for c in self._holding.get(o.name_full, ())}
+        return [*owners, *holding.values()]
+
+
+def _declared(owner: Any) -> int | None:
+    value = owner.get("tier")
+    if value is None:
+        return None
+    if value not in _TIERS:
+        raise _not_nested(
+            f"{owner.name!r} is of tier {str(value)[:40]!r}", "easy, medium or hard"
+        )  # fmt: skip
+    return _TIERS.index(value)
+
+
+def _not_nested(found: str, expected: str) -> TiersNotNestedError:
+    return TiersNotNestedError(
+        "the tiers of the reference scene are not nested",
+        found=found,
+        expected=expected,
+        next_step="correct the custom properties `tier` in Blender and save the scene",
+    )
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return 0.0
+
+
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) and value.strip() else None
+
+
+def _is_false(value: Any) -> bool:
+    return value is not None and str(value).strip().lower() in ("false", "0", "no")
