@@ -264,7 +264,7 @@ def test_list(kind, capsys):
     assert cli.run(["list", kind, "--json"]) == 0
     names = [entry["name"] for entry in json.loads(capsys.readouterr().out)[kind]]
     if kind == "tasks":
-        assert names == ["coco", "coco-masks", "eth3d", "lvis"]
+        assert names == ["bench", "coco", "coco-masks", "eth3d", "lvis"]
     if kind == "datasets":
         assert names == ["coco", "eth3d", "lvis", "skimage_examples"]
 

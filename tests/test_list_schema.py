@@ -16,12 +16,14 @@ from legoworld import cli
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.readouts.instructions import accepted_synonyms, instructions
-from legoworld.readouts.tasks import TASKS, protocol
+from legoworld.readouts.tasks import protocol
 from legoworld.shipped import catalog
 from legoworld.tracks.dataset_versions import dataset_of
 from legoworld.tracks.vocabulary import Category, Vocabulary
 
 LABELLED = ["coco", "coco-masks", "lvis"]
+#: A bench's submission carries no labels: what its author is told is the task's instruction.
+TASKS = [*LABELLED, "eth3d"]
 
 #: Keys that only annotations have, or that are counted from annotations.
 TRUTH_KEYS = {

@@ -25,6 +25,7 @@ from legoworld.records.folders.run_folder import RUN
 from legoworld.remote import Place
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout, shard_images
+from legoworld.running.submission import bench_rules
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source
 from legoworld.tracks.track import Track, track_of_folder
@@ -83,6 +84,8 @@ def readout(
     shard: tuple[int, int] | None = None,
     images_per_file: int | None = None,
     max_side: int | None = None,
+    render: bool = True,
+    render_noise: bool = False,
     overwrite: bool = False,
     fail_fast: bool = False,
     time_limit_s: float = TIME_LIMIT_S,
@@ -92,11 +95,12 @@ def readout(
 ) -> Run:
     """Read labels out of scenes into a run folder; the same call again resumes.
 
-    scenes, output: folders or their URLs. task: "coco", "coco-masks", "lvis" or "eth3d". track:
-    the images; without one every scene folder is an image. source: the file of a scene that is
-    read. workers: Blender processes, None for one a core. limit: only the first images; image_ids:
-    only these; shard: (i, n), only every n-th from the i-th on. images_per_file: divide the
-    predictions into files. max_side: depth only, render smaller. overwrite: delete an earlier run
+    scenes, output: folders or their URLs. task: "coco", "coco-masks", "lvis", "eth3d" or "bench".
+    track: the images; without one every scene folder is an image. source: the file of a scene that
+    is read. workers: Blender processes, None for one a core. limit: only the first images;
+    image_ids: only these; shard: (i, n), only every n-th from the i-th on. images_per_file: divide
+    the predictions into files. max_side: depth only, render smaller. render, render_noise: bench
+    only, whether A's picture is rendered, and a second seed of it. overwrite: delete an earlier run
     first. fail_fast: stop at the first scene that cannot be read. The limits are of each Blender
     process. started: one that runs already with these limits; the caller closes it. No result
     depends on workers, engine, cache, shard, limits or started.
@@ -110,23 +114,31 @@ def readout(
         raise UsageError(
             "--max-side is for depth: boxes and masks are read at the image's own size",
         )
-    if images_per_file is not None and task == "eth3d":
+    if images_per_file is not None and task in ("eth3d", "bench"):
         raise UsageError(
-            "--images-per-file is for boxes and masks: depth has a file an image already",
+            "--images-per-file is for boxes and masks: each image has its own files already",
         )
     images = track_of(track) if track is not None else track_of_folder(place)
     refuse_other_task(images, task)
+    reading = protocol(task, images.vocabulary)
+    bench = None
+    if reading.task.exports == "surface":
+        _refuse_what_a_bench_lacks(images, source)
+        bench = bench_rules(reading.card, render=render, noise=render_noise)
+    elif render_noise or not render:
+        raise UsageError("a render is made for the bench alone", found=f"--task {task}")
     _refuse_output_in_a_scene(written, place)
     request = RunRequest(
         image_options=ImageOptions(
             scenes=place if isinstance(place, str) else place.absolute(),
             run=Path(),
-            protocol=protocol(task, images.vocabulary),
+            protocol=reading,
             source=source,
             cache=snapshot_cache(cache),
             require_frozen=require_frozen,
             max_side=max_side,
             threads=1,
+            bench=bench,
         ),
         track=images,
         engine=engine,
@@ -153,6 +165,20 @@ def readout(
         )
     unmatched = _strangers(place, images) if track is not None and shard is None else []
     return Run(folder=written, rows=result.rows, summary=result.summary, strangers=tuple(unmatched))
+
+
+def _refuse_what_a_bench_lacks(images: Track, source: Source) -> None:
+    """UsageError for a track without fields of view, and for another scene file."""
+    blind = [image.file_name for image in images.images if image.hfov_deg is None]
+    if blind:
+        raise UsageError(
+            "the images are no bench's: they have no field of view",
+            found=f"{blind[0]} without hfov_deg",
+            expected="DATASET/public/track.json",
+            next_step="pass it with --track; `legoworld bench make` writes it",
+        )
+    if source != "blend":
+        raise UsageError("a submission's surface is read from scene.blend: leave --source out")
 
 
 def _strangers(scenes: Place, track: Track) -> list[Stranger]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--task",
     required=True,
-    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
+    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d", "bench"]),
     help="What to read.",
 )
 @click.option("--track", type=options.EXISTING_FILE, help="The images; COCO image-info JSON.")
@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     help="Boxes and masks: predictions/00000.jsonl, ... of N images each, for very large tracks.",
 )
 @click.option("--max-side", type=click.IntRange(min=1), help="Depth only: render smaller.")
+@click.option("--no-render", is_flag=True, help="Bench only: R without A, no Cycles render.")
+@click.option("--render-noise", is_flag=True, help="Bench only: render a second seed and compare.")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first scene that cannot be read.")
 @options.limits
@@ -72,6 +74,8 @@ def command(
     engine: Literal["local", "ray"],
     images_per_file: int | None,
     max_side: int | None,
+    no_render: bool,
+    render_noise: bool,
     overwrite: bool,
     fail_fast: bool,
     time_limit: float,
@@ -80,7 +84,7 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Read COCO boxes or masks, LVIS masks or depth out of frozen SCENES.
+    """Read COCO boxes or masks, LVIS masks, depth or bench submissions out of frozen SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
     --track every scene folder is an image. Without SCENES the shipped examples are read. The same
@@ -90,8 +94,8 @@ def command(
     Examples:
       legoworld readout --task coco
       legoworld readout scenes --task coco --track track.json -o runs/coco --workers 8
-      legoworld readout scenes --task coco -o shards/3 --shard 3/16
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
+      legoworld readout submissions --task bench --track bench/public/track.json -o runs/mine
     """
     started = _started_ahead(
         time_limit,
@@ -124,6 +128,8 @@ def command(
             shard=shard,
             images_per_file=images_per_file,
             max_side=max_side,
+            render=not no_render,
+            render_noise=render_noise,
             overwrite=overwrite,
             fail_fast=fail_fast,
             time_limit_s=time_limit,

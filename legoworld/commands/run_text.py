@@ -156,6 +156,8 @@ def _counts(summary: dict[str, Any]) -> str:
     what = {"boxes": ("box", "boxes"), "masks": ("mask", "masks")}.get(_exports(summary["task"]))
     if what:
         line += f", {counted(summary['predictions'], *what)}"
+    if "validity" in summary:
+        line += f", {summary['validity']['valid']} valid"
     if summary["warnings"]:
         line += f", {counted(summary['warnings'], 'warning', 'warnings')}"
     if summary["partial"]:
@@ -173,6 +175,10 @@ def _exports(task: str) -> str:
 def _exported(row: Row) -> tuple[object, object]:
     if row["status"] != "ok":
         return "-", "-"
+    if "surface" in row:
+        width, height = row["surface"]["raster_wh"]
+        seen = f"{row['surface']['finite_px'] / (width * height):.1%} surface"
+        return (seen if row["valid"] else f"{seen}, not valid"), "-"
     if "depth" in row:
         width, height = row["rendered_wh"]
         return f"{row['depth']['finite_px'] / (width * height):.1%} depth", "-"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
@@ -19,10 +19,11 @@ Predict = Callable[[int, Sequence[Instance], View], list[Export]]
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What a readout exports. predict: None for depth, which is a file and not a list."""
+    """What a readout exports. predict: None where that is files and not a list."""
 
     name: str
     predict: Predict | None
+    exports: Literal["predictions", "depth", "surface"] = "predictions"
 
 
 TASKS: Final = {
@@ -31,7 +32,8 @@ TASKS: Final = {
         Task(name="coco", predict=box_exports),
         Task(name="coco-masks", predict=mask_exports),
         Task(name="lvis", predict=mask_exports),
-        Task(name="eth3d", predict=None),
+        Task(name="eth3d", predict=None, exports="depth"),
+        Task(name="bench", predict=None, exports="surface"),
     )
 }
 

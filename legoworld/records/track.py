@@ -28,13 +28,14 @@ PRIVATE_KEYS: Final = Private.__struct_fields__
 
 
 class ImageInfo(Private, frozen=True, kw_only=True):
-    """One photo. LVIS v1 names it by coco_url alone."""
+    """One photo. LVIS v1 names it by coco_url alone; hfov_deg: of a bench's."""
 
     id: Id
     width: Pixels
     height: Pixels
     file_name: str | UnsetType = UNSET
     coco_url: str | UnsetType | None = UNSET
+    hfov_deg: Annotated[float, Meta(gt=0, lt=180)] | UnsetType = UNSET
 
 
 class CategoryInfo(Record, frozen=True, kw_only=True):

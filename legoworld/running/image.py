@@ -10,8 +10,10 @@ from typing import Any
 
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import sha256_of_file
+from legoworld.records.folders.row_files import files_of
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.remote import PlaceError, child, fetch_folder
+from legoworld.running.bench_image import Submission, read_submission
 from legoworld.running.image_record import (
     ImageOptions,
     Record,
@@ -40,8 +42,8 @@ from legoworld.workers.engines import machine_lost
 from legoworld.workers.scratch import scratch_folder
 
 
-class DepthNotSharedError(LegoWorldError):
-    """A depth file was written where the run folder is not seen."""
+class FileNotSharedError(LegoWorldError):
+    """A file of an image was written where the run folder is not seen."""
 
     code = "run_folder_not_shared"
 
@@ -87,6 +89,9 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
     row = row_of(image)
     try:
         folder, files = _found(image, options)
+        if options.bench is not None:
+            found_there = Submission(image=image, folder=folder, files=files)
+            return read_submission(found_there, options, blender)
         scene = read_scene(
             folder, source=options.source, blender=blender, cache=options.cache, files=files
         )
@@ -110,12 +115,12 @@ def failed_record(image: TrackImage, error: LegoWorldError) -> Record:
 
 
 def arrived(record: Record, options: ImageOptions) -> Record:
-    """The record, or a verdict where another machine wrote a depth file that is not seen here."""
+    """The record, or a verdict where another machine wrote a file that is not seen here."""
     row = record["row"]
-    if "depth" not in row or (options.run / row["depth"]["file"]).is_file():
+    if all((options.run / file["file"]).is_file() for file in files_of(row)):
         return record
-    error = DepthNotSharedError(
-        "the depth file is not in the run folder",
+    error = FileNotSharedError(
+        "a file of the image is not in the run folder",
         found="the machine that wrote it has another folder under this path",
         expected="a run folder that all machines see",
         next_step="put -o on a shared file system, or divide the track with --shard",
@@ -141,10 +146,13 @@ def _unchanged(record: Record, image: TrackImage, options: ImageOptions) -> bool
         return False
     if sha256_by_name(_dependencies_now(folder, now, scene, options)) != scene["dependencies"]:
         return False
-    if "depth" not in row:
+    if "predictions_sha256" in row:
         return bool(row["predictions_sha256"] == predictions_sha256(record["predictions"]))
-    path: Path = options.run / row["depth"]["file"]
-    return path.is_file() and sha256_of_file(path) == row["depth"]["sha256"]
+    return all(_is_there(options.run / file["file"], file["sha256"]) for file in files_of(row))
+
+
+def _is_there(path: Path, sha256: str) -> bool:
+    return path.is_file() and sha256_of_file(path) == sha256
 
 
 def _dependencies_now(

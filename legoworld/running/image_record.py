@@ -15,6 +15,7 @@ from legoworld.readouts.tasks import Protocol
 from legoworld.records.labels import LabelsFile
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.remote import Place
+from legoworld.running.submission import BenchRules
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, SceneFolder, Source
 from legoworld.scene.freeze import Hashes
@@ -23,6 +24,7 @@ from legoworld.scene.labels import Labels, labels_in, resolve_labels
 from legoworld.scene.reading import ReadScene, read_hashed_side_file
 from legoworld.tracks.track import TrackImage
 from legoworld.visibility.camera import aspect_differs
+from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, unseen_reasons, view
 
 #: Version of the rows of a readout; 2: `exported` names what each prediction is of.
@@ -35,7 +37,7 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions:
-    """What every image of a run is read with."""
+    """What every image of a run is read with. bench: of that task alone."""
 
     scenes: Place
     run: Path
@@ -45,6 +47,7 @@ class ImageOptions:
     require_frozen: bool
     max_side: int | None
     threads: int
+    bench: BenchRules | None = None
 
 
 def row_of(image: TrackImage) -> dict[str, Any]:
@@ -144,7 +147,7 @@ def record_of(
     return {
         "row": row,
         "predictions": predictions,
-        "scene": _scene_entry(folder, scene, seen, provenance),
+        "scene": scene_entry(folder, scene, seen.projection, provenance),
     }
 
 
@@ -237,10 +240,13 @@ def _matched_names(labelled: list[Instance]) -> dict[str, str]:
     )
 
 
-def _scene_entry(
-    folder: SceneFolder, scene: ReadScene, seen: View, provenance: ProvenanceFile | None
+def scene_entry(
+    folder: SceneFolder,
+    scene: ReadScene,
+    projection: Projection,
+    provenance: ProvenanceFile | None,
 ) -> dict[str, Any]:
-    """What run.json records of a scene."""
+    """What run.json records of a scene. projection: what its buffers were made with."""
     snapshot = scene.snapshot
     return {
         "scene": as_unicode(folder.name),
@@ -249,7 +255,7 @@ def _scene_entry(
         "dependencies": sha256_by_name(scene.files.dependencies),
         "snapshot_sha256": scene.snapshot_sha256,
         "camera": dict(vars(snapshot.camera)),
-        "projection": dict(vars(seen.projection)),
+        "projection": dict(vars(projection)),
         "render": dict(vars(snapshot.render)),
         "provenance": "not recorded" if provenance is None else provenance,
     }

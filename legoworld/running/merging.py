@@ -14,6 +14,7 @@ from legoworld.files import atomic_path
 from legoworld.readouts.tasks import TASKS
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.prediction_files import IMAGES_PER_FILE, with_division
+from legoworld.records.folders.row_files import files_of
 from legoworld.records.folders.run_folder import Record
 from legoworld.records.repeats import repeated
 from legoworld.running.readout_run import RunResult, run_document, summarise
@@ -39,7 +40,7 @@ def merge_shards(
     whole = configurations[0] if alone else _whole(list(shards), configurations)
     configuration = with_division(whole, images_per_file)
     with_predictions = TASKS[configuration["task"]].predict is not None
-    _refuse_files_of_depth(images_per_file, with_predictions=with_predictions)
+    _refuse_division(images_per_file, with_predictions=with_predictions)
     _refuse_own_output(shards, output)
     with run_folder.locked(output):
         # Records of an earlier merge are not kept: the shards may have been run again since.
@@ -66,16 +67,16 @@ def _brought_together(shards: Sequence[Path], output: Path) -> list[Record]:
         for folder in shards:
             for record in run_folder.finished_records(folder):
                 _refuse_losses(folder, record)
-                _take_depth(folder, output, record["row"])
+                _take_files(folder, output, record["row"])
                 records.append(run_folder.append(journal, record))
     return sorted(records, key=lambda record: int(record["row"]["image_id"]))
 
 
-def _refuse_files_of_depth(images_per_file: int | None, *, with_predictions: bool) -> None:
+def _refuse_division(images_per_file: int | None, *, with_predictions: bool) -> None:
     if images_per_file is not None and not with_predictions:
         raise UsageError(
             "only boxes and masks are divided into files",
-            found=f"--images-per-file {images_per_file} for depth, a file an image already",
+            found=f"--images-per-file {images_per_file} where each image has its own files already",
             expected="no --images-per-file",
         )
 
@@ -179,14 +180,13 @@ def _whole(folders: list[Path], configurations: list[dict[str, Any]]) -> dict[st
     return {**first, **first["shard"]["whole"], "shard": None}
 
 
-def _take_depth(shard: Path, output: Path, row: dict[str, Any]) -> None:
-    """Bring a row's depth file over: linked where one disk holds both, copied otherwise."""
-    if "depth" not in row:
-        return
-    source, target = shard / row["depth"]["file"], output / row["depth"]["file"]
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(target) as temporary:
-        try:
-            os.link(source, temporary)
-        except OSError:
-            shutil.copyfile(source, temporary)
+def _take_files(shard: Path, output: Path, row: dict[str, Any]) -> None:
+    """Bring a row's own files over: linked where one disk holds both, copied otherwise."""
+    for file in files_of(row):
+        source, target = shard / file["file"], output / file["file"]
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(target) as temporary:
+            try:
+                os.link(source, temporary)
+            except OSError:
+                shutil.copyfile(source, temporary)

@@ -18,12 +18,14 @@ from legoworld.files import as_unicode, canonical_json, sha256_of_text
 from legoworld.pluralize import share, word_for
 from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
+from legoworld.records.base import as_json
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.prediction_files import with_division
 from legoworld.running.disk import check_disk
 from legoworld.running.image import SceneReader, arrived, lost_record, still_valid
 from legoworld.running.image_record import ROW_SCHEMA, ImageOptions, Record, verdict_instead
 from legoworld.running.reader_process import ReaderProcess, worth_processes
+from legoworld.running.submission import validity_counts
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
@@ -108,7 +110,7 @@ def run_readout(
         if records:
             read = share(len(records), len(images), "image", "images")
             notice(f"{read} {word_for(len(records), 'has', 'have')} a valid result already")
-        if request.image_options.protocol.task.predict is None:
+        if request.image_options.protocol.task.exports == "depth":
             _check_disk(request, todo, notice)
         del earlier, by_id  # predictions are many: from here on they are on disk only
         with run_folder.journal(folder) as journal:
@@ -206,8 +208,10 @@ def _summary(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> d
         summary["unmatched_labels"] = dict(sorted(unmatched.items()))
         summary["unexported_instances"] = dict(sorted(unexported.items()))
         summary["nested_instances"] = sum(row["nested"]["instances"] for row in ok)
-    else:
+    elif TASKS[configuration["task"]].exports == "depth":
         summary["depth_bytes"] = sum(row["depth"]["bytes"] for row in ok)
+    else:
+        summary["validity"] = validity_counts(rows)
     return summary
 
 
@@ -237,7 +241,9 @@ def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, A
     protocol = options.protocol
     selected = selected_images(request)
     described = [[i.id, as_unicode(i.file_name), i.size_wh] for i in selected]
+    bench = {"bench": as_json(options.bench.recorded())} if options.bench else {}
     return {
+        **bench,
         "schema_version": SCHEMA_VERSION,
         "kind": "scene",
         "task": protocol.task.name,

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, SceneFolder
 from legoworld.scene.freeze import FrozenFiles
 
+T = TypeVar("T")
 _LOST = (WorkerCrashedError, WorkerMemoryError, WorkerTimeoutError)
 
 
@@ -107,7 +108,7 @@ class OpenedScene:
         return twice(lambda: self._blender.request({**message, "blend": self._blend}))
 
 
-def twice(ask: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+def twice(ask: Callable[[], T]) -> T:
     """The answer; asked once more where the process that was asked is lost."""
     try:
         return ask()

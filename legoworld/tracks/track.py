@@ -21,12 +21,16 @@ _SCENE_FILES = ("scene.blend", "scene.glb")
 
 @dataclass(frozen=True, kw_only=True)
 class TrackImage:
-    """One photo of a track. scene: its scene folder's path below SCENES, "/"-separated."""
+    """One photo of a track. scene: its scene folder's path below SCENES, "/"-separated.
+
+    hfov_deg: horizontal field of view, where the track tells it.
+    """
 
     id: int
     file_name: str
     size_wh: tuple[int, int] | None  # None: the scene's own render size
     scene: str
+    hfov_deg: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +134,11 @@ def _image(info: ImageInfo, source: str) -> TrackImage:
             expected="a path below the photos' folder, as file_name or at the end of coco_url",
         )
     return TrackImage(
-        id=info.id, file_name=name, size_wh=(info.width, info.height), scene=scene_name(name)
+        id=info.id,
+        file_name=name,
+        size_wh=(info.width, info.height),
+        scene=scene_name(name),
+        hfov_deg=None if info.hfov_deg is UNSET else info.hfov_deg,
     )
 
 

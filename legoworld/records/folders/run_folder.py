@@ -30,6 +30,7 @@ from legoworld.records.folders.prediction_files import (
     write_predictions,
 )
 from legoworld.records.folders.result_hashes import RESULTS, RUN_SCHEMA, altered, hashes
+from legoworld.records.folders.row_files import FOLDERS, delete_files, files_of
 from legoworld.records.folders.run_journal import (
     JOURNAL,
     Record,
@@ -49,7 +50,7 @@ _LOCK: Final = ".lock"
 _TIME: Final = "finished_at"  # run.json's own, and the only time in a run
 _RESULTS: Final = (RUN, ROWS, SUMMARY, JOURNAL)
 #: All that a run writes into its folder, and what of it only a run has.
-_OF_A_RUN: Final = {*_RESULTS, _CONFIGURATION, _LOCK, PREDICTIONS, FOLDER, "depth"}
+_OF_A_RUN: Final = {*_RESULTS, _CONFIGURATION, _LOCK, PREDICTIONS, FOLDER, *FOLDERS}
 _OF_A_RUN_ALONE: Final = {ROWS, JOURNAL, _LOCK}
 
 
@@ -230,8 +231,8 @@ def finish(
 
 def _sync(folder: Path, records: Sequence[Record]) -> None:
     """Have every result on disk: after the journal there is nothing to make them from."""
-    depth = [folder / r["row"]["depth"]["file"] for r in records if "depth" in r["row"]]
-    results = [folder / RUN, *_result_files(folder), *depth]
+    own = [folder / file["file"] for r in records for file in files_of(r["row"])]
+    results = [folder / RUN, *_result_files(folder), *own]
     for path in results:
         sync_file(path)
     inside = {parent for path in results for parent in path.parents}
@@ -250,7 +251,7 @@ def _earlier_results(folder: Path) -> tuple[dict[str, Any], dict[str, str]] | No
 
 
 def _result_files(folder: Path) -> list[Path]:
-    """All that a finished run consists of but run.json and the arrays of depth."""
+    """All that a finished run consists of but run.json and the files of its rows."""
     return [folder / ROWS, folder / SUMMARY, *present_files(folder)]
 
 
@@ -349,9 +350,7 @@ def _delete_results(folder: Path) -> None:
     for name in _RESULTS:
         (folder / name).unlink(missing_ok=True)
     delete_predictions(folder)
-    depth = folder / "depth"
-    for path in sorted(depth.rglob("*.npz")) if depth.is_dir() else ():
-        path.unlink()
+    delete_files(folder)
 
 
 def _short(value: Any) -> str:

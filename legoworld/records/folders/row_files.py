@@ -1,0 +1,25 @@
+"""The files of its own that a row of a run has, besides predictions: depth, surface, render."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+#: The keys of a row that describe a file: {"file", "sha256", "bytes", ...}; also their folders.
+FOLDERS: Final = ("depth", "surface", "render")
+_SUFFIXES: Final = (".npz", ".png")
+
+
+def files_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What a row says of each of its files."""
+    return [row[key] for key in FOLDERS if key in row]
+
+
+def delete_files(run: Path) -> None:
+    """Delete the files of all rows."""
+    for name in FOLDERS:
+        folder = run / name
+        for path in sorted(folder.rglob("*")) if folder.is_dir() else ():
+            if path.suffix in _SUFFIXES and path.is_file():
+                path.unlink()

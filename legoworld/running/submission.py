@@ -1,0 +1,269 @@
+"""One submission of the bench: V's checks from the artefacts alone, its surface and its render."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from legoworld.cards import Card
+from legoworld.errors import LegoWorldError, SceneInvalidError
+from legoworld.files import as_unicode, atomic_path, sha256_of_file, sha256_of_text
+from legoworld.readouts.camera_planes import facing_planes
+from legoworld.readouts.surface import (
+    VisibleSurface,
+    render_file,
+    submitted_camera,
+    surface_file,
+    visible_surface,
+    write_surface,
+)
+from legoworld.records.base import as_json, canonical, to_record
+from legoworld.records.bench_dataset import RenderCard
+from legoworld.records.bench_run import (
+    CameraPlane,
+    Check,
+    Integrity,
+    RenderFile,
+    RenderNoise,
+    SurfaceFile,
+    Validity,
+    WrittenFile,
+)
+from legoworld.scene.artefacts import check_glb, check_picture, decoded_picture
+from legoworld.scene.folder import BLEND, GLB, PICTURE, SceneFolder
+from legoworld.scene.gltf.container import parse_glb
+from legoworld.scene.opened import CardRender, OpenedScene, SceneFacts
+from legoworld.scene.snapshot import Snapshot
+
+OK: Final = Check(ok=True)
+#: Which check of V an error of reading scene.blend fails; any other one fails `scene_blend`.
+_FAILS: Final = {
+    "no_mesh": "geometry",
+    "non_finite_geometry": "geometry",
+    "no_camera": "camera",
+    "unsupported_camera": "camera",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRules:
+    """What a submission is read by. card: None without a render; noise: render two seeds."""
+
+    card: RenderCard | None
+    noise: bool
+    delta: int
+    plane_max_tilt_deg: float
+    plane_min_share: float
+    thumbnail_wh: tuple[int, int]
+
+    def recorded(self) -> dict[str, Any]:
+        """What of it a run's configuration has on record."""
+        return {"card": self.card, "noise": self.noise}
+
+
+def bench_rules(card: Card, *, render: bool, noise: bool) -> BenchRules:
+    """The rules that readouts/bench.toml states; render: whether its render card is used."""
+    width, height = card.value("integrity.texture_thumbnail_wh")
+    return BenchRules(
+        card=to_record(RenderCard, card.value("render")) if render else None,
+        noise=noise and render,
+        delta=card.value("scoring.delta"),
+        plane_max_tilt_deg=card.value("integrity.plane_max_tilt_deg"),
+        plane_min_share=card.value("integrity.plane_min_share"),
+        thumbnail_wh=(width, height),
+    )
+
+
+def validity_counts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """How many submissions are valid, and how many fail each check."""
+    failed = dict.fromkeys(Validity.__struct_fields__, 0)
+    for row in rows:
+        for name, check in row.get("validity", {}).items():
+            failed[name] += not check["ok"]
+    return {"valid": sum(row.get("valid", False) for row in rows), "failed": failed}
+
+
+def artefact_checks(folder: SceneFolder) -> dict[str, Check]:
+    """V's checks of scene.glb and final.png."""
+    return {
+        "scene_glb": _checked(folder, GLB, check_glb),
+        "final_png": _checked(folder, PICTURE, check_picture),
+    }
+
+
+def blend_checks(error: LegoWorldError | None) -> dict[str, Check]:
+    """V's checks of scene.blend: all passed, or the one that an error of reading it fails.
+
+    A scene that did not open was not asked for the others: they fail with it.
+    """
+    checks = dict.fromkeys(("scene_blend", "geometry", "camera"), OK)
+    if error is not None:
+        failed = _FAILS.get(error.code, "scene_blend")
+        checks[failed] = failed_check(error)
+        if failed == "scene_blend":
+            unknown = Check(ok=False, found=f"{BLEND} was not read", expected=f"a {BLEND} to read")
+            checks["geometry"] = checks["camera"] = unknown
+    return checks
+
+
+def failed_check(error: LegoWorldError) -> Check:
+    """An error as a check that did not pass."""
+    found = f"{error.what}: {error.found}" if error.found else error.what
+    return Check(
+        ok=False, found=found, expected=error.expected or None, next_step=error.next_step or None
+    )
+
+
+def validity_of(checks: dict[str, Check]) -> dict[str, Any]:
+    """The part of a row that V is decided by."""
+    validity = Validity(**checks)
+    return {"valid": validity.valid, "validity": as_json(validity)}
+
+
+def _checked(folder: SceneFolder, name: str, check: Callable[[Path], None]) -> Check:
+    path = folder.file(name)
+    try:
+        if not path.is_file():
+            raise SceneInvalidError(
+                f"the scene folder holds no {name}",
+                found="no such file",
+                expected=name,
+                next_step=f"deliver {name} beside {BLEND}",
+            )
+        check(path)
+    except LegoWorldError as error:
+        return failed_check(error)
+    except OSError as error:
+        return Check(
+            ok=False, found=error.strerror or type(error).__name__, expected=f"a readable {name}"
+        )
+    return OK
+
+
+def read_surface(
+    row: dict[str, Any],
+    snapshot: Snapshot,
+    hfov_deg: float,
+    opened: OpenedScene,
+    rules: BenchRules,
+    run: Path,
+    threads: int,
+) -> VisibleSurface:
+    """Write the surface file; camera, surface and integrity go into the row.
+
+    Raises the verdicts of a Blender process.
+    """
+    size_wh = (row["size_wh"][0], row["size_wh"][1])
+    surface = visible_surface(snapshot, size_wh, hfov_deg, threads=threads)
+    facts = opened.facts(rules.thumbnail_wh)
+    planes, plane = facing_planes(
+        snapshot,
+        surface,
+        max_tilt_deg=rules.plane_max_tilt_deg,
+        min_share=rules.plane_min_share,
+    )
+    name = surface_file(row["scene"])
+    write_surface(run / name, surface, plane, facts.textures)
+    images_of = facts.values["images_of"]
+    shown = [
+        CameraPlane(
+            object=as_unicode(p.object),
+            tilt_deg=p.tilt_deg,
+            share=p.share,
+            images=tuple(images_of.get(p.object, ())),
+        )
+        for p in planes
+    ]
+    file = SurfaceFile(
+        **vars_of(written(run, name)), raster_wh=surface.raster_wh, finite_px=surface.finite_px
+    )
+    row["camera"] = as_json(submitted_camera(snapshot, size_wh))
+    row["surface"] = as_json(file)
+    row["integrity"] = as_json(_integrity(facts, shown))
+    return surface
+
+
+def _integrity(facts: SceneFacts, planes: list[CameraPlane]) -> Integrity:
+    values = {k: v for k, v in facts.values.items() if k != "images_of"}
+    return to_record(Integrity, {**values, "planes": as_json(planes)})
+
+
+def card_size(size_wh: tuple[int, int], longest_side_px: int) -> tuple[int, int]:
+    """The render's size: the longer side is the card's, the other one rounded, at least 1."""
+    scale = longest_side_px / max(size_wh)
+    width, height = (max(1, round(side * scale)) for side in size_wh)
+    return width, height
+
+
+def read_render(
+    row: dict[str, Any],
+    opened: OpenedScene,
+    card: RenderCard,
+    rules: BenchRules,
+    run: Path,
+    threads: int,
+) -> None:
+    """Write the render; it goes into the row. Raises the verdicts of a Blender process."""
+    size_wh = card_size((row["size_wh"][0], row["size_wh"][1]), card.longest_side_px)
+    seeds = (card.seed, card.seed + 1)[: 2 if rules.noise else 1]
+    pictures = [opened.render(card_render(card, size_wh, seed, threads)) for seed in seeds]
+    name = render_file(row["scene"])
+    with atomic_path(run / name) as temporary:
+        temporary.write_bytes(pictures[0])
+    file = RenderFile(
+        **vars_of(written(run, name)),
+        size_wh=size_wh,
+        card_sha256=sha256_of_text(canonical(card)),
+        noise=_noise(pictures, card, rules.delta) if rules.noise else None,
+    )
+    row["render"] = as_json(file)
+
+
+def card_render(
+    card: RenderCard, size_wh: tuple[int, int], seed: int, threads: int
+) -> CardRender:  # fmt: skip
+    """What Blender is asked for by a render card."""
+    return CardRender(
+        size_wh=size_wh, samples=card.samples, seed=seed, denoise=False, threads=threads
+    )
+
+
+def _noise(pictures: list[bytes], card: RenderCard, delta: int) -> RenderNoise:
+    first, second = (decoded_picture(png, color=True) for png in pictures)
+    assert first is not None
+    assert second is not None
+    largest = np.abs(first.astype(np.int16) - second.astype(np.int16)).max(axis=2)
+    return RenderNoise(
+        seeds=(card.seed, card.seed + 1),
+        share_over_delta=float((largest > delta).mean()),
+        mean_largest_difference=float(largest.mean()),
+    )
+
+
+def written(run: Path, name: str) -> WrittenFile:
+    """A file of the run folder as a row describes it."""
+    path = run / name
+    return WrittenFile(file=name, sha256=sha256_of_file(path), bytes=path.stat().st_size)
+
+
+def vars_of(record: WrittenFile) -> dict[str, Any]:
+    """A record's fields, to make a larger one of."""
+    return {name: getattr(record, name) for name in record.__struct_fields__}
+
+
+def names_in_common(folder: SceneFolder, snapshot: Snapshot) -> str | None:
+    """A warning where scene.glb has no object of scene.blend: it may be of another scene."""
+    path = folder.file(GLB)
+    nodes = parse_glb(path.read_bytes()).document.children("nodes")
+    names = {node.text("name") for node in nodes if "mesh" in node}
+    objects = {thing.name for thing in snapshot.objects}
+    if not names or names & objects:
+        return None
+    return (
+        f"{GLB} has none of the {len(objects)} object names of {BLEND} on its "
+        f"{len(names)} meshes: it may be of another scene"
+    )
