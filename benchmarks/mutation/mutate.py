@@ -168,7 +168,7 @@ def _chosen(change: Change, called: dict[str, dict[str, Any]], path: str) -> lis
 def _stages(
     chosen: list[str], called: dict[str, dict[str, Any]], killers: Counter[str], budget: float
 ) -> list[list[str]]:
-    """The quick tests of the two likeliest files, then those of six more within the budget.
+    """The quick tests of the two likeliest files, then all others, cheapest first, within budget.
 
     Likely is what killed a change of the same source, and what calls little else.
     """
@@ -176,14 +176,11 @@ def _stages(
     for test in chosen:
         files.setdefault(test.split("::")[0], []).append(test)
     aim = {file: min(len(called[t]["calls"]) for t in tests) for file, tests in files.items()}
-    likely = sorted(files, key=lambda file: (-killers[file], aim[file]))[:8]
-    quick = [
-        test for file in likely[:2] for test in files[file] if cost(called[test]) < budget / 20
-    ]
-    others = [test for file in likely for test in files[file] if test not in quick]
-    ordered = sorted(others, key=lambda test: cost(called[test]))
-    spent = accumulate(cost(called[test]) for test in ordered)
-    rest = [test for test, seconds in zip(ordered, spent, strict=True) if seconds <= budget]
+    likely = sorted(files, key=lambda file: (-killers[file], aim[file]))[:2]
+    quick = [test for file in likely for test in files[file] if cost(called[test]) < budget / 20]
+    others = sorted({*chosen} - {*quick}, key=lambda test: (cost(called[test]), test))
+    spent = accumulate(cost(called[test]) for test in others)
+    rest = [test for test, seconds in zip(others, spent, strict=True) if seconds <= budget]
     return [stage for stage in (quick, sorted(rest)) if stage]
 
 
