@@ -27,12 +27,12 @@ from legoworld.running.image_record import (
 )
 from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.folder import BLEND, PROVENANCE, SceneFolder, find_scene
+from legoworld.scene.cache import files_in
+from legoworld.scene.folder import BLEND, GLB, PROVENANCE, SIMULATIONS, SceneFolder, find_scene
 from legoworld.scene.freeze import (
     FrozenFiles,
     Hashes,
     checked_artefacts,
-    hash_files,
     hashed_dependencies,
 )
 from legoworld.scene.outside import leaves_scenes
@@ -159,11 +159,14 @@ def _dependencies_now(
     folder: SceneFolder, now: FrozenFiles, scene: dict[str, Any], options: ImageOptions
 ) -> Hashes:
     """The content now of what a scene was read with; empty where it is not known where that is."""
-    if not any(leaves_scenes(name, folder) for name in scene["dependencies"]):
-        return hash_files(folder.path, scene["dependencies"])
-    blend = now.artefacts.get(BLEND)
-    names = options.cache.dependencies(blend.sha256) if options.cache and blend else None
-    return hashed_dependencies(folder, names or (), now, read_by=BLEND).dependencies
+    read_by = BLEND if options.source == "blend" else GLB
+    file = now.artefacts.get(read_by)
+    names = options.cache.dependencies(file.sha256, folder.path) if options.cache and file else None
+    if names is None:
+        if any(leaves_scenes(name, folder) for name in scene["dependencies"]):
+            return {}
+        names = sorted({*scene["dependencies"], *files_in(folder.path, [SIMULATIONS])})
+    return hashed_dependencies(folder, names, now, read_by=read_by).dependencies
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -27,17 +28,22 @@ class SnapshotCache:
 
     folder: Path
 
-    def dependencies(self, scene_file_sha256: str) -> list[str] | None:
-        """The files a scene file with this content reads; None when it was never opened."""
+    def dependencies(self, scene_file_sha256: str, scene: Path) -> list[str] | None:
+        """The files a scene file with this content reads in a folder; None: it was never opened."""
         path = self._entry(scene_file_key(scene_file_sha256), ".json")
         try:
-            return [str(name) for name in json.loads(path.read_text(encoding="utf-8"))]
-        except (OSError, ValueError, TypeError):
+            entry = json.loads(path.read_text(encoding="utf-8"))
+            files, watched = map(str, entry["files"]), map(str, entry["watched"])
+            return sorted({*files, *files_in(scene, watched)})
+        except (OSError, ValueError, TypeError, KeyError):
             return None
 
-    def put_dependencies(self, scene_file_sha256: str, names: list[str]) -> None:
-        """Remember what a scene file reads."""
-        write_text(self._entry(scene_file_key(scene_file_sha256), ".json"), canonical_json(names))
+    def put_dependencies(
+        self, scene_file_sha256: str, files: list[str], watched: list[str]
+    ) -> None:
+        """Remember what a scene file reads: files, and folders with whatever is in them."""
+        text = canonical_json({"files": files, "watched": watched})
+        write_text(self._entry(scene_file_key(scene_file_sha256), ".json"), text)
 
     def snapshot_path(self, scene_file_sha256: str, dependencies: Hashes) -> Path:
         """Where the snapshot of that scene file and those dependencies is or belongs."""
@@ -54,6 +60,17 @@ class SnapshotCache:
 
     def _entry(self, key: str, suffix: str) -> Path:
         return Path(f"{self.folder}/{key[:2]}/{key[2:]}{suffix}")  # joined once, for every image
+
+
+def files_in(scene: Path, watched: Iterable[str]) -> set[str]:
+    """The files that are in folders now, named like these: relative to the scene, or absolute."""
+    there = {name: scene / name for name in watched if (scene / name).is_dir()}
+    return {
+        os.path.normpath(Path(name, path.relative_to(folder)))
+        for name, folder in there.items()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def default_cache_folder() -> Path:

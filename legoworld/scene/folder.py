@@ -19,6 +19,8 @@ LABELS: Final = "labels.json"
 FROZEN: Final = "frozen.json"
 PROVENANCE: Final = "provenance.json"
 EXECUTION: Final = "execution.json"
+#: Where Blender looks for baked simulations of scene.blend, whether it has any or not.
+SIMULATIONS: Final = "blendcache_scene"
 
 #: The files a frozen scene consists of, besides what the .blend reads.
 ARTEFACTS: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS, PROVENANCE)

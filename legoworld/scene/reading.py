@@ -58,7 +58,7 @@ def read_scene(
             if GLB in files.artefacts
             else "run the scene program with `legoworld execute`",
         )
-    names = cache.dependencies(blend.sha256) if cache else None
+    names = cache.dependencies(blend.sha256, scene.path) if cache else None
     if cache is not None and names is not None:
         known = hashed_dependencies(scene, names, files, read_by=BLEND)
         stored = _stored(cache.snapshot_path(blend.sha256, known.dependencies))
@@ -87,16 +87,16 @@ def _read_with_blender(
 ) -> ReadScene:
     if cache is None:  # each snapshot takes the place of the one before
         output = blender.workspace("legoworld-snapshot-") / "made.snapshot"
-        known, _ = _made(scene, blend, blender, files, output, passing=True)
+        known, _, _ = _made(scene, blend, blender, files, output, passing=True)
         snapshot, content = load(output, passing=True)
         return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
     cache.folder.mkdir(parents=True, exist_ok=True)
     output = blender.workspace(".reading-", cache.folder) / "made.snapshot"
-    known, names = _made(scene, blend, blender, files, output, passing=False)
+    known, names, watched = _made(scene, blend, blender, files, output, passing=False)
     stored = cache.snapshot_path(blend.sha256, known.dependencies)
     stored.parent.mkdir(parents=True, exist_ok=True)
     output.replace(stored)
-    cache.put_dependencies(blend.sha256, names)
+    cache.put_dependencies(blend.sha256, names, watched)
     snapshot, content = load(stored)
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
 
@@ -109,8 +109,11 @@ def _made(
     output: Path,
     *,
     passing: bool,
-) -> tuple[FrozenFiles, list[str]]:
-    """Have Blender write the snapshot; returns the files it was made from, and their names."""
+) -> tuple[FrozenFiles, list[str], list[str]]:
+    """Have Blender write the snapshot.
+
+    Returns the files it was made from, their names, and the folders that more may appear in.
+    """
     answer = blender.request(
         {
             "kind": "snapshot",
@@ -124,7 +127,7 @@ def _made(
     # The file may have been replaced meanwhile: what was hashed must be what was read.
     if not is_still(scene.path, BLEND, blend):
         raise _changed(scene, BLEND)
-    return known, answer["dependencies"]
+    return known, answer["dependencies"], answer["watched"]
 
 
 def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFiles) -> ReadScene:
@@ -141,7 +144,7 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
             expected=GLB,
             next_step="export scene.glb, or use --source blend",
         )
-    names = cache.dependencies(glb.sha256) if cache else None
+    names = cache.dependencies(glb.sha256, scene.path) if cache else None
     if cache is not None and names is not None:
         known = hashed_dependencies(scene, names, files, read_by=GLB)
         stored = _stored(cache.snapshot_path(glb.sha256, known.dependencies))
@@ -160,7 +163,7 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
     if cache is None:
         return ReadScene(snapshot=snapshot, snapshot_sha256=snapshot.content_sha256(), files=known)
     content = save(snapshot, cache.snapshot_path(glb.sha256, known.dependencies))
-    cache.put_dependencies(glb.sha256, names)
+    cache.put_dependencies(glb.sha256, names, [])
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.scene.blender.objects import identity
 from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError
 from legoworld.scene.snapshot import Interpolation, Wrap
 
@@ -51,9 +52,10 @@ def image_source(source: Feed) -> ImageSource:
     ):  # fmt: skip
         raise UnreadableAlphaError("alpha comes from an image node with its own mapping")
     uv_map, transform = _coordinates(source.input("Vector"))
+    name, library = identity(image)
     return ImageSource(
-        image=image.name,
-        library=image.library.filepath if image.library else "",
+        image=name,
+        library=library,
         channel=_channel(node, image, source.output),
         uv_map=uv_map,
         uv_transform=transform,

@@ -21,6 +21,7 @@ from legoworld.scene.blender.materials import (
     image_value,
     material_rule,
 )
+from legoworld.scene.blender.objects import identity
 from legoworld.scene.snapshot import Sides
 
 _OPAQUE: Final = 0
@@ -150,9 +151,6 @@ class AlphaTable:
 
 def _find_image(source: ImageSource) -> Any:
     for image in bpy.data.images:
-        if (image.name, image.library.filepath if image.library else "") == (
-            source.image,
-            source.library,
-        ):
+        if identity(image) == (source.image, source.library):
             return image
     return None

@@ -44,13 +44,13 @@ def _from_memory(mesh: bpy.types.Mesh) -> NDArray[np.int32] | None:
     """A copy of the array behind the loop triangles; None where it does not lie as expected."""
     entries = mesh.loop_triangles
     n_triangles = len(entries)
-    begin = entries[0].as_pointer()
-    probed = (0, n_triangles // 2, n_triangles - 1)
-    if any(entries[i].as_pointer() != begin + i * _TRIANGLE_BYTES for i in probed):
+    probed = [(i, entries[i]) for i in (0, n_triangles // 2, n_triangles - 1)]
+    begin = probed[0][1].as_pointer()
+    if any(entry.as_pointer() != begin + i * _TRIANGLE_BYTES for i, entry in probed):
         return None
     corners = np.empty((n_triangles, 3), np.int32)
     ctypes.memmove(corners.ctypes.data, begin, corners.nbytes)
-    if any(tuple(corners[i]) != tuple(entries[i].loops) for i in probed):
+    if any(corners[i].tolist() != list(entry.loops) for i, entry in probed):
         return None
     return corners
 

@@ -36,9 +36,17 @@ def dependencies(blend: Path) -> list[str]:
     return sorted(found)
 
 
+def watched_folders(blend: Path) -> list[str]:
+    """Folders whose every file an open .blend reads, there or not, named as `dependencies` are."""
+    return sorted(_name(folder, "//", blend.parent) for folder in _cache_folders(blend))
+
+
 def library_path(library: bpy.types.Library) -> Path:
-    """Where a linked library's file is; its own path may be relative to the library it is in."""
-    return Path(bpy.path.abspath(library.filepath, library=library.parent))
+    """Where a linked library's file is.
+
+    Blender makes relative paths of libraries that other libraries link relative to the open file.
+    """
+    return Path(bpy.path.abspath(library.filepath))
 
 
 def _name(path: Path, written: str, folder: Path) -> str:
@@ -55,12 +63,12 @@ def _name(path: Path, written: str, folder: Path) -> str:
 
 
 def _cache_folders(blend: Path) -> list[Path]:
-    """Folders of simulations and bakes, which Blender's own list leaves out."""
+    """Folders of simulations and bakes, there or not, which Blender's own list leaves out."""
     folders = {blend.parent / f"blendcache_{blend.stem}"}
     for block in bpy.data.objects:
         for modifier in block.modifiers:
             folders |= {_absolute(d, block) for d in _cache_settings(modifier)}
-    return sorted(folder for folder in folders if folder.is_dir())
+    return sorted(folders)
 
 
 def _cache_settings(modifier: bpy.types.Modifier) -> list[str]:

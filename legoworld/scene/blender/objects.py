@@ -91,8 +91,16 @@ class ObjectTable:
 
 
 def identity(block: bpy.types.ID) -> Identity:
-    """A datablock's name and the path of the library it comes from ("" for none)."""
-    return (block.name, block.library.filepath if block.library else "")
+    """A datablock's name and the path of the library it comes from ("" for none).
+
+    Packed copies of a library's data keep its path: their own name in the file tells them apart.
+    """
+    library = block.library
+    if library is None:
+        return (block.name, "")
+    # Blender 5.0 and later; the archive of one library may be there several times.
+    packed = getattr(library, "is_archive", False)
+    return (block.name, f"{library.filepath} [{library.name}]" if packed else library.filepath)
 
 
 def ancestors(block: bpy.types.ID) -> list[Any]:

@@ -84,16 +84,16 @@ def _surprise(error: Exception) -> dict[str, Any]:
 
 
 def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
-    from legoworld.scene.blender.dependencies import dependencies
+    from legoworld.scene.blender.dependencies import dependencies, watched_folders
     from legoworld.scene.blender.extract import snapshot_of_blend
     from legoworld.scene.snapshot import save
 
     blend = Path(request["blend"])
     snapshot = snapshot_of_blend(blend)
-    depends = dependencies(blend)
+    depends, watched = dependencies(blend), watched_folders(blend)
     passing = bool(request.get("passing"))
     content = save(snapshot, Path(request["output"]), passing=passing)
-    return {"content_sha256": content, "dependencies": depends}
+    return {"content_sha256": content, "dependencies": depends, "watched": watched}
 
 
 def _check(request: dict[str, Any]) -> dict[str, Any]:
