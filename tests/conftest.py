@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import subprocess
@@ -16,6 +17,20 @@ import pytest
 REAL_DATA = Path(
     os.environ.get("LEGOWORLD_REAL_DATA", Path(__file__).parents[2] / "shared" / "data")
 )
+
+# The laws draw the same examples everywhere: a failure is there again, on any machine. (The
+# environment of the baselines has no hypothesis, and its tests no laws.)
+if importlib.util.find_spec("hypothesis"):
+    from hypothesis import HealthCheck, settings
+
+    settings.register_profile(
+        "legoworld",
+        derandomize=True,
+        deadline=None,
+        database=None,
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+    )
+    settings.load_profile("legoworld")
 
 BuildScenes = Callable[[str, Path], None]
 

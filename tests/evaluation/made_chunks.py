@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from legoworld.evaluation.detection.matching.chunks import Chunk
 from legoworld.evaluation.detection.matching.compiled_matching import pairs_of_chunk
@@ -13,15 +14,24 @@ from legoworld.evaluation.detection.problem import Detections, TrueInstances
 
 
 def chunk_of(
-    found: list[list[int]], wanted: list[list[int]], random: np.random.Generator, odd: float
+    found: list[list[int]],
+    wanted: list[list[int]],
+    *,
+    unverified: ArrayLike = False,
+    not_exhaustive: ArrayLike = False,
+    ignored: ArrayLike = False,
+    crowd: ArrayLike = False,
+    area: ArrayLike = 0.0,
 ) -> Chunk:
-    """Categories of each image's detections (ascending) and truths; a share of them odd."""
+    """Categories of each image's detections (ascending) and truths; what is odd of each.
+
+    unverified holds for categories that no truth of the image is of.
+    """
     image, true_image = (
         np.repeat(np.arange(len(found)), [len(x) for x in side]) for side in (found, wanted)
     )
     n, g = len(image), len(true_image)
     present = np.array([c in wanted[i] for i, cs in enumerate(found) for c in cs], bool)
-    ignored = random.random(g) < odd
     zeros = np.zeros(n, np.int64)
     return Chunk(
         iou_type="bbox",
@@ -31,15 +41,15 @@ def chunk_of(
             score=np.zeros(n),
             rank=zeros,
             entry=zeros,
-            verified=present | (random.random(n) >= odd),
-            exhaustive=random.random(n) >= odd,
+            verified=present | ~np.broadcast_to(unverified, n),
+            exhaustive=~np.broadcast_to(not_exhaustive, n),
         ),
         truths=TrueInstances(
             image=true_image,
             category=np.array(list(itertools.chain(*wanted)), np.int64),
-            area=random.choice([0.0, 500.0, 1024.0, 2000.0, 9216.0, 1e5], g),
-            ignored=ignored,
-            crowd=ignored & (random.random(g) < 0.5),
+            area=np.array(np.broadcast_to(area, g), np.float64),
+            ignored=np.array(np.broadcast_to(ignored, g), bool),
+            crowd=np.array(np.broadcast_to(crowd, g), bool),
             annotation=np.zeros(g, np.int64),
         ),
         first_detection=np.searchsorted(image, np.arange(len(found) + 1)),
@@ -54,7 +64,7 @@ def chunk_of(
 
 def best_pairs(iou, same_label):
     """Rows and columns of the pairs of one image across categories."""
-    chunk = chunk_of([[0] * iou.shape[0]], [[0] * iou.shape[1]], np.random.default_rng(0), 0.0)
+    chunk = chunk_of([[0] * iou.shape[0]], [[0] * iou.shape[1]])
     assert same_label.any() == same_label.all() or same_label.shape == (2, 2)
     if same_label.any():  # two labels, the second row's and column's another
         turned = not same_label[0, 0]

@@ -9,7 +9,11 @@ import pytest
 from evaluation import reference_matching
 from evaluation.detection_runs import checked, random_predictions, random_truth, text_counts
 from evaluation.made_chunks import chunk_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 from pycocotools import mask as coco_mask
+from strategies import blobs, chunks
 
 from legoworld.evaluation.detection.inputs.masks import areas_px
 from legoworld.evaluation.detection.matching.chunks import Chunk, Chunks
@@ -37,24 +41,19 @@ def assert_same(chunk: Chunk, overlaps: Overlaps) -> tuple[np.ndarray, int]:
     return state, n
 
 
-@pytest.mark.parametrize("levels", [3, 8, None])
-@pytest.mark.parametrize("odd", [0.0, 0.3])
-def test_made_up_overlaps_full_of_ties(levels, odd):
+def test_made_up_overlaps_full_of_ties():
     """Equal overlaps decide who takes whom: the later truth, and what scipy takes."""
-    random = np.random.default_rng([levels or 0, int(10 * odd)])
     kinds, paired = set(), 0
-    for _ in range(60):
-        sizes = random.integers(0, [[14, 7]] * 6)
-        found = [sorted(random.integers(0, 3, n).tolist()) for n, _ in sizes]
-        wanted = [random.integers(0, 3, n).tolist() for _, n in sizes]
-        chunk = chunk_of(found, wanted, random, odd)
-        n = int(sizes.prod(axis=1).sum())
-        grid = np.array([0.0, 0.5, 0.95, 0.3, 0.75, 0.7500001, 0.8, 1.0])
-        iou = random.random(n) if levels is None else random.choice(grid[:levels], n)
-        area = random.choice([0.0, 1024.0, 1e4], len(chunk.detections.image))
-        state, n_pairs = assert_same(chunk, Overlaps(iou=iou, area=area))
-        kinds |= set(state.ravel().tolist())
+
+    @settings(max_examples=100)
+    @given(chunks())
+    def law(made):
+        nonlocal paired
+        state, n_pairs = assert_same(*made)
+        kinds.update(state.ravel().tolist())
         paired += n_pairs
+
+    law()
     assert kinds == {0, 1, 2}
     assert paired > 500
 
@@ -78,31 +77,21 @@ def test_tracks_with_crowds_areas_and_gaps(task, seed, tmp_path, monkeypatch):
         assert_same(chunk, overlaps)
 
 
-def blobs(random, size_hw):
-    """Pixels of a few rectangles, or none, or all; with runs from end to end of the image."""
-    pixels = np.zeros(size_hw, np.uint8, order="F")
-    for _ in range(random.integers(0, 4)):
-        top, left = random.integers(0, size_hw)
-        pixels[top : top + random.integers(1, 20), left : left + random.integers(1, 20)] = 1
-    return 1 - pixels if random.random() < 0.1 else pixels
-
-
-def test_overlaps_of_any_masks_are_those_of_pycocotools():
-    random = np.random.default_rng(5)
-    for _ in range(80):
-        size_hw = tuple(random.integers(1, 40, 2).tolist())
-        found, wanted = (
-            [coco_mask.encode(blobs(random, size_hw)) for _ in range(random.integers(1, 9))]
-            for _ in range(2)
-        )
-        chunk = chunk_of([[0] * len(found)], [[0] * len(wanted)], random, 0.4)
-        texts = tuple(text_counts(m)["counts"] for m in found)
-        masks = {"iou_type": "segm", "sizes_hw": (size_hw,), "masks": texts}
-        chunk = Chunk(**{**vars(chunk), **masks, "true_masks": tuple(map(text_counts, wanted))})
-        crowd = chunk.truths.crowd.astype(int).tolist()
-        overlaps = overlaps_of(chunk)
-        np.testing.assert_array_equal(overlaps.iou, coco_mask.iou(found, wanted, crowd).ravel())
-        np.testing.assert_array_equal(overlaps.area, areas_px(found))
+@settings(max_examples=60)
+@given(st.data())
+def test_overlaps_of_any_masks_are_those_of_pycocotools(data):
+    size_hw = data.draw(st.tuples(st.integers(1, 39), st.integers(1, 39)))
+    sides = st.lists(blobs(size_hw).map(coco_mask.encode), min_size=1, max_size=8)
+    found, wanted = data.draw(sides), data.draw(sides)
+    crowd = data.draw(arrays.arrays(bool, len(wanted)))
+    chunk = chunk_of([[0] * len(found)], [[0] * len(wanted)], ignored=crowd, crowd=crowd)
+    texts = tuple(text_counts(m)["counts"] for m in found)
+    masks = {"iou_type": "segm", "sizes_hw": (size_hw,), "masks": texts}
+    chunk = Chunk(**{**vars(chunk), **masks, "true_masks": tuple(map(text_counts, wanted))})
+    overlaps = overlaps_of(chunk)
+    expected = coco_mask.iou(found, wanted, crowd.astype(int).tolist()).ravel()
+    np.testing.assert_array_equal(overlaps.iou, expected)
+    np.testing.assert_array_equal(overlaps.area, areas_px(found))
 
 
 def test_empty_runs_stop_an_overlap_where_pycocotools_stops():
@@ -117,7 +106,7 @@ def test_empty_runs_stop_an_overlap_where_pycocotools_stops():
     ]
     masks = [coco_mask.frPyObjects({"size": list(size_hw), "counts": c}, *size_hw) for c in counts]
     for a, b in itertools.product(masks, repeat=2):
-        chunk = chunk_of([[0]], [[0]], np.random.default_rng(0), 0.0)
+        chunk = chunk_of([[0]], [[0]])
         shapes = {"masks": (text_counts(a)["counts"],), "true_masks": (text_counts(b),)}
         chunk = Chunk(**{**vars(chunk), "iou_type": "segm", "sizes_hw": (size_hw,), **shapes})
         assert overlaps_of(chunk).iou.tolist() == coco_mask.iou([a], [b], [0]).ravel().tolist()

@@ -14,11 +14,10 @@ from evaluation.detection_runs import (
     random_predictions,
     random_truth,
 )
+from hypothesis import example, given, settings
+from strategies import rankings
 
 from legoworld.evaluation.detection.matching.greedy import (
-    FALSE_POSITIVE,
-    IGNORED,
-    TRUE_POSITIVE,
     MatchTable,
 )
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -73,47 +72,43 @@ def all_orders(table):
     return np.array(values)
 
 
-def mixed_states(seed, n):
-    """Matches that fall away as the threshold rises, some ignored."""
-    random = np.random.default_rng(seed)
-    states = np.full((10, n), FALSE_POSITIVE)
-    for d in range(n):
-        kind = random.choice(3, p=[0.4, 0.45, 0.15])
-        if kind == 1:
-            states[: random.integers(1, 11), d] = TRUE_POSITIVE
-        elif kind == 2:
-            states[: random.integers(1, 11), d] = IGNORED
-    return states
+CASES = (
+    ([1, 0, 1, 0, 0, 1], [1.0] * 6, 4),  # all equal
+    ([0, 1, 0, 1, 0, 1], [0.9, 0.9, 0.9, 0.2, 0.2, 0.2], 3),  # two runs
+    ([0, 1, 0, 1, 0, 1], [0.9, 0.8, 0.7, 0.6, 0.5, 0.4], 3),  # no ties
+    ([1, 1, 0, 0, 0, 0], [0.9, 0.9, 0.2, 0.2, 0.2, 0.2], 2),  # true above, false below
+    ([2, 1, 0, 2, 0, 1], [1.0] * 6, 3),  # ignored
+    ([0, 0, 2], [1.0] * 3, 3),  # none true
+    ([0, 0, 0, 1, 0, 0, 0], [1.0] * 7, 1),  # one true of many
+)
 
 
-CASES = {
-    "all equal": ([1, 0, 1, 0, 0, 1], [1.0] * 6, 4),
-    "two runs": ([0, 1, 0, 1, 0, 1], [0.9, 0.9, 0.9, 0.2, 0.2, 0.2], 3),
-    "no ties": ([0, 1, 0, 1, 0, 1], [0.9, 0.8, 0.7, 0.6, 0.5, 0.4], 3),
-    "true above, false below": ([1, 1, 0, 0, 0, 0], [0.9, 0.9, 0.2, 0.2, 0.2, 0.2], 2),
-    "ignored": ([2, 1, 0, 2, 0, 1], [1.0] * 6, 3),
-    "none true": ([0, 0, 2], [1.0] * 3, 3),
-    "one true of many": ([0, 0, 0, 1, 0, 0, 0], [1.0] * 7, 1),
-    **{f"mixed {s}": (mixed_states(s, 7), [1.0] * 7, 4) for s in range(4)},
-    **{
-        f"mixed runs {s}": (mixed_states(s, 7), [1, 1, 1, 0.5, 0.5, 0.5, 0.5], 5)
-        for s in range(4, 8)
-    },
-}
+def every_case(law):
+    """The cases written out, beside what is drawn."""
+    for case in CASES:
+        law = example(case)(law)
+    return law
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_expectation_and_spread_are_those_of_all_orders(name):
-    table = table_of(*CASES[name])
+@settings(max_examples=8)
+@given(rankings(most=6))
+@every_case
+def test_expectation_and_spread_are_those_of_all_orders(ranking):
+    """Five standard errors, of the mean and of the variance."""
+    table = table_of(*ranking)
     every = all_orders(table)
     draws = 20_000
     result = tie_orders(table, draws=draws, seed=3)
-    error = every.std() / np.sqrt(draws)
-    assert result.expected == pytest.approx(every.mean(), abs=5 * error + 1e-12)
-    assert result.sd == pytest.approx(every.std(), rel=0.05, abs=1e-12)
+    assert result.expected == pytest.approx(
+        every.mean(), abs=5 * every.std() / np.sqrt(draws) + 1e-12
+    )
+    fourth = ((every - every.mean()) ** 4).mean()
+    error = np.sqrt(max(fourth - every.var() ** 2, 0) / draws)
+    of_the_mean = 26 * every.var() / draws  # the sample's mean is five of its own errors away
+    assert result.sd**2 == pytest.approx(every.var(), abs=5 * error + of_the_mean + 1e-12)
     assert result.worst <= every.min() + 1e-12
     assert result.best >= every.max() - 1e-12
-    if np.ndim(CASES[name][0]) == 1:  # the same matches at every threshold: bounds are reached
+    if (table.state == table.state[:, :1]).all():  # as at every threshold: bounds are reached
         assert result.worst == pytest.approx(every.min(), abs=1e-12)
         assert result.best == pytest.approx(every.max(), abs=1e-12)
 
@@ -194,9 +189,11 @@ def test_random_orders_are_those_of_numpy_to_the_last_bit(many):
     assert pair[0].random() == pair[1].random()
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_the_compiled_orders_are_the_plain_formulation_to_the_last_bit(name):
-    table = table_of(*CASES[name])
+@settings(max_examples=30)
+@given(rankings(most=9))
+@every_case
+def test_the_compiled_orders_are_the_plain_formulation_to_the_last_bit(ranking):
+    table = table_of(*ranking)
     n_truths = int(table.n_truths[0, 0])
     ranking = _ranking(table.state[0], table.score)
     random = np.random.default_rng(4)

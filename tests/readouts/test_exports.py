@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
 from pycocotools import mask as coco_mask
+from strategies import id_pictures
 
 from legoworld.cards import load_card
 from legoworld.errors import UsageError
@@ -76,18 +78,8 @@ def instances(*category_ids: int | None) -> list[Instance]:
     ]
 
 
-def random_picture(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    height, width = rng.integers(1, 40, 2)
-    ids = rng.integers(-1, rng.integers(1, 9), (height, width)).astype(np.int32)
-    if rng.random() < 0.7:  # larger areas
-        ids = np.repeat(np.repeat(ids, 5, 0), 3, 1)[: rng.integers(1, 90), : rng.integers(1, 90)]
-    return np.ascontiguousarray(ids)
-
-
-@pytest.mark.parametrize("seed", range(200))
-def test_masks_are_byte_for_byte_what_pycocotools_encodes(seed):
-    picture = random_picture(seed)
+@given(id_pictures())
+def test_masks_are_byte_for_byte_what_pycocotools_encodes(picture):
     runs = ColumnRuns(picture)
     for i in range(int(picture.max()) + 2):
         mask = np.asfortranarray(picture == i, np.uint8)
@@ -96,20 +88,6 @@ def test_masks_are_byte_for_byte_what_pycocotools_encodes(seed):
             "size": list(mask.shape),
             "counts": expected["counts"].decode(),
         }
-
-
-@pytest.mark.parametrize("seed", range(100))
-def test_areas_and_extents_are_those_of_the_masks(seed):
-    picture = random_picture(seed)
-    n = int(picture.max()) + 3
-    area, extents = instance_extents(picture, n)
-    for i in range(n):
-        rows, columns = np.nonzero(picture == i)
-        assert area[i] == len(rows)
-        expected = [0, 0, 0, 0]
-        if len(rows):
-            expected = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
-        assert extents[i].tolist() == expected
 
 
 def test_a_ring_keeps_its_hole():

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
-import random
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 from gltf.scenes import scene_at
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from running.run_folders import tree
+from strategies import damaged
 
 from legoworld import cli
 from legoworld.records.folders import run_folder
@@ -56,20 +59,6 @@ def _interrupt(*_arguments: object, **_named: object) -> None:
     raise KeyboardInterrupt
 
 
-def damages(data: bytes, count: int) -> list[bytes]:
-    """Flipped, cut off, doubled and nested contents; some flips make a line end."""
-    rng = random.Random(0)
-    made = [b"", b"[" * 100_000, b"{}", b"[]", b"null", b"\xff" + data, data + data, data[1:]]
-    for _ in range(count):
-        at = rng.randrange(len(data))
-        made += [
-            data[:at] + bytes([byte]) + data[at + 1 :]
-            for byte in (data[at] ^ 1 << rng.randrange(8), ord("\n"), 0xFF)
-        ]
-        made.append(data[: rng.randrange(len(data))])
-    return made
-
-
 def one_line_or_none(capsys: pytest.CaptureFixture[str]) -> str:
     error = capsys.readouterr().err
     assert "Traceback" not in error
@@ -78,15 +67,24 @@ def one_line_or_none(capsys: pytest.CaptureFixture[str]) -> str:
     return "".join(lines)
 
 
-def test_a_damaged_journal_heals(scenes, whole, stopped, tmp_path, capsys):
-    data = (stopped / "journal.jsonl").read_bytes()
-    for i, damaged in enumerate(damages(data, 8)):
-        output = tmp_path / f"run{i}"
-        shutil.copytree(stopped, output)
-        (output / "journal.jsonl").write_bytes(damaged)
-        assert cli.run(command(scenes, output)) == 0, i
-        assert one_line_or_none(capsys) == ""
-        assert tree(output) == tree(whole), i
+@pytest.fixture
+def another(tmp_path: Path) -> Iterator[Path]:
+    """Folders that are not there yet, one after the other."""
+    return (tmp_path / str(number) for number in itertools.count())
+
+
+@settings(max_examples=25)
+@given(data=st.data())
+def test_a_damaged_journal_heals(scenes, whole, stopped, another, capsys, data):
+    output = next(another)
+    shutil.copytree(stopped, output)
+    journal = output / "journal.jsonl"
+    lines = st.sampled_from(journal.read_bytes().splitlines(keepends=True))
+    some = st.lists(lines, max_size=4).map(b"".join)  # stopped early, or written by several runs
+    journal.write_bytes(data.draw(some | damaged(journal.read_bytes())))
+    assert cli.run(command(scenes, output)) == 0
+    assert one_line_or_none(capsys) == ""
+    assert tree(output) == tree(whole)
 
 
 def test_a_damaged_journal_is_said(scenes, stopped, tmp_path, capsys):
@@ -103,19 +101,19 @@ def test_a_damaged_journal_is_said(scenes, stopped, tmp_path, capsys):
 
 @pytest.mark.parametrize("name", ["configuration.json", "run.json", "per_image.jsonl",
                                   "summary.json", "predictions.json"])  # fmt: skip
+@settings(max_examples=12)
+@given(data=st.data())
 def test_any_damaged_file_is_one_line_and_overwrite_works(
-    name, scenes, whole, stopped, tmp_path, capsys
+    name, scenes, whole, stopped, another, capsys, data
 ):
-    source = stopped if name == "configuration.json" else whole
-    for i, damaged in enumerate(damages((source / name).read_bytes(), 3)):
-        output = tmp_path / f"run{i}"
-        shutil.copytree(source, output)
-        (output / name).write_bytes(damaged)
-        code = cli.run(command(scenes, output))
-        said = one_line_or_none(capsys)
-        assert code in ((0, 1) if not said else (2,)), (i, code, said)
-        assert cli.run(command(scenes, output, "--overwrite")) == 0, i
-        assert tree(output) == tree(whole), i
+    output = next(another)
+    shutil.copytree(stopped if name == "configuration.json" else whole, output)
+    (output / name).write_bytes(data.draw(damaged((output / name).read_bytes())))
+    code = cli.run(command(scenes, output))
+    said = one_line_or_none(capsys)
+    assert code in ((0, 1) if not said else (2,)), (code, said)
+    assert cli.run(command(scenes, output, "--overwrite")) == 0
+    assert tree(output) == tree(whole)
 
 
 def test_overwrite_leaves_a_folder_that_is_not_a_runs(scenes, tmp_path, capsys):
@@ -135,29 +133,41 @@ def tree_of(folder: Path) -> dict[str, bytes]:
     return {p.name: p.read_bytes() for p in folder.iterdir()}
 
 
+def copy_with_damage(source: Path, name: str, data: st.DataObject, output: Path) -> Path:
+    shutil.copytree(source, output)
+    (output / name).write_bytes(data.draw(damaged((source / name).read_bytes())))
+    return output
+
+
 @pytest.mark.parametrize("name", ["run.json", "per_image.jsonl", "summary.json",
                                   "predictions.json"])  # fmt: skip
-def test_merge_and_evaluate_say_it_in_one_line(name, whole, tmp_path, capsys):
+@settings(max_examples=12)
+@given(data=st.data())
+def test_merge_says_it_in_one_line(name, whole, another, capsys, data):
+    run = copy_with_damage(whole, name, data, next(another))
+    code = cli.run(["merge", str(run), "-o", str(next(another))])
+    assert code in (0, 1, 2)
+    assert bool(one_line_or_none(capsys)) == (code == 2)
+
+
+@pytest.fixture(scope="module")
+def scored(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A run that can be scored, and its truth."""
+    folder = tmp_path_factory.mktemp("scored")
     truth = random_truth("coco", seed=1, images=3)
-    scored = write_run(
-        tmp_path / "scored", "coco", truth, random_predictions("coco", truth, seed=2)
-    )
-    path = write_truth(tmp_path / "truth.json", truth)
-    for i, damaged in enumerate(damages((whole / name).read_bytes(), 3)):
-        shutil.copytree(whole, tmp_path / f"run{i}")
-        (tmp_path / f"run{i}" / name).write_bytes(damaged)
-        code = cli.run(["merge", str(tmp_path / f"run{i}"), "-o", str(tmp_path / f"merged{i}")])
-        assert code in (0, 1, 2), i
-        assert bool(one_line_or_none(capsys)) == (code == 2)
-    if not (scored / name).is_file():
-        return
-    for i, damaged in enumerate(damages((scored / name).read_bytes(), 3)):
-        shutil.copytree(scored, tmp_path / f"scored{i}")
-        (tmp_path / f"scored{i}" / name).write_bytes(damaged)
-        arguments = ["evaluate", "-q", str(tmp_path / f"scored{i}"), "--truth", str(path)]
-        code = cli.run([*arguments, "-o", str(tmp_path / f"eval{i}"), "--draws", "3"])
-        assert code in (0, 1, 2), i
-        assert bool(one_line_or_none(capsys)) == (code == 2)
+    found = random_predictions("coco", truth, seed=2)
+    return write_run(folder / "run", "coco", truth, found), write_truth(folder / "t.json", truth)
+
+
+@pytest.mark.parametrize("name", ["run.json", "per_image.jsonl", "predictions.json"])
+@settings(max_examples=12)
+@given(data=st.data())
+def test_evaluate_says_it_in_one_line(name, scored, another, capsys, data):
+    run, truth = copy_with_damage(scored[0], name, data, next(another)), str(scored[1])
+    arguments = ["evaluate", "-q", str(run), "--truth", truth, "--draws", "3"]
+    code = cli.run([*arguments, "-o", str(next(another))])
+    assert code in (0, 1, 2)
+    assert bool(one_line_or_none(capsys)) == (code == 2)
 
 
 # What is on disk before the journal goes.

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from gltf.documents import Document
 from gltf.scenes import NoBlender, scene_at
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from legoworld import cli
@@ -81,10 +81,7 @@ def content_of(name: str) -> st.SearchStrategy[bytes]:
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-@settings(
-    max_examples=60, deadline=None, derandomize=True, database=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)  # fmt: skip
+@settings(max_examples=60)
 @given(data=st.data())
 def test_a_side_file_of_any_content_is_a_row_that_can_be_written(name, folder, data):
     (folder / name).write_bytes(data.draw(content_of(name)))

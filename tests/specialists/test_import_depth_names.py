@@ -149,7 +149,7 @@ file = st.builds(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     photos=st.lists(photo, min_size=1, max_size=5, unique=True),
     files=st.lists(file, max_size=8, unique=True),

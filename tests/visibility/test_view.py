@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import hypothesis.extra.numpy as arrays
 import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
 from scene.by_hand import CAMERA, RENDER, HandScene
+from strategies import id_pictures
 
 from legoworld.scene.instances import group
 from legoworld.scene.labels import Labels
@@ -58,14 +58,20 @@ def seen(snapshot, size_wh=SIZE):
     return grouping, result, ids
 
 
-@pytest.mark.parametrize("size_wh", [(64, 48), (48, 64), (50, 50)])
-@pytest.mark.parametrize("aspect", [(1.0, 1.0), (2.0, 1.0), (1.0, 1.5)])
-@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
-@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
-def test_the_sensor_spans_the_side_it_is_fitted_to(kind, fit, aspect, size_wh):
+@given(
+    kind=st.sampled_from(["PERSP", "ORTHO"]),
+    fit=st.sampled_from(["AUTO", "HORIZONTAL", "VERTICAL"]),
+    aspect=st.tuples(st.floats(0.5, 3), st.floats(0.5, 3)) | st.just((1.0, 1.0)),
+    size_wh=st.tuples(st.integers(1, 8192), st.integers(1, 8192)) | st.just((50, 50)),
+    lens_mm=st.floats(10, 300),
+    ortho_scale=st.floats(0.01, 1000),
+)
+def test_the_sensor_spans_the_side_it_is_fitted_to(
+    kind, fit, aspect, size_wh, lens_mm, ortho_scale
+):
     camera = replace(
-        CAMERA, type=kind, sensor_fit=fit, lens_mm=50.0, ortho_scale=7.0, clip_start=0.3,
-        clip_end=70.0,
+        CAMERA, type=kind, sensor_fit=fit, lens_mm=lens_mm, ortho_scale=ortho_scale,
+        clip_start=0.3, clip_end=70.0,
     )  # fmt: skip
     render = replace(RENDER, pixel_aspect_x=aspect[0], pixel_aspect_y=aspect[1])
     made = projection(camera, render, size_wh)
@@ -73,7 +79,7 @@ def test_the_sensor_spans_the_side_it_is_fitted_to(kind, fit, aspect, size_wh):
     horizontal = fit == "HORIZONTAL" or (fit == "AUTO" and width * wide >= height * high)
     sensor = 24.0 if fit == "VERTICAL" else 36.0
     distance = 3.0
-    half = 7.0 / 2 if kind == "ORTHO" else distance * sensor / 2 / 50.0
+    half = ortho_scale / 2 if kind == "ORTHO" else distance * sensor / 2 / lens_mm
     if horizontal:
         assert projected(made, half, 0, distance) == pytest.approx((width, height / 2))
         assert projected(made, -half, 0, distance) == pytest.approx((0, height / 2))
@@ -88,16 +94,11 @@ def test_the_sensor_spans_the_side_it_is_fitted_to(kind, fit, aspect, size_wh):
     assert projected(shifted, x, y, distance) == pytest.approx((width / 2, height / 2))
 
 
-@given(
-    arrays.arrays(
-        np.int32,
-        st.tuples(st.integers(1, 7), st.integers(1, 7)),
-        elements=st.integers(-1, 4),
-    )
-)
+@given(id_pictures())
 def test_area_and_extent_are_those_of_the_pixels(ids):
-    area, extents = instance_extents(ids, 6)
-    for number in range(6):
+    n = int(ids.max()) + 3
+    area, extents = instance_extents(ids, n)
+    for number in range(n):
         rows, columns = np.nonzero(ids == number)
         assert area[number] == len(rows)
         box = [0, 0, 0, 0]

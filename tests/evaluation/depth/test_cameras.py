@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from evaluation.depth.folders import COURTYARD
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.cameras import pinhole_from_distorted
@@ -48,14 +50,23 @@ def test_there_and_back_is_the_same_pixel() -> None:
     assert np.abs(pinhole - distorted).max() > 50  # the warp is worth doing
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_other_coefficients_there_and_back(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    bent = np.array(CAMERA.params[4:]) + random.normal(0, [0.02, 0.02, 1e-3, 1e-3] * 2)
+_RADIAL, _TANGENTIAL = st.floats(-0.04, 0.04), st.floats(-2e-3, 2e-3)
+
+
+@settings(max_examples=50)
+@given(
+    bends=st.tuples(*[_RADIAL, _RADIAL, _TANGENTIAL, _TANGENTIAL] * 2),
+    photo_xy=st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), max_size=20),
+)
+def test_other_coefficients_there_and_back(
+    bends: tuple[float, ...], photo_xy: list[tuple[float, float]]
+) -> None:
+    bent = np.array(CAMERA.params[4:]) + bends
     camera = Camera(
         model="THIN_PRISM_FISHEYE", size_wh=CAMERA.size_wh, params=(*CAMERA.params[:4], *bent)
     )
-    distorted = pixels(100, seed)
+    inner = np.array(photo_xy).reshape(-1, 2) * CAMERA.size_wh
+    distorted = np.concatenate([inner, pixels(0)])
     back = distorted_from_pinhole(camera.params, pinhole_from_distorted(camera, distorted))
     np.testing.assert_allclose(back, distorted, atol=1e-8)
 

@@ -61,7 +61,7 @@ def is_like_points(name: str) -> bool:
         return False
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     photos=st.dictionaries(names, st.integers(0, 1), min_size=1, max_size=5),
     points=st.lists(st.lists(point, max_size=5).map(" ".join), min_size=5, max_size=5),

@@ -50,7 +50,7 @@ def pictures(draw: st.DrawFn) -> tuple[Array, Array]:
     return truth, disparity
 
 
-LAW = settings(max_examples=80, deadline=None)
+LAW = settings(max_examples=80)
 
 
 @LAW

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from evaluation.depth.array_files import npy, npz
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from legoworld.evaluation.depth.declaration import Declaration, read_declaration
@@ -179,7 +179,6 @@ def test_damage_of_any_kind_is_a_depth_file_error(
         if size_wh != (7, 5):
             raise DepthFileError("another size")
 
-    @settings(max_examples=100, deadline=None, database=None)
     @given(
         end=st.integers(0, len(whole)),
         flips=st.lists(st.tuples(st.integers(0, len(whole) - 1), st.integers(1, 255)), max_size=4),
