@@ -1,7 +1,7 @@
-"""legoworld reads COCO boxes, LVIS masks and depth out of frozen Blender scenes, and scores them.
+"""Read COCO boxes, LVIS masks and depth out of frozen Blender scenes, and score them.
 
-The names below are the Python API; docs/python.md shows them at work. Each is imported when it is
-first used, so that `import legoworld` costs nothing.
+The names below are the Python API; docs/python.md shows how to use them. Each is imported on first
+use, so that `import legoworld` stays fast.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Import a name of the API when it is first asked for."""
+    """Import a name of the API on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module 'legoworld' has no attribute {name!r}")
     value = getattr(import_module(_HOMES[name]), name)
@@ -64,5 +64,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """The API's names, imported or not."""
+    """The names of the API, whether imported yet or not."""
     return sorted({*globals(), *__all__})

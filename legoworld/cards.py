@@ -15,7 +15,7 @@ from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
 from legoworld.shipped import catalog
 
-#: What the code does, by card key; a card that declares otherwise is refused.
+#: The values the code implements, by card key; a card that declares another value is refused.
 _FIXED: dict[str, Any] = {
     "visibility.samples_per_pixel": 1,
     "visibility.sample_xy_px": [0.5, 0.5],
@@ -87,7 +87,7 @@ _FIXED_FOR: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Card:
-    """One task's card. values: the card's tables as read; declared: what the code asks of them."""
+    """One task's card. values: the card's tables as read; declared: the values the code uses."""
 
     task: str
     sha256: str
@@ -95,12 +95,12 @@ class Card:
 
     @property
     def version(self) -> str:
-        """The card's own version, which a run records."""
+        """The card's version, which a run records."""
         return self.declared.readout.version
 
     @cached_property
     def declared(self) -> ReadoutCard:
-        """The card as a type. InstallationError where it is none."""
+        """The card as a typed record. InstallationError when it does not decode."""
         try:
             return to_record(ReadoutCard, self.values)
         except RecordError as error:
@@ -139,7 +139,7 @@ def read_card(path: Path, task: str) -> Card:
         found = card.value(key)
         if found != expected:
             raise InstallationError(
-                f"{path.name} declares what the code does not do",
+                f"{path.name} declares a protocol the code does not implement",
                 found=f"{key} = {found!r}",
                 expected=f"{key} = {expected!r}",
                 next_step="restore the card; another protocol is another readout",

@@ -20,41 +20,41 @@ from legoworld.pluralize import did_you_mean
 
 _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",
-    "blender": "a headless Blender that coding agents drive",
-    "freeze": "check scene artefacts and put their hashes on record",
-    "inspect": "what is in one scene: instances, buffers, overlay",
+    "blender": "run a headless Blender that coding agents drive",
+    "freeze": "check scene artefacts and record their hashes",
+    "inspect": "show one scene: instances, buffers, overlay",
     "track": "make a public track from annotations, or check one",
     "readout": "read labels out of scenes into a run folder",
-    "merge": "the shards of a run, put together",
-    "baseline": "run a specialist model, or import anyone's results, as a run",
-    "export": "a run's boxes or masks as one COCO file for dataset tools",
-    "evaluate": "score a run against private truth",
-    "score": "one program or scene against one photo's ground truth, in one step",
-    "evidence": "re-check an evaluation's or a comparison's hashes and numbers",
-    "compare": "two evaluations side by side, over the same images",
-    "report": "one HTML page of evaluations and comparisons",
-    "list": "tasks, datasets and what else can be named",
+    "merge": "join the shards of a run",
+    "baseline": "run a specialist model, or import results, as a run",
+    "export": "write a run's boxes or masks as one COCO file for dataset tools",
+    "evaluate": "score a run against private ground truth",
+    "score": "score one program or scene against one photo's ground truth",
+    "evidence": "verify the hashes and numbers of an evaluation or a comparison",
+    "compare": "compare two evaluations over the same images",
+    "report": "write one HTML page of evaluations and comparisons",
+    "list": "list tasks, datasets and baselines, or print the authoring guide",
     "doctor": "check that this machine has what legoworld needs",
 }
 
 
-#: What Ctrl-C leaves behind, of the commands that keep more than nothing.
+#: What each command keeps after Ctrl-C, for the commands that keep anything.
 _AFTER_CTRL_C = {
-    "readout": "what was read is kept; run the same command again to resume",
-    "baseline run": "what was predicted is kept; run the same command again to resume",
-    "freeze": "the records made so far are kept; run the same command again to make the others",
+    "readout": "finished images are kept; run the same command again to resume",
+    "baseline run": "finished images are kept; run the same command again to resume",
+    "freeze": "records written so far are kept; run the same command again to freeze the rest",
 }
 
 
 class LazyGroup(click.Group):
-    """Subcommands in modules of their own, imported when used."""
+    """Subcommands, each in its own module, imported on first use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The commands in the order they are used."""
+        """The commands in workflow order."""
         return list(_COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the module of a command."""
+        """Import a command's module and return the command."""
         if cmd_name not in _COMMANDS:
             return None
         command = import_module(f"legoworld.commands.{cmd_name}_command").command
@@ -64,7 +64,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that is called; of a misspelt one, an error that names the nearest."""
+        """Resolve a command name; a misspelt name is an error that suggests the nearest."""
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             ctx.fail(f"No such command {args[0]!r}.{did_you_mean(args[0], list(_COMMANDS))}")
         return super().resolve_command(ctx, args)
@@ -82,23 +82,23 @@ def main() -> None:
 
     \b
     Examples:
-      legoworld readout --task coco                       the examples that ship with the package
+      legoworld readout --task coco                       the shipped examples
       legoworld readout SCENES --task coco --track TRACK.json -o RUN
       legoworld inspect SCENE --photo photo.jpg -o LOOK
     """
 
 
 def run(arguments: list[str] | None = None) -> int:
-    """Run a command and return its exit code; what it prints cannot command a terminal."""
+    """Run a command and return its exit code; printed text cannot control the terminal."""
     with printable_streams():
         return _run(arguments)
 
 
 def _run(arguments: list[str] | None) -> int:
-    """Run a command and return its exit code (`exit_codes`): the one place that chooses it.
+    """Run a command and return its exit code (`exit_codes`), which is chosen only here.
 
-    A foreseen error is one line on standard error. Any other is a defect of legoworld: its
-    traceback is shown, and never taken for a finished command.
+    An expected error is one line on standard error. Any other error is a bug in legoworld: its
+    traceback is shown, and the command never counts as finished.
     """
     words = sys.argv[1:] if arguments is None else arguments
     try:
@@ -117,7 +117,7 @@ def _run(arguments: list[str] | None) -> int:
         click.echo(f"legoworld: {error}", err=True)
         return error.exit_code
     except SystemExit as ended:
-        # click's own: 0 of shell completion, 1 where nobody reads the output any more.
+        # raised by click: 0 after shell completion, 1 when the output pipe is closed
         return exit_codes.BLOCKED if ended.code else exit_codes.DONE
     except OSError as error:
         click.echo(f"legoworld: {_refused(error)}", err=True)
@@ -125,8 +125,8 @@ def _run(arguments: list[str] | None) -> int:
     except Exception:  # noqa: BLE001  shown whole; Python's own exit code 1 means something else
         traceback.print_exc()
         click.echo(
-            "legoworld: a defect of legoworld, not of what it was given; next: report it with the "
-            "lines above",
+            "legoworld: internal error, not caused by the input; next: report it with the lines "
+            "above",
             err=True,
         )
         return exit_codes.BLOCKED
@@ -134,17 +134,17 @@ def _run(arguments: list[str] | None) -> int:
 
 
 def _after_ctrl_c(words: Sequence[str]) -> str:
-    """What is left, and what the same command does with it."""
+    """What was kept, and what re-running the command does with it."""
     names = (" ".join(words[:2]), *words[:1])
     known = next((_AFTER_CTRL_C[name] for name in names if name in _AFTER_CTRL_C), None)
-    return known or "nothing was finished; run the same command again to start over"
+    return known or "nothing was kept; run the same command again to start over"
 
 
 def _refused(error: OSError) -> str:
     where = f" {error.filename}" if error.filename else ""
     return (
-        f"the system refused{where}: {error.strerror or error}; what was done is kept; "
-        "next: correct the cause and run the same command again"
+        f"the operating system refused{where}: {error.strerror or error}; finished work is kept; "
+        "next: fix the cause and run the same command again"
     )
 
 
@@ -154,10 +154,10 @@ def entry() -> None:
 
 
 def _leave(code: int) -> NoReturn:
-    """End the process without taking the interpreter apart first.
+    """End the process without tearing down the interpreter.
 
-    All is written by then; taking numpy apart costs a tenth of a cached readout. Where somebody
-    listens to the end (a thread, a profiler, a reader that is gone), it is Python's usual one.
+    Everything is written by then, and tearing down NumPy costs a tenth of a cached readout. With
+    another thread, a profiler or a closed output pipe, the process ends the usual way.
     """
     if threading.active_count() > 1 or sys.getprofile() or sys.gettrace():
         sys.exit(code)

@@ -1,4 +1,4 @@
-"""Every error a user can meet: what, found, expected, next step, in one line."""
+"""Every error a user can get: what, found, expected, next step, in one line."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _UNPRINTABLE: Final = re.compile(
 
 
 def printable(text: str) -> str:
-    """The text without what a terminal obeys or a file cannot hold, each replaced by U+FFFD.
+    """Replace characters that control a terminal or cannot be encoded by U+FFFD.
 
-    Names and messages come from untrusted files: C0 and C1 controls but for tab and newline (escape
-    sequences), marks that turn the direction of writing, and halves of surrogate pairs.
+    Names and messages come from untrusted files. Replaced: C0 and C1 controls except tab and
+    newline (escape sequences), bidirectional formatting characters, and lone surrogates.
     """
     return _UNPRINTABLE.sub("\ufffd", text)
 
@@ -27,17 +27,18 @@ def escaped(json_text: str) -> str:
 
 
 def one_line(text: str, limit: int = 400) -> str:
-    """The text, printable, with white space runs as single spaces, cut at `limit` characters."""
+    """Printable text with runs of white space collapsed, truncated to `limit` characters."""
     flat = printable(" ".join(text.split()))
     return flat if len(flat) <= limit else flat[: limit - 1] + "…"
 
 
 class LegoWorldError(Exception):
-    """What went wrong, what was found, what was expected, what to do next.
+    """The base of all errors: what went wrong, what was found and expected, what to do next.
 
-    `code` is a stable word for programs; `status` is how a per-image row records the error;
-    `exit_code` is the command's when the error ends it. `trace` is the traceback of an error that
-    no verdict foresees, for -v: it names files of this machine and goes into no result.
+    `code` is a stable identifier for programs; `status` is how a per-image row records the error;
+    `exit_code` is the exit code of a command that the error ends. `trace` is the traceback of an
+    unexpected error, printed with -v; it names files of this machine and is never stored in a
+    result.
     """
 
     code: ClassVar[str] = "error"
@@ -66,7 +67,7 @@ class LegoWorldError(Exception):
         return "; ".join(parts)
 
     def reason(self) -> dict[str, str]:
-        """The error as a per-image row carries it."""
+        """The error as a per-image row stores it."""
         return {
             "code": self.code,
             "what": self.what,
@@ -77,7 +78,7 @@ class LegoWorldError(Exception):
 
 
 class ShapeError(LegoWorldError):
-    """An array has another shape or type than the function needs."""
+    """An array does not have the required shape or type."""
 
     code = "shape"
 
@@ -90,39 +91,39 @@ class KernelBuildError(LegoWorldError):
 
 
 class UsageError(LegoWorldError):
-    """A command was called in a way that cannot work; nothing was written."""
+    """A command was called with unusable arguments; nothing was written."""
 
     code = "usage"
 
 
 class ConfigurationMismatchError(LegoWorldError):
-    """A run folder holds results of another configuration."""
+    """A run folder holds results of a different configuration."""
 
     code = "configuration"
 
 
 class CatalogError(LegoWorldError):
-    """A card, vocabulary or track file is not what the program was built for."""
+    """A card, vocabulary or track file cannot be used by this version."""
 
     code = "catalog"
 
 
 class InstallationError(CatalogError):
-    """What ships with legoworld is not there, or is not what the code was built for."""
+    """A file that ships with legoworld is missing or does not match the code."""
 
     code = "installation"
     exit_code = exit_codes.BLOCKED
 
 
 class SceneMissingError(LegoWorldError):
-    """There is no scene for an image of the track."""
+    """An image of the track has no scene."""
 
     code = "missing_scene"
     status = "missing"
 
 
 class SceneInvalidError(LegoWorldError):
-    """A scene artefact is there and cannot be used."""
+    """A scene artefact exists but cannot be used."""
 
     code = "invalid_scene"
     status = "invalid"
@@ -165,7 +166,7 @@ class NonFiniteGeometryError(SceneInvalidError):
 
 
 class MissingLibraryError(SceneInvalidError):
-    """A linked library or the data it should hold is not there."""
+    """A linked library, or the data it should hold, is missing."""
 
     code = "missing_library"
 
@@ -183,7 +184,7 @@ class TiersNotNestedError(SceneInvalidError):
 
 
 class SceneChangedError(LegoWorldError):
-    """A frozen file's sha256 is not the recorded one."""
+    """The sha256 of a frozen file differs from the recorded one."""
 
     code = "changed"
     status = "changed"
@@ -197,25 +198,25 @@ class NotFrozenError(LegoWorldError):
 
 
 class WorkerCrashedError(LegoWorldError):
-    """The Blender process ended by itself while it had the scene."""
+    """The Blender process ended unexpectedly while reading the scene."""
 
     code = "worker_crashed"
 
 
 class WorkerMemoryError(LegoWorldError):
-    """The Blender process outgrew its memory limit."""
+    """The Blender process exceeded its memory limit."""
 
     code = "worker_memory"
 
 
 class WorkerTimeoutError(LegoWorldError):
-    """The Blender process did not answer within its time limit."""
+    """The Blender process did not answer within the time limit."""
 
     code = "worker_timeout"
     status = "timeout"
 
 
-#: Errors a Blender worker may report by code: they keep their type across the process border.
+#: Errors a Blender worker may report by code; their type survives the process boundary.
 BY_CODE: dict[str, type[LegoWorldError]] = {
     cls.code: cls
     for cls in (
@@ -234,7 +235,7 @@ BY_CODE: dict[str, type[LegoWorldError]] = {
 
 
 def from_reason(reason: dict[str, str]) -> LegoWorldError:
-    """The error that `reason()` described, of its own type where the code is known."""
+    """The inverse of `reason()`; the error has its original type where the code is known."""
     cls = BY_CODE.get(reason["code"], LegoWorldError)
     return cls(
         reason["what"],

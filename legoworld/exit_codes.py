@@ -7,11 +7,11 @@ from typing import Final
 
 #: Everything was done.
 DONE: Final = 0
-#: The command finished; some images have no result, or a check it makes does not hold.
+#: The command finished, but some images have no result or a check failed.
 INCOMPLETE: Final = 1
-#: Wrong usage, or an input that cannot be used: another call is needed.
+#: Wrong usage or an unusable input: the same call cannot succeed.
 UNUSABLE: Final = 2
-#: Finished; a threshold (--fail-below) does not hold.
+#: Finished, but a --fail-below threshold is not met.
 BELOW: Final = 3
 #: Not finished for a reason outside the input: the same call can succeed elsewhere or later.
 BLOCKED: Final = 4
@@ -20,16 +20,16 @@ INTERRUPTED: Final = 130
 
 MEANING: Final = {
     DONE: "done",
-    INCOMPLETE: "finished, but some images have no result or a check does not hold; the output "
-    "says which and why",
-    UNUSABLE: "wrong usage, or an input that cannot be used",
-    BELOW: "finished, but a `--fail-below` threshold does not hold",
+    INCOMPLETE: "finished, but some images have no result or a check failed; the output says which "
+    "and why",
+    UNUSABLE: "wrong usage or an unusable input",
+    BELOW: "finished, but a `--fail-below` threshold is not met",
     BLOCKED: "not finished for a reason outside the input: a full or read-only disk, a broken "
-    "installation, an unreachable store, a lost cluster, a defect of legoworld",
+    "installation, an unreachable store, a lost cluster, a bug in legoworld",
     INTERRUPTED: "stopped with Ctrl-C",
 }
 
-#: What the system says of a path that was named wrongly, as opposed to one that it cannot serve.
+#: System errors that mean a wrong path, as opposed to a path the system cannot serve.
 _WRONG_PATH: Final = (
     errno.ENOENT,
     errno.ENOTDIR,
@@ -42,5 +42,5 @@ _WRONG_PATH: Final = (
 
 
 def of_os_error(error: OSError) -> int:
-    """UNUSABLE where the path is wrong, BLOCKED where the system cannot do what is asked."""
+    """UNUSABLE for a wrong path, BLOCKED where the system cannot do what was asked."""
     return UNUSABLE if error.errno in _WRONG_PATH else BLOCKED

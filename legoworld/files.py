@@ -1,4 +1,4 @@
-"""Reading, hashing and atomically writing files; one JSON style for everything that is compared."""
+"""Reading, hashing and atomic writing of files; one JSON style for everything that is compared."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def sha256_of_file(path: Path) -> str:
 
 
 def refused_by_machine(error: OSError) -> bool:
-    """Whether this machine lacks something (disk, memory, open files), whatever the file is."""
+    """Whether the error is this machine's (disk, memory, open files), not the file's."""
     return error.errno in _MACHINE
 
 
 def names_a_file(path: Path) -> bool:
-    """Whether a name that others chose is a file's; one too long for the file system is none's."""
+    """Whether a file of this untrusted name exists; False for a name too long to be a path."""
     try:
         return path.is_file()
     except OSError as error:
@@ -46,13 +46,13 @@ def names_a_file(path: Path) -> bool:
 
 
 def kind_of_file(mode: int) -> str:
-    """What stands for a name, from its `st_mode`."""
+    """The kind of a directory entry, from its `st_mode`."""
     return next((kind for matches, kind in _KINDS if matches(mode)), "a regular file")
 
 
 @contextmanager
 def open_regular(path: Path) -> Iterator[BufferedReader]:
-    """A file to read that others have made: links are followed, and opening never waits.
+    """Open an untrusted file for reading: links are followed, and opening never blocks.
 
     Raises NotRegularError for a folder, FIFO, socket or device.
     """
@@ -73,16 +73,16 @@ def open_regular(path: Path) -> Iterator[BufferedReader]:
 
 
 class NotRegularError(OSError):
-    """A name stands for something that is no regular file; strerror says what."""
+    """The path is not a regular file; strerror says what it is."""
 
 
 def as_unicode(text: str) -> str:
-    """The text with halves of surrogate pairs written out: names of files may hold them."""
+    """The text with lone surrogates escaped; file names may contain them."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def is_unicode(text: str) -> bool:
-    """Whether a text can be written as UTF-8: Python's may hold halves of surrogate pairs."""
+    """Whether the text can be encoded as UTF-8: Python strings may contain lone surrogates."""
     try:
         return text.isascii() or bool(text.encode("utf-8"))
     except UnicodeEncodeError:
@@ -111,8 +111,9 @@ def canonical_json(value: Any) -> str:
 def readable_json(value: Any) -> str:
     """Indented JSON with sorted keys and a final newline, for files people open.
 
-    What json.dumps(indent=1) gives. That one encodes in Python as soon as it indents; this leaves
-    every list and object without others in it to the encoder in C, and is five times as fast.
+    Equal to json.dumps(indent=1), which falls back to the pure-Python encoder when it indents.
+    This passes every list and object without nested ones to the C encoder and is five times as
+    fast.
     """
     return _indented(value, 0) + "\n"
 
@@ -135,7 +136,7 @@ def _indented(value: Any, level: int) -> str:
 
 
 def _key(key: Any) -> str:
-    """A key as JSON: text, whatever it is in Python."""
+    """A key as JSON text, for any Python key."""
     return _CANONICAL.encode(key if isinstance(key, str) else next(iter(_plain({key: None}))))
 
 
@@ -145,7 +146,7 @@ def _plain(value: Any) -> Any:
 
 @cache
 def _layout(level: int) -> tuple[str, str, str]:
-    """What stands before the first, between, and after the last of what a level holds."""
+    """The separators before the first, between, and after the last item of a level."""
     inner = "\n" + " " * (level + 1)
     return inner, f",{inner}", "\n" + " " * level
 
@@ -157,10 +158,10 @@ def _flat_encoder(level: int) -> json.JSONEncoder:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends without an error.
+    """A temporary path beside `path` that replaces it when the block ends without an error.
 
-    A killed process leaves the temporary file behind: its name starts with "." and ends in
-    `TEMPORARY_SUFFIX`, so that the next run can sweep it.
+    A killed process leaves the temporary file behind; its name starts with "." and ends in
+    `TEMPORARY_SUFFIX`, so that the next run can delete it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     # A name may be as long as the file system allows; its temporary one needs room for the rest.
@@ -182,12 +183,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def sync_file(path: Path) -> None:
-    """Have a file's content on disk. OSError names the file."""
+    """Flush a file's content to disk. OSError names the file."""
     _sync(path, os.O_RDONLY)
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the names of a folder's files on disk, where the system can say so."""
+    """Flush a folder's directory entries to disk, where the system supports it."""
     try:
         _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
@@ -207,16 +208,16 @@ def _sync(path: Path, flags: int) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file, whole or not at all."""
+    """Write a UTF-8 text file atomically."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(text.encode("utf-8"))
 
 
 def write_npz(path: Path, arrays: Mapping[str, Any], *, compressed: bool = False) -> None:
-    """Write np.savez's bytes, whole or not at all.
+    """Write np.savez's bytes atomically.
 
-    np.savez leaves its archive to the garbage collector when it is interrupted, which then
-    complains on standard error.
+    An interrupted np.savez leaves its archive to the garbage collector, which then prints a
+    complaint on standard error.
     """
     import zipfile
 

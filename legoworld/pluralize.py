@@ -7,22 +7,22 @@ from pathlib import PurePosixPath
 
 
 def counted(count: int, one: str, many: str) -> str:
-    """A number with the words that go with it: "1 box", "0 boxes"."""
+    """A number with its noun in the right form: "1 box", "0 boxes"."""
     return f"{count:,} {word_for(count, one, many)}"
 
 
 def word_for(count: int, one: str, many: str) -> str:
-    """The noun or verb that goes with a number."""
+    """The singular or plural form that fits a number."""
     return one if count == 1 else many
 
 
 def share(part: int, total: int, one: str, many: str) -> str:
-    """A part of a number of things: "1 of 1 box", "0 of 12 boxes"."""
+    """A fraction with its noun: "1 of 1 box", "0 of 12 boxes"."""
     return f"{part:,} of {counted(total, one, many)}"
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """The sentence that names the nearest of the known words, after a space; empty without one."""
+    """A sentence that suggests the nearest known word, after a space; empty without one."""
     import difflib  # only needed for a message
 
     near = difflib.get_close_matches(word.casefold(), known, n=1, cutoff=0.6)
@@ -30,7 +30,7 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
 
 
 def in_another_folder(name: str, known: Iterable[str]) -> str | None:
-    """The first of the known file names that is this one in another folder; None without one."""
+    """The first known path with the same file name in another folder, or None."""
     base = PurePosixPath(name.replace("\\", "/")).name
     others = (other for other in known if other != name)
     return next((other for other in others if PurePosixPath(other).name == base), None)

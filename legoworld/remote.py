@@ -1,7 +1,7 @@
-"""Folders at URLs (s3://, gs://, memory://, ...): fetched to this machine, and put there from it.
+"""Folders at URLs (s3://, gs://, memory://, ...): fetched before use, published afterwards.
 
-fsspec knows how each kind is reached. Nothing else of the package knows that there are URLs: what
-is read was fetched before, what was written is published after.
+fsspec implements each protocol. The rest of the package sees only local folders: inputs are
+fetched first and outputs are published last.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from legoworld.errors import LegoWorldError
 from legoworld.files import TEMPORARY_SUFFIX, refused_by_machine
 
 Place = Path | str
-"""A folder of this machine, or the URL of one elsewhere."""
+"""A local folder, or the URL of a remote one."""
 
-#: Never published: what only means something to the machine that wrote it.
+#: Never published: these files only mean something on the machine that wrote them.
 _STAYS: Final = (".lock",)
 
 
@@ -40,10 +40,10 @@ def child(url: str, name: str) -> str:
 
 
 def fetch_folder(url: str, into: Path) -> int:
-    """Copy every file below a URL into a folder of this machine; returns how many there were.
+    """Copy every file below a URL into a local folder; returns the number of files.
 
-    Nothing there is no error: the folder then stays away. PlaceError when it cannot be reached, or
-    when a name there leads out of the folder; OSError where this machine cannot write.
+    An empty URL is not an error: the folder is then not created. PlaceError when the URL cannot be
+    reached or a name there leads out of the folder; OSError when this machine cannot write.
     """
     with _reaching(url) as (system, top):
         names = _names_below(system, top)
@@ -57,19 +57,19 @@ def fetch_folder(url: str, into: Path) -> int:
 
 
 def _refuse_odd(name: str) -> None:
-    """Stores take any name; as a path, one with `..` in it would be written somewhere else."""
+    """Stores accept any name; as a path, a name with `..` would be written elsewhere."""
     parts = name.split("/")
     if not {"..", ".", ""}.isdisjoint(parts) or "\0" in name:
         raise PlaceError(
-            "a name in the store is no path inside its folder",
+            "a name in the store is not a path inside its folder",
             found=repr(name),
-            expected="parts that are neither empty nor dots",
-            next_step="delete or rename what is stored under that name",
+            expected="path components that are neither empty nor dots",
+            next_step="delete or rename that object in the store",
         )
 
 
 class _HereError(Exception):
-    """What this machine refused, as opposed to the place at the URL."""
+    """An error of this machine, as opposed to one of the remote store."""
 
     def __init__(self, refusal: OSError) -> None:
         super().__init__(str(refusal))
@@ -78,7 +78,7 @@ class _HereError(Exception):
 
 @contextmanager
 def _here() -> Iterator[None]:
-    """Marks what is done on this machine, so that the URL is not blamed for it."""
+    """Mark local work, so that its errors are not attributed to the URL."""
     try:
         yield
     except OSError as error:
@@ -86,9 +86,9 @@ def _here() -> Iterator[None]:
 
 
 def publish_folder(folder: Path, url: str, *, last: str) -> None:
-    """Copy every finished file of a folder to a URL; `last` goes before and comes after all others.
+    """Copy every finished file of a folder to a URL; `last` is deleted first and written last.
 
-    A reader that finds `last` there finds a whole folder. PlaceError when it cannot be written.
+    A reader that finds `last` finds a complete folder. PlaceError when the URL cannot be written.
     """
     names = sorted(
         path.relative_to(folder).as_posix()
@@ -109,7 +109,7 @@ def publish_folder(folder: Path, url: str, *, last: str) -> None:
 
 
 def folders_holding(url: str, names: tuple[str, ...]) -> list[str]:
-    """Paths below a URL of the folders that hold a file of one of these names, sorted."""
+    """Sorted paths, below a URL, of the folders that contain a file with one of these names."""
     with _reaching(url) as (system, top):
         found = [PurePosixPath(name) for name in _names_below(system, top)]
     visible = [p for p in found if not any(part.startswith(".") for part in p.parts[:-1])]
@@ -125,7 +125,7 @@ def _names_below(system: Any, top: str) -> list[str]:
 
 @contextmanager
 def _reaching(url: str) -> Iterator[tuple[Any, str]]:
-    """fsspec's file system of a URL, and the path in it. Whatever it raises is a PlaceError."""
+    """The fsspec file system of a URL, and the path in it. Its errors become PlaceError."""
     kind = url.partition("://")[0]
     try:
         import fsspec
@@ -143,12 +143,12 @@ def _reaching(url: str) -> Iterator[tuple[Any, str]]:
         raise
     except _HereError as error:
         raise error.refusal from None
-    except Exception as error:  # each kind of place raises errors of its own library
+    except Exception as error:  # each protocol raises the errors of its own library
         if isinstance(error, OSError) and refused_by_machine(error):
             raise  # a full disk here, whatever the credentials are
         raise PlaceError(
             f"{url} cannot be reached",
             found=f"{type(error).__name__}: {error}",
-            expected="a folder that may be read, and written where results go",
+            expected="a folder that can be read, and written if it is for results",
             next_step=f"check the URL, the credentials, and that fsspec's {kind} is installed",
         ) from error

@@ -1,8 +1,8 @@
-"""The shared libraries bpy links and its wheel does not carry; a bare server lacks them.
+"""The shared libraries that bpy links but its wheel does not include; a bare server lacks them.
 
-Also a program of its own, for checking before anything is installed:
-`python legoworld/system_libraries.py` prints what is missing and how to get it; with `--packages`
-it prints the Debian packages that hold all of them.
+Also a standalone program, for checking before anything is installed:
+`python legoworld/system_libraries.py` prints what is missing and how to install it; with
+`--packages` it prints the Debian packages that contain all of them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import sys
 
-#: Library file and the Debian or Ubuntu package that holds it.
+#: Library file and the Debian or Ubuntu package that contains it.
 NEEDED = {
     "libX11.so.6": "libx11-6",
     "libXrender.so.1": "libxrender1",
@@ -25,7 +25,7 @@ NEEDED = {
 
 
 def missing_libraries() -> list[str]:
-    """Files of `NEEDED` that this system cannot load; none on systems other than Linux."""
+    """Files of `NEEDED` that this system cannot load; always empty on systems other than Linux."""
     if sys.platform != "linux":
         return []
     missing = []
@@ -38,12 +38,12 @@ def missing_libraries() -> list[str]:
 
 
 def install_line(missing: list[str]) -> str:
-    """The command that installs what is missing on Debian and Ubuntu."""
+    """The command that installs the missing packages on Debian and Ubuntu."""
     return "sudo apt-get install -y " + " ".join(NEEDED[name] for name in missing)
 
 
 def main() -> int:
-    """Say what is missing; exit code 1 when something is."""
+    """Print what is missing; exit code 1 when something is."""
     if sys.argv[1:] == ["--packages"]:
         print(*NEEDED.values())
         return 0

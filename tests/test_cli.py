@@ -139,7 +139,7 @@ def test_a_defect_is_shown_whole_and_never_taken_for_a_finished_command(error, m
     assert cli.run(["readout"]) == 4
     shown = capsys.readouterr().err
     assert "Traceback" in shown
-    assert shown.splitlines()[-1].startswith("legoworld: a defect of legoworld")
+    assert shown.splitlines()[-1].startswith("legoworld: internal error")
 
 
 def test_every_exit_code_has_its_meaning_on_the_reference_page():

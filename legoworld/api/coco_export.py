@@ -34,7 +34,7 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
     """
     if output.exists() and not overwrite:
         raise UsageError(
-            f"{output.name} is there already",
+            f"{output.name} already exists",
             expected="a new file",
             next_step="choose another -o, or pass --overwrite",
         )

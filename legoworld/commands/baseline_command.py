@@ -1,4 +1,4 @@
-"""`legoworld baseline`: the group, and `install`; the other two are in modules of their own."""
+"""`legoworld baseline`: the group, and `install`; `run` and `import` are in their own modules."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 @click.group("baseline", context_settings=_HELP)
 def command() -> None:
-    """Run a specialist model over a track's photos, or import anyone's results, as a run folder.
+    """Run a specialist model over a track's photos, or import results, as a run folder.
 
     \b
     Examples:
@@ -35,10 +35,14 @@ command.add_command(import_command)
 @click.option(
     "--torch-index",
     metavar="URL",
-    help="Take torch from this package index, such as one of CPU-only or CUDA wheels.",
+    help="Package index for torch, such as one with CPU-only or CUDA wheels.",
 )
 @click.option(
-    "--with", "extra", multiple=True, metavar="PACKAGE", help="Install this package, too; repeat."
+    "--with",
+    "extra",
+    multiple=True,
+    metavar="PACKAGE",
+    help="Extra package to install; repeatable.",
 )
 @options.output_options
 def install(
@@ -49,10 +53,10 @@ def install(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Make the environment of the baseline NAME in the user's data folder, anew.
+    """Create the environment of the baseline NAME in the user's data folder, replacing any old one.
 
-    With uv where there is one, with venv and pip otherwise; nothing but its own requirements goes
-    into it. `legoworld doctor` says which baselines have one.
+    Uses uv where it is installed, venv and pip otherwise, and installs only the baseline's own
+    requirements. `legoworld doctor` lists the baselines that have an environment.
 
     \b
     Examples:

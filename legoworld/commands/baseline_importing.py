@@ -20,49 +20,50 @@ if TYPE_CHECKING:
 
 @click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("source", type=click.Path(path_type=Path, exists=True))
-@click.option("--task", required=True, type=baseline_output.TASKS, help="What the results are of.")
-@click.option("--track", required=True, type=options.EXISTING_FILE, help="The images.")
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The run folder to write.")
-@click.option("--name", help="What the baseline is called [default: SOURCE's name].")
+@click.option("--task", required=True, type=baseline_output.TASKS, help="Task of the results.")
+@click.option("--track", required=True, type=options.EXISTING_FILE, help="Track file (images).")
+@click.option("-o", "--output", type=options.FOLDER, required=True, help="Run folder to write.")
+@click.option("--name", help="Name of the baseline [default: SOURCE's name].")
 @click.option(
     "--box-format",
     type=options.Choice(["xywh", "xyxy", "cxcywh"]),
-    help="What four numbers of a box are, in pixels [default: xywh; xyxy in torchvision's form].",
+    help="Box format, in pixels [default: xywh; xyxy for torchvision's form].",
 )
 @click.option(
     "--category-ids",
     type=options.Choice(["dataset", "coco80-0", "coco80-1", "lvis-0"]),
-    help="What category ids without names are: the dataset's own, or positions from 0 or 1.",
+    help="Meaning of category ids without names: the dataset's own ids, or positions from 0 or 1.",
 )
 @click.option(
-    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "our name" or null}.'
+    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "category name" or null}.'
 )
 @click.option(
     "--images-run",
     type=options.EXISTING_FILE,
-    help="The images it was run on, by id or file name [default: every image of the track].",
+    help="Images the model was run on: ids or file names [default: every image of the track].",
 )
-@click.option("--subset", is_flag=True, help="Leave out results of images outside the track.")
+@click.option("--subset", is_flag=True, help="Ignore results of images outside the track.")
 @click.option(
     "--space",
     type=options.Choice(["depth", "disparity", "ray_distance"]),
-    help="Depth: what the numbers are, where the files do not say.",
+    help="Depth: quantity in the arrays, where the files do not say.",
 )
 @click.option(
     "--unit",
-    help="Depth: the numbers' unit: m, mm or m/N such as m/5000; of 16-bit integers mm, m/N, "
+    help="Depth: unit of the arrays: m, mm or m/N such as m/5000; for 16-bit integers mm, m/N, "
     "sun_rgbd or nyu_raw.",
 )
-@click.option("--array", help="Depth: the name of the array in an .npz, of the channel in an .exr.")
+@click.option("--array", help="Depth: name of the array in an .npz or the channel in an .exr.")
 @click.option(
-    "--suffix", help="Depth: what the files' names add to the photos', such as _pred or _pred.npy."
+    "--suffix",
+    help="Depth: suffix that the files' names add to the photos', such as _pred or _pred.npy.",
 )
 @click.option(
     "--intrinsics",
     type=options.EXISTING_FILE,
-    help="Depth: JSON with fx, fy, cx, cy at the arrays' size; turns ray distance into depth.",
+    help="Depth: JSON with fx, fy, cx, cy at the arrays' size; converts ray distance to depth.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace another import in the folder.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing import in the folder.")
 @options.output_options
 def import_command(
     source: Path,
@@ -87,10 +88,10 @@ def import_command(
 ) -> int:
     """Import SOURCE, a results JSON or a folder of depth arrays, as a run.
 
-    Whatever `legoworld evaluate` would refuse is refused here. Categories and photos are matched
-    by name where the results carry names. Depth arrays mirror the track: <file_name without
-    extension>.npy, .npz, .pfm, .exr, .png or .tiff; docs/baselines.md says which other names are
-    understood. An image without one is missing.
+    Input that `legoworld evaluate` would refuse is refused here. Categories and photos are matched
+    by name where the results contain names. Depth arrays mirror the track: <file_name without
+    extension>.npy, .npz, .pfm, .exr, .png or .tiff; docs/baselines.md lists the other accepted
+    names. An image without an array is recorded as missing.
 
     \b
     Examples:
@@ -119,7 +120,7 @@ def import_command(
     if unit is not None:
         _check_unit(unit)
     if space == "disparity" and unit:
-        raise click.UsageError("--unit is of depth: a disparity has an unknown scale and shift")
+        raise click.UsageError("--unit is for depth: disparity has an unknown scale and shift")
     if space in ("depth", "disparity") and intrinsics:
         raise click.UsageError(f"--intrinsics is for ray distance, not for --space {space}")
     if source.is_dir() != (task == "eth3d"):
@@ -156,9 +157,9 @@ def _not_of_the_task(source: Path, task: str) -> str:
     if task == "eth3d":
         return f"--task {task} imports a folder of depth arrays"
     advice = next_step_for(source)
-    what = f"--task {task} imports one results file, and {source.name} is a folder"
+    what = f"--task {task} imports one results file, but {source.name} is a folder"
     if (source / "run.json").is_file():
-        return f"{what}: it is a run already, evaluate it as it is"
+        return f"{what}: it is already a run, evaluate it directly"
     return what + (f": {advice}" if advice else "")
 
 

@@ -1,4 +1,4 @@
-"""What `baseline run` and `baseline import` share: the track, the labels, what is printed."""
+"""Code shared by `baseline run` and `baseline import`: the track, the labels, printing."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
     images = load_track(track)
     if not serves(images, task):
         raise click.UsageError(
-            f"the track is made for {images.made_for}, not for {task}: make one with "
+            f"the track was made for {images.made_for}, not for {task}: make one with "
             f"`legoworld track make --task {task}`"
         )
     return images, protocol(task, images.vocabulary)
 
 
 def labels(path: Path | None, protocol: Protocol) -> dict[str, str | None]:
-    """Their names to ours: those known, and those of --label-map."""
+    """The model's labels mapped to category names: the known ones and those of --label-map."""
     from legoworld.baselines.labels import label_map
 
     if protocol.vocabulary is None:
@@ -44,7 +44,7 @@ def labels(path: Path | None, protocol: Protocol) -> dict[str, str | None]:
 
 
 def show(result: BaselineResult, output: Path, *, as_json: bool, verbose: bool) -> int:
-    """Print what the run holds; the exit code."""
+    """Print the contents of the run; return the exit code."""
     bad = [row for row in result.rows if row["status"] != "ok"]
     if as_json:
         options.print_json({"run": str(output), "summary": result.summary, "rows": result.rows})

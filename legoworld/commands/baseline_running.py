@@ -13,58 +13,65 @@ from legoworld.commands.progress import shown_progress
 @click.command("run", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("name")
 @click.option("--task", required=True, type=baseline_output.TASKS, help="What to predict.")
-@click.option("--track", required=True, type=options.EXISTING_FILE, help="The images.")
-@click.option(
-    "--photos", required=True, type=options.EXISTING_FOLDER, help="The folder of the photos."
-)
-@click.option("--weights", required=True, help="A file, a folder, or a hub id.")
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The run folder to write.")
+@click.option("--track", required=True, type=options.EXISTING_FILE, help="Track file (images).")
+@click.option("--photos", required=True, type=options.EXISTING_FOLDER, help="Folder of the photos.")
+@click.option("--weights", required=True, help="Weights: a file, a folder or a hub id.")
+@click.option("-o", "--output", type=options.FOLDER, required=True, help="Run folder to write.")
 @click.option(
     "--python",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
     envvar="LEGOWORLD_BASELINE_PYTHON",
-    help="A Python that has what the baseline needs [default: its installed environment].",
+    help="Python with the baseline's requirements [default: its installed environment].",
 )
 @click.option(
-    "--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, mps; auto: a GPU if any."
+    "--device",
+    default="cpu",
+    show_default=True,
+    help="cpu, cuda, cuda:1, mps; auto: a GPU if present.",
 )
 @click.option(
     "--dtype",
     type=options.Choice(["float32", "float16", "bfloat16", "auto"]),
     default="float32",
     show_default=True,
-    help="What the network computes in; auto: what the original does on that device.",
+    help="Type the network computes in; auto: the original's on that device.",
 )
 @click.option(
     "--batch-size",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Images at once, where the baseline can.",
+    help="Images per batch, where the baseline supports it.",
 )
-@click.option("--option", "given", multiple=True, metavar="KEY=VALUE", help="Its own; repeat.")
 @click.option(
-    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "our name" or null}.'
+    "--option", "given", multiple=True, metavar="KEY=VALUE", help="Baseline option; repeatable."
+)
+@click.option(
+    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "category name" or null}.'
 )
 @click.option(
     "--prompts-from-truth",
     type=options.EXISTING_FILE,
-    help="LVIS only: prompt with each image's verified categories; the run says it used truth.",
+    help="LVIS only: prompt with each image's verified categories; recorded as used_truth.",
 )
-@click.option("--offline", is_flag=True, help="Load what is on this machine, download nothing.")
+@click.option("--offline", is_flag=True, help="Use local files only; download nothing.")
 @click.option(
     "--pass-env",
     "variables",
     multiple=True,
     metavar="NAME",
-    help="Pass this environment variable to the baseline; repeat. Others stay hidden from it.",
+    help="Environment variable to pass to the baseline; repeatable. Others are hidden from it.",
 )
-@click.option("--limit", type=click.IntRange(min=1), help="Only the first N images (partial run).")
-@click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
 @click.option(
-    "--time-limit", type=click.FloatRange(min=0.1), help="Seconds for one image [default: none]."
+    "--limit", type=click.IntRange(min=1), help="Run the first N images only (partial run)."
 )
-@click.option("--resume", is_flag=True, help="Go on where a run stopped, as without it.")
+@click.option(
+    "--image-id", "image_ids", multiple=True, type=int, help="Run this image only; repeatable."
+)
+@click.option(
+    "--time-limit", type=click.FloatRange(min=0.1), help="Seconds per image [default: none]."
+)
+@click.option("--resume", is_flag=True, help="Resume an interrupted run (the default).")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @options.output_options
 def run_command(
@@ -92,11 +99,11 @@ def run_command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Run the baseline NAME over a track's photos, in a process of its own.
+    """Run the baseline NAME over a track's photos, in its own process.
 
-    Predictions are on disk as they are made: the same command again goes on where a run stopped,
-    under the same weights, options, code and versions. An image the baseline cannot do, or dies
-    of twice, is a failed row. Exit code 1 when there is one. -v shows what the baseline prints.
+    Predictions are saved as they are made: re-run the same command to resume, with the same
+    weights, options, code and versions. An image that the baseline cannot process, or that crashes
+    it twice, is recorded as failed; the exit code is then 1. -v shows the baseline's output.
 
     \b
     Examples:
@@ -115,7 +122,9 @@ def run_command(
     from legoworld.baselines.truth_prompts import read_truth_prompts
 
     if resume and overwrite:
-        raise click.UsageError("--resume keeps what is done and --overwrite deletes it: pass one")
+        raise click.UsageError(
+            "--resume keeps existing results, --overwrite deletes them: pass one"
+        )
     card = load_baseline(name)
     if task not in card.about.tasks:
         raise click.UsageError(
@@ -123,7 +132,7 @@ def run_command(
         )
     if label_map is not None and not card.about.label_map:
         raise click.UsageError(
-            f"the baseline {name} matches no labels by name, so --label-map would change nothing"
+            f"the baseline {name} matches no labels by name, so --label-map would have no effect"
         )
     images, protocol = baseline_output.track_of(task, track)
     with_python = chosen_python(card, python)

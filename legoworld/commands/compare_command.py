@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
 @click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("evaluations", nargs=-1, required=True, type=options.EXISTING_FOLDER)
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The folder to write.")
+@click.option(
+    "-o", "--output", type=options.FOLDER, required=True, help="Comparison folder to write."
+)
 @click.option(
     "--join",
     "joining",
     is_flag=True,
-    help="The arguments are comparisons of different tasks: make one table of them.",
+    help="Join comparisons of different tasks (the arguments) into one table.",
 )
 @click.option(
     "--draws",
@@ -38,14 +40,14 @@ if TYPE_CHECKING:
     "thresholds",
     multiple=True,
     metavar="METRIC=DELTA",
-    help="Exit 3 when the scene's gain over a baseline is less; may be given again.",
+    help="Exit 3 when the scene's gain over a baseline is below DELTA; repeatable.",
 )
 @click.option(
     "--allow-truth-prompts",
     is_flag=True,
-    help="Take a baseline that was prompted with truth; every table says so.",
+    help="Accept a baseline that was prompted with ground truth; every table says so.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace another comparison in the folder.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing comparison in the folder.")
 @options.output_options
 def command(
     evaluations: tuple[Path, ...],
@@ -60,16 +62,16 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Put the first of EVALUATIONS, the scene's, beside each of the others.
+    """Compare the first of EVALUATIONS, the scene's, with each of the others.
 
     Prints the headline metrics and which side each favours; -v prints everything.
-    Numbers over all attempted images and over paired ones (scored on both sides, with truth), and
-    their differences, with intervals from bootstrap samples that both sides share. Evaluations
-    of other truth, tracks, cards, evaluators or versions are refused.
+    Numbers are over all attempted images and over paired ones (scored on both sides, with ground
+    truth). Differences have intervals from bootstrap samples that both sides share. Evaluations
+    with different ground truth, tracks, cards, evaluators or versions are refused.
 
-    A gain is the difference towards better: scene minus baseline, the other way round for errors.
-    --fail-below looks at all attempted images where the metric has them, at paired ones with
-    paired.METRIC.
+    A gain is an improvement: scene minus baseline for scores, baseline minus scene for errors.
+    --fail-below uses all attempted images where the metric has them; paired.METRIC uses the paired
+    ones.
 
     \b
     Examples:
@@ -83,7 +85,9 @@ def command(
 
     if joining:
         if draws is not None or seed is not None or thresholds or allow_truth_prompts:
-            raise click.UsageError("--join takes comparisons as they are: only -o goes with it")
+            raise click.UsageError(
+                "--join takes finished comparisons: only -o can be combined with it"
+            )
         from legoworld.comparison.making import make_joined
 
         joined = make_joined(evaluations, output, overwrite=overwrite)

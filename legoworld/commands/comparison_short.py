@@ -1,4 +1,4 @@
-"""What `legoworld compare` prints without -v: a verdict for each headline metric, and coverage."""
+"""The output of `legoworld compare` without -v: a verdict per headline metric, and coverage."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def short_comparison(document: Document) -> str:
         if row[-1] != "-"
     ]
     count = counted(len(headline_table(document).notes), "note", "notes")
-    notes.append(f"{count} on how to read this, and all tables: -v")
+    notes.append(f"{count} on interpretation, and all tables: -v")
     return "\n\n".join([*blocks, notes_text(notes)])
 
 
@@ -50,14 +50,14 @@ def _table(pair: Pair) -> str:
 
 
 def _headline(pair: Pair) -> list[ComparisonRow]:
-    """The first metrics over the paired images; over all attempted ones where none is paired."""
+    """The first metrics over the paired images, or over all attempted ones if none is paired."""
     rows = [row for row in pair.rows if row.level <= HEADLINE]
     paired = [row for row in rows if row.images == "paired"]
     return paired or [row for row in rows if row.images == "attempted"]
 
 
 def _word(row: ComparisonRow) -> str:
-    """Which side the interval of the difference is on."""
+    """The side that the interval of the difference favours."""
     ends = row.difference.ends
     if row.difference.value is None or ends is None:
         return "no interval"

@@ -1,4 +1,4 @@
-"""A comparison's two tables as a terminal shows them: nothing left out, 100 columns at most."""
+"""A comparison's two tables for a terminal: complete, at most 100 columns wide."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _NAME_WIDTH: Final = 18  # as wide as the interval of a difference
 
 
 def headline_text(table: Table) -> str:
-    """Metric by method, a block for every task, pair of methods and set of images.
+    """Metric by method, in one block per task, pair of methods and set of images.
 
-    An interval stands below its value, and below a metric what it is over besides the images.
+    The interval is below its value; below a metric is its denominator besides the images.
     """
     rows = [_Row(table.header, cells) for cells in table.rows]
     return "\n\n".join(_block(list(rows)) for _, rows in groupby(rows, key=lambda row: row.title))
 
 
 def coverage_text(table: Table) -> str:
-    """The coverage table, and below it why images were not paired."""
+    """The coverage table, followed by the reasons why images were not paired."""
     rows = [[*row[:3], _cut(row[3]), row[4], _cut(row[5]), *row[6:-1]] for row in table.rows]
     lines = [options.table(table.header[:-1], rows)]
     for row in table.rows:
@@ -41,7 +41,7 @@ def notes_text(notes: Sequence[str]) -> str:
 
 
 class _Row:
-    """One row of the headline table: two methods have a column each there, more are named in it."""
+    """One row of the headline table: two methods get a column each, further ones are named."""
 
     def __init__(self, header: Sequence[str], cells: Sequence[str]) -> None:
         task, self.metric, *middle, self.difference, over = cells
@@ -74,7 +74,7 @@ def _cut(name: str) -> str:
 
 
 def _wrapped(start: str, text: str, *, width: int = _WIDTH) -> list[str]:
-    """Parts that commas divide, as many on a line as there is room for; longer ones by word."""
+    """Comma-separated parts, filled into lines; a part too long for a line is wrapped by word."""
     lines = [start]
     *parts, last = text.split(", ")
     for part in (*(f"{part}, " for part in parts), last):

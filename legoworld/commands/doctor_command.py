@@ -18,15 +18,15 @@ from legoworld.pluralize import counted
 if TYPE_CHECKING:
     from legoworld.baselines.cards import BaselineCard
 
-#: The bpy release of each Python that has one; the same pairs as in pyproject.toml.
+#: The bpy release for each supported Python; the same pairs as in pyproject.toml.
 BPY_OF_PYTHON: Final = {(3, 11): "5.0.1", (3, 13): "5.2.3"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing looked at: what it is, whether it is well, and what to do where it is not.
+    """The result of one check, with the next step if it failed.
 
-    needed: whether legoworld is broken without it.
+    needed: whether legoworld cannot work without it.
     """
 
     name: str
@@ -41,9 +41,9 @@ class Finding:
 def command(as_json: bool) -> int:
     """Check that this machine has what legoworld needs, and say what to install.
 
-    Baselines are looked at in the environments `legoworld baseline install` made, or in the one
-    Python that LEGOWORLD_BASELINE_PYTHON names, with torch's build and the GPUs it sees. One that
-    is not ready is no failure.
+    Baselines are checked in the environments that `legoworld baseline install` created, or in the
+    Python that LEGOWORLD_BASELINE_PYTHON names, with torch's build and the GPUs it sees. A baseline
+    that is not ready does not count as a failure.
 
     \b
     Examples:
@@ -83,7 +83,7 @@ def _python() -> Finding:
         name="Python",
         good=sys.version_info[:2] in BPY_OF_PYTHON,
         found=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
-        next_step="Blender's Python module exists for Python 3.11 and 3.13 only: make the "
+        next_step="Blender's Python module exists for Python 3.11 and 3.13 only: create the "
         "environment with python3.11",
     )
 
@@ -95,13 +95,13 @@ def _system_libraries() -> Finding:
     return Finding(
         name="system libraries",
         good=not missing,
-        found=f"without {', '.join(missing)}" if missing else "all that bpy links",
+        found=f"missing: {', '.join(missing)}" if missing else "all that bpy links",
         next_step=install_line(missing) if missing else "",
     )
 
 
 def _blender() -> Finding:
-    """Start Blender's Python module in a process of its own."""
+    """Start Blender's Python module in a separate process."""
     from legoworld.errors import LegoWorldError
     from legoworld.scene.blender_process import BlenderProcess, Limits
     from legoworld.scene.cache import bpy_version
@@ -130,7 +130,9 @@ def _kernel() -> Finding:
 
     try:
         name = Path(library()._name).name
-        return Finding(name="visibility kernel", good=True, found=f"{name}, of these sources")
+        return Finding(
+            name="visibility kernel", good=True, found=f"{name}, built from these sources"
+        )
     except LegoWorldError as error:
         return Finding(
             name="visibility kernel", good=False, found=error.found, next_step=error.next_step
@@ -138,7 +140,7 @@ def _kernel() -> Finding:
 
 
 def _sandbox() -> Finding:
-    """Whether `execute` can confine a program; without bubblewrap it limits it only."""
+    """Whether `execute` can sandbox a program; without bubblewrap it only applies limits."""
     from legoworld.workers.sandbox import protections
 
     held = protections("auto")
@@ -146,7 +148,7 @@ def _sandbox() -> Finding:
         name="sandbox",
         good=held.bubblewrap is not None,
         found=f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not),
-        next_step="programs run by `execute` are limited but not confined: apt-get install "
+        next_step="programs run by `execute` are limited but not sandboxed: apt-get install "
         "bubblewrap, and allow user namespaces (docs/sandbox.md)",
         needed=False,
     )
@@ -158,7 +160,7 @@ def _lvis() -> Finding:
     return Finding(
         name="LVIS evaluator",
         good=installed(),
-        found="the official lvis package" if installed() else "no lvis package",
+        found="the official lvis package" if installed() else "the lvis package is not installed",
         next_step=f"{HOW_TO_INSTALL} (to score --task lvis)",
         needed=False,
     )
@@ -184,7 +186,7 @@ def _cache() -> Finding:
 
 
 def _baselines() -> list[Finding]:
-    """One finding a baseline: whether its Python has what its pyproject.toml asks for."""
+    """One finding per baseline: whether its Python has the requirements of its pyproject.toml."""
     from legoworld.baselines.cards import baseline_cards
     from legoworld.errors import CatalogError
 

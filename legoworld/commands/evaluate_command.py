@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     "--truth",
     required=True,
     type=click.Path(path_type=Path, exists=True),
-    help="The dataset's own annotations: COCO or LVIS JSON, or ETH3D's folder.",
+    help="Ground truth: COCO or LVIS JSON, or ETH3D's folder.",
 )
 @click.option(
     "-o",
     "--output",
     type=PlaceType(exists=False),
     required=True,
-    help="The folder to write, or its URL.",
+    help="Evaluation folder to write, or its URL.",
 )
 @click.option(
     "--evaluator",
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     default=2000,
     show_default=True,
-    help="Tie orders and bootstrap samples.",
+    help="Number of tie orders and of bootstrap samples.",
 )
 @click.option(
     "--seed",
@@ -65,9 +65,9 @@ if TYPE_CHECKING:
     show_default=True,
     help="RNG seed for tie orders and bootstrap.",
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Processes [default: cores].")
+@click.option("--workers", type=click.IntRange(min=1), help="Worker processes [default: cores].")
 @options.engine
-@click.option("--overwrite", is_flag=True, help="Replace another evaluation in the folder.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing evaluation in the folder.")
 @options.output_options
 def command(
     run: Place,
@@ -84,12 +84,12 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Score a RUN against private truth.
+    """Score a RUN against private ground truth.
 
-    Boxes and masks go through the official evaluator, unchanged, over every image the run
-    attempted. -v prints its own lines, then every metric with its interval and what it is over.
-    The folder holds truth: keep it private. --engine and --workers share out the images, and
-    change no byte of it.
+    Boxes and masks are scored by the unmodified official evaluator over every image the run
+    attempted. -v prints the evaluator's own lines, then every metric with its interval and
+    denominator. The folder contains ground truth: keep it private. --engine and --workers
+    distribute the work and do not change any output byte.
 
     \b
     Examples:
@@ -132,7 +132,7 @@ def _short(summary: DetectionSummary | DepthSummary) -> str:
 
 
 def _text(summary: DetectionSummary | DepthSummary) -> str:
-    """Every metric with its interval and what it is over."""
+    """Every metric with its interval and denominator."""
     from legoworld.evaluation.detection.protocols import detection_protocol
     from legoworld.evaluation.detection.text import evaluation_text
     from legoworld.records.evaluation_summary import DepthSummary
@@ -144,7 +144,7 @@ def _text(summary: DetectionSummary | DepthSummary) -> str:
 
 @contextmanager
 def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
-    """Notices on a terminal or with -v; images that are scored one by one as a bar there."""
+    """Notices on a terminal or with -v; a progress bar there if images are scored one by one."""
     from legoworld.records.evaluation_rows import ScoredDepthRow
 
     on_terminal = options.on_terminal()
@@ -176,7 +176,7 @@ def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
 
 
 def _depth_text(summary: DepthSummary) -> str:
-    """Means by hole policy with the constant beside them, intervals and denominators."""
+    """Means per hole policy beside those of the constant, with intervals and denominators."""
     coverage, groups = summary.coverage, summary.bootstrap
     rows = []
     for metric, by_policy in summary.metrics.items():
@@ -208,7 +208,7 @@ def _depth_text(summary: DepthSummary) -> str:
 
 
 def _depth_counts(summary: DepthSummary) -> list[str]:
-    """What the means do not show: flagged fits, images without truth, holes and clamped pixels."""
+    """What the means hide: flagged fits, images without ground truth, holes, clamped pixels."""
     by_status = summary.coverage.by_status
     flagged = [f"{by_status.get(name, 0)} {name}" for name in ("inverted", "degenerate", "no_gt")]
     others = [f"{n} {name}" for name, n in by_status.items() if f"{n} {name}" not in flagged]

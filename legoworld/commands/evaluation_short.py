@@ -1,4 +1,4 @@
-"""What `legoworld evaluate` prints without -v: the numbers that are asked for first."""
+"""The output of `legoworld evaluate` without -v: the headline numbers."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
         Summary,
     )
 
-#: Lines of one sort.
+#: Maximum number of lines of one kind.
 _SHORT: Final = 3
 
 
 def short_detections(summary: DetectionSummary) -> str:
-    """AP with its interval and denominators, tie orders, what was found at IoU 0.5, warnings."""
+    """AP with its interval and denominators, tie orders, recall at IoU 0.5, warnings."""
     metrics, counts = summary.metrics, summary.counts
     over = (
         f"{counted(counts.categories_with_truth, 'category', 'categories')}, "
@@ -49,7 +49,7 @@ def short_detections(summary: DetectionSummary) -> str:
 
 
 def short_depth(summary: DepthSummary) -> str:
-    """AbsRel and delta1 under each hole policy, over how many images, and what got no score."""
+    """AbsRel and delta1 under each hole policy with denominators, and the unscored images."""
     lines = [
         f"{_first(summary)}, camera model {summary.protocol.camera_model}: "
         f"{_images(summary.coverage)}{of_eth3d(summary.coverage)}"
@@ -70,7 +70,7 @@ def short_depth(summary: DepthSummary) -> str:
 
 
 def of_eth3d(coverage: DepthCoverage) -> str:
-    """How much of ETH3D was attempted, where that is what the images are of."""
+    """How much of ETH3D was attempted, if the images are ETH3D's."""
     part = coverage.eth3d
     if not part:
         return ""

@@ -15,7 +15,7 @@ _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 @click.group("evidence", context_settings=_HELP)
 def command() -> None:
-    """Check the evidence of an evaluation or a comparison: the hashes and numbers on record.
+    """Verify the evidence of an evaluation or a comparison: recorded hashes and numbers.
 
     \b
     Examples:
@@ -29,18 +29,18 @@ def command() -> None:
 @click.option(
     "--root",
     type=options.EXISTING_FOLDER,
-    help="Look for the inputs below here [default: where they were, seen from FOLDER].",
+    help="Folder to look for the inputs in [default: their recorded paths, relative to FOLDER].",
 )
 @options.output_options
 def verify_command(
     folder: Path, root: Path | None, as_json: bool, quiet: bool, verbose: bool
 ) -> int:
-    """Check that an evaluation's or a comparison's FOLDER is what its evidence.json says.
+    """Verify the FOLDER of an evaluation or a comparison against its evidence.json.
 
     Every file of the folder and every input is hashed again. The numbers of an evaluation are
-    computed again from matches.npz and per_image.jsonl, of depth also the rows of up to ten
-    images from the arrays; those of a comparison from its evaluations. Exit code 1 when anything
-    differs or an input is not there.
+    recomputed from matches.npz and per_image.jsonl, and for depth the rows of up to ten images
+    from the arrays; those of a comparison are recomputed from its evaluations. Exit code 1 when
+    anything differs or an input is missing.
 
     \b
     Examples:

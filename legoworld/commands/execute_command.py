@@ -12,21 +12,21 @@ from legoworld.commands import options
 
 @click.command("execute", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("program", type=options.EXISTING_FILE)
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The scene folder.")
+@click.option("-o", "--output", type=options.FOLDER, required=True, help="Scene folder to write.")
 @click.option("--no-picture", is_flag=True, help="Do not render final.png.")
 @click.option(
     "--input",
     "inputs",
     multiple=True,
     type=click.Path(path_type=Path, exists=True),
-    help="A file or folder the program may read; repeat.",
+    help="File or folder the program may read; repeatable.",
 )
 @click.option(
     "--sandbox",
     type=options.Choice(["auto", "bubblewrap", "limits"]),
     default="auto",
     show_default=True,
-    help="auto: bubblewrap where it works, limits alone elsewhere; bubblewrap: or fail.",
+    help="auto: bubblewrap where it works, otherwise limits only; bubblewrap: fail without it.",
 )
 @options.limits
 @options.output_options
@@ -45,13 +45,13 @@ def command(
     """Run a scene PROGRAM in its own process; export scene.blend, scene.glb and final.png.
 
     The program starts in an empty folder with Blender's start-up scene. Its own render calls are
-    skipped. One that stops with an error is still exported with what it had built, marked in
-    execution.json with the line and the error; exit code 1 then.
+    skipped. If it stops with an error, the partial scene is still exported, execution.json records
+    the line and the error, and the exit code is 1.
 
-    A program is code. With bubblewrap it has no network, writes to its own empty folder and reads
-    nothing of yours but PROGRAM and each --input. Without it, environment variables, time, memory,
-    output and the processes it starts are limited, but it reads and writes what you can. Which of
-    these held is in execution.json.
+    A program is untrusted code. With bubblewrap it has no network, writes only to its own empty
+    folder and reads none of your files except PROGRAM and each --input. Without bubblewrap its
+    environment variables, time, memory, output and child processes are limited, but it can read and
+    write everything you can. execution.json records which protections were active.
 
     \b
     Examples:
@@ -67,7 +67,7 @@ def command(
     held = protections(sandbox)
     if held.bubblewrap is None:
         notice(
-            f"warning: without bubblewrap ({held.why_not}) the program runs with your rights; "
+            f"warning: without bubblewrap ({held.why_not}) the program runs with your permissions; "
             f"limited: {', '.join(held.holds)}; not limited: {', '.join(held.does_not_hold)}"
         )
     result = execute(
@@ -93,10 +93,10 @@ def command(
         for warning in result.warnings:
             notice(f"warning: {warning}")
         if result.error:
-            where = f"line {result.error.line}" if result.error.line else "no line of its own"
+            where = f"line {result.error.line}" if result.error.line else "outside its own lines"
             click.echo(
                 f"stopped: {program.name}, {where}: {result.error.type}: "
-                f"{result.error.message}; what it had built was exported"
+                f"{result.error.message}; the partial scene was exported"
             )
         click.echo(f"{', '.join(result.files)} -> {output}")
     return 1 if result.error else 0

@@ -18,31 +18,31 @@ from legoworld.pluralize import counted
     type=options.Choice(["coco"]),
     default="coco",
     show_default=True,
-    help="What to write.",
+    help="Output format.",
 )
 @click.option(
     "-o",
     "--output",
     required=True,
     type=click.Path(path_type=Path, dir_okay=False),
-    help="The file to write.",
+    help="File to write.",
 )
 @click.option(
     "--track",
     type=options.EXISTING_FILE,
-    help="The run's track: names of categories that are not the dataset's own.",
+    help="The run's track, for category names other than the dataset's own.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace the file.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def command(
     run: Path, form: str, output: Path, track: Path | None, overwrite: bool, as_json: bool
 ) -> int:
-    """Write the boxes or masks of a RUN as one COCO JSON that dataset tools open.
+    """Write the boxes or masks of a RUN as one COCO JSON for dataset tools.
 
-    A whole dataset file: images, categories, and each prediction as an annotation with bbox, area,
-    segmentation (compressed RLE; empty for boxes), iscrowd 0 and score, for tools that read COCO:
-    pycocotools, torchvision's CocoDetection, FiftyOne, supervision (boxes). A scene's annotations
-    carry the names of their objects under `attributes`.
+    The file is a complete dataset: images, categories, and each prediction as an annotation with
+    bbox, area, segmentation (compressed RLE; empty for boxes), iscrowd 0 and score. Tools that read
+    it: pycocotools, torchvision's CocoDetection, FiftyOne, supervision (boxes). Annotations from a
+    scene have the names of their objects under `attributes`.
 
     \b
     Examples:

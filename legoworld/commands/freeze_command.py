@@ -35,10 +35,10 @@ def command(
 ) -> int:
     """Check every scene below SCENES and write its frozen.json.
 
-    Checked: scene.blend opens in Blender with a camera and a surface; scene.glb, where there is
-    one, is well formed; final.png, where there is one, decodes and is not one flat colour. The
-    sha256 of these, of scene.py and labels.json, and of everything the .blend reads are put on
-    record. Exit code 1 when some artefact fails its check.
+    Checks: scene.blend opens in Blender with a camera and a surface; scene.glb, if present, is
+    well-formed; final.png, if present, decodes and is not a single flat colour. The sha256 of
+    these, of scene.py and labels.json, and of every file the .blend reads are recorded. Exit code 1
+    when an artefact fails its check.
 
     \b
     Examples:
@@ -77,4 +77,4 @@ def _print(rows: list[FrozenRow], bad: list[FrozenRow], *, quiet: bool, verbose:
             if check.status != "ok":
                 click.echo(f"{check.status}: {row.scene}/{name}: {check.reason}")
     frozen = share(len(rows) - len(bad), len(rows), "scene", "scenes")
-    click.echo(f"{frozen} frozen without complaint")
+    click.echo(f"{frozen} frozen, all checks passed")

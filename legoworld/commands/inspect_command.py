@@ -20,30 +20,36 @@ if TYPE_CHECKING:
 
 @click.command("inspect", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("scene", type=PlaceType(exists=True))
-@click.option("--size", "size_wh", type=options.SizeType(), help="Picture size, such as 640x480.")
-@click.option("--photo", type=options.EXISTING_FILE, help="Draw over this photo; gives the size.")
+@click.option("--size", "size_wh", type=options.SizeType(), help="Image size, such as 640x480.")
+@click.option("--photo", type=options.EXISTING_FILE, help="Photo to draw over; sets the size.")
 @click.option(
     "--task",
     type=options.Choice(["coco", "coco-masks", "lvis"]),
-    help="Resolve labels in this task's vocabulary [default: every label counts].",
+    help="Task whose vocabulary resolves the labels [default: every label counts].",
 )
 @click.option(
     "--track",
     type=options.EXISTING_FILE,
-    help="Resolve labels in this track's vocabulary; gives the task where it records one.",
+    help="Track whose vocabulary resolves the labels; sets the task if it records one.",
 )
-@click.option("--source", type=options.Choice(["blend", "glb"]), default="blend", show_default=True)
+@click.option(
+    "--source",
+    type=options.Choice(["blend", "glb"]),
+    default="blend",
+    show_default=True,
+    help="File of the scene to read.",
+)
 @click.option(
     "--compare-sources",
     is_flag=True,
-    help="Say where scene.blend and scene.glb disagree; exit code 1 when a mask does.",
+    help="Report where scene.blend and scene.glb disagree; exit code 1 when a mask does.",
 )
 @click.option(
     "--allow-changed",
     is_flag=True,
-    help="Look at a scene even when its files are not those that were frozen.",
+    help="Inspect a scene even if its files changed since it was frozen.",
 )
-@click.option("-o", "--output", type=options.FOLDER, help="Write buffers and pictures here.")
+@click.option("-o", "--output", type=options.FOLDER, help="Folder for buffers and pictures.")
 @options.caching
 @options.limits
 @options.output_options
@@ -65,13 +71,13 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Show what one SCENE, a folder or its URL, holds: its instances, and why some are not seen.
+    """Show the instances of one SCENE (a folder or its URL), and why some are not visible.
 
-    With -o: buffers.npz (instance int32, depth_z_m float32), instances.json, overlay.png and
+    -o writes buffers.npz (instance int32, depth_z_m float32), instances.json, overlay.png and
     depth.png.
 
-    Comparing sources reads scene.blend and scene.glb and matches their instances by name: the
-    masks of an instance agree at an IoU of 0.999 or more. With -o each source gets a folder.
+    --compare-sources reads scene.blend and scene.glb and matches their instances by name: the
+    masks of an instance agree at an IoU of 0.999 or more. With -o each source gets its own folder.
 
     \b
     Examples:
@@ -85,9 +91,13 @@ def command(
     from legoworld.api.settings import protocol_of
 
     if compare_sources and allow_changed:
-        raise click.UsageError("--allow-changed does not go with --compare-sources: freeze first")
+        raise click.UsageError(
+            "--allow-changed cannot be combined with --compare-sources: freeze first"
+        )
     if compare_sources:
-        options.refuse_given(["source"], "does not go with --compare-sources: both files are read")
+        options.refuse_given(
+            ["source"], "cannot be combined with --compare-sources: both files are read"
+        )
     _refuse_a_folder_of_scenes(scene)
     if photo is not None and size_wh is None:
         from legoworld.readouts.pictures import read_photo
@@ -137,8 +147,8 @@ def _refuse_a_folder_of_scenes(scene: Place) -> None:
     below = sorted({p.parent for name in (BLEND, GLB) for p in scene.glob(f"*/{name}")})
     if below:
         raise click.UsageError(
-            f"{scene} holds {counted(len(below), 'scene folder', 'scene folders')} and is none "
-            f"itself: pass one, such as {below[0]}"
+            f"{scene} contains {counted(len(below), 'scene folder', 'scene folders')} but is not "
+            f"one itself: pass one of them, such as {below[0]}"
         )
 
 

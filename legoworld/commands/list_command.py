@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 @click.option(
     "--task",
     type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
-    help="Only what is for this task; whose schema [default: coco].",
+    help="List only entries for this task; schema: the task to describe [default: coco].",
 )
 @click.option(
     "--track",
     type=options.EXISTING_FILE,
-    help="schema: with this track's vocabulary, and its task where it records one.",
+    help="schema: track whose vocabulary is printed; sets the task if it records one.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> int:
-    """List the tasks, datasets and baselines there are, or what a scene's author is told.
+    """List tasks, datasets or baselines, or print the authoring guide (schema).
 
     \b
     Examples:
@@ -63,12 +63,12 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
 
 
 def _cut(text: str, limit: int = 60) -> str:
-    """A table's cell; --json has the whole text."""
+    """A truncated table cell; --json has the full text."""
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
 def _cards(kind: str, task: str | None) -> list[tuple[str, ...]]:
-    """Name, version, title and licence of all there is of a kind, or of what is for a task."""
+    """Name, version, title and licence of every card of a kind, or of those for a task."""
     if kind == "tasks":
         from legoworld.cards import load_card
 
@@ -101,7 +101,7 @@ def _head(path: Path) -> LicensedHead:
 
 
 def _schema(reading: Protocol, *, as_json: bool) -> int:
-    """What a scene's author needs to know, and nothing private."""
+    """The authoring guide of a task; nothing in it is private."""
     from legoworld.readouts.instructions import instructions
 
     told, task = instructions(reading), reading.task.name

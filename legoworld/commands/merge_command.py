@@ -14,12 +14,19 @@ from legoworld.remote import Place
 
 @click.command("merge", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("shards", nargs=-1, required=True, type=PlaceType(exists=True))
-@click.option("-o", "--output", required=True, type=PlaceType(exists=False), help="The run.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=PlaceType(exists=False),
+    help="Run folder to write, or its URL.",
+)
 @click.option(
     "--images-per-file",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Boxes and masks: predictions/00000.jsonl, ... of N images each [default: one file].",
+    help="Boxes and masks: write predictions/00000.jsonl, ... of N images each [default: one "
+    "file].",
 )
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
@@ -30,10 +37,10 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> int:
-    """Put the SHARDS 1/n to n/n of one readout together: the same bytes as one undivided run.
+    """Join the SHARDS 1/n to n/n of one readout: the same bytes as one undivided run.
 
-    One undivided run alone, a baseline's too, is written again, with its predictions in one file or
-    in as many as --images-per-file makes. Exit code 1 when some scene of the run could not be read.
+    A single undivided run, of a baseline too, is rewritten with its predictions in one file, or
+    divided by --images-per-file. Exit code 1 when some scene of the run could not be read.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""Options that several commands share, and how results and notices are printed."""
+"""Shared command-line options, and how results and notices are printed."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ EXISTING_FILE = click.Path(path_type=Path, dir_okay=False, exists=True)
 
 
 class Choice(click.Choice[str]):
-    """One of several words; a misspelt one is refused with the nearest."""
+    """A choice of words; for a misspelt one the error suggests the nearest."""
 
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> str:
-        """The word, in the spelling it is listed in."""
+        """The word as it is spelled in the list."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -82,7 +82,7 @@ def limits(command: F) -> F:
         show_default=True,
         type=click.FloatRange(min=0.1),
         envvar="LEGOWORLD_TIME_LIMIT",
-        help="Seconds Blender may take for one scene.",
+        help="Time limit of Blender per scene, in seconds.",
     )(command)
     return click.option(
         "--memory-limit",
@@ -90,7 +90,7 @@ def limits(command: F) -> F:
         show_default=True,
         type=click.FloatRange(min=0.1),
         envvar="LEGOWORLD_MEMORY_LIMIT",
-        help="GiB one Blender process may use.",
+        help="Memory limit of one Blender process, in GiB.",
     )(command)
 
 
@@ -102,7 +102,7 @@ def engine(command: F) -> F:
         default="local",
         show_default=True,
         envvar="LEGOWORLD_ENGINE",
-        help="This machine, or a Ray cluster (RAY_ADDRESS).",
+        help="Run on this machine or on a Ray cluster (RAY_ADDRESS).",
     )(command)
 
 
@@ -112,10 +112,12 @@ def caching(command: F) -> F:
         "--cache",
         type=FOLDER,
         envvar="LEGOWORLD_CACHE",
-        help="Folder of snapshots [default: the user's cache folder].",
+        help="Snapshot cache folder [default: the user's cache folder].",
     )(command)
     return click.option(
-        "--no-cache", is_flag=True, help="Neither read nor keep snapshots; wins over --cache."
+        "--no-cache",
+        is_flag=True,
+        help="Neither read nor write the snapshot cache; overrides --cache.",
     )(command)
 
 
@@ -124,19 +126,19 @@ def output_options(command: F) -> F:
     command = click.option(
         "--json", "as_json", is_flag=True, help="Print one JSON document instead of tables."
     )(command)
-    command = click.option("-q", "--quiet", is_flag=True, help="No progress, no notices.")(command)
-    return click.option(
-        "-v", "--verbose", is_flag=True, help="Print everything, not only what stands out."
-    )(command)
+    command = click.option("-q", "--quiet", is_flag=True, help="Print no progress and no notices.")(
+        command
+    )
+    return click.option("-v", "--verbose", is_flag=True, help="Print full details.")(command)
 
 
 def cache_choice(cache: Path | None, no_cache: bool) -> bool | Path:
-    """What --cache and --no-cache ask for, as the Python API takes it; --no-cache wins."""
+    """--cache and --no-cache as the Python API's `cache` argument; --no-cache wins."""
     return False if no_cache else cache or True
 
 
 def refuse_given(names: Sequence[str], why: str) -> None:
-    """click.UsageError when one of these options is on the command line: none is ignored."""
+    """Raise click.UsageError when one of these options was given, so that none is ignored."""
     context = click.get_current_context()
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name or "")
@@ -145,7 +147,7 @@ def refuse_given(names: Sequence[str], why: str) -> None:
 
 
 def print_json(document: Mapping[str, object]) -> None:
-    """One JSON document with schema_version on standard output; records are part of it."""
+    """Print one JSON document with schema_version on standard output; records are converted."""
     from legoworld.records.base import as_json
 
     whole = {"schema_version": SCHEMA_VERSION, **document}
@@ -154,7 +156,7 @@ def print_json(document: Mapping[str, object]) -> None:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Columns as wide as they need to be; columns of numbers to the right."""
+    """A text table with columns as narrow as possible; numeric columns are right-aligned."""
     cells = [[str(c) for c in row] for row in rows]
     widths = [
         max(len(header[i]), *(len(row[i]) for row in cells)) if cells else len(header[i])
@@ -176,7 +178,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 
 def notifier(quiet: bool) -> Callable[[str], None]:
-    """A function that says something on standard error unless --quiet."""
+    """A function that prints a notice on standard error, unless --quiet."""
 
     def notice(text: str) -> None:
         if not quiet:
@@ -186,10 +188,10 @@ def notifier(quiet: bool) -> Callable[[str], None]:
 
 
 def tracer(verbose: bool) -> Callable[[str], None]:
-    """A function that says a traceback on standard error with --verbose, whatever -q says."""
+    """A function that prints a traceback on standard error with --verbose, regardless of -q."""
     return notifier(quiet=not verbose)
 
 
 def on_terminal() -> bool:
-    """Whether progress has someone to look at it."""
+    """Whether standard error is a terminal."""
     return sys.stderr.isatty()

@@ -1,4 +1,4 @@
-"""The progress of a run on a terminal: images done, failed, rate and remaining time."""
+"""Progress of a run: images done, failed, rate and remaining time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LINE_S: Final = 30.0
 
 
 class LineProgress:
-    """Says how far a run is, for a log: at the first image, then at most once in `_LINE_S`."""
+    """Progress lines for a log: at the first image, then at most once per `_LINE_S`."""
 
     def __init__(self, say: Callable[[str], None], clock: Callable[[], float]) -> None:
         self._say, self._clock = say, clock
@@ -26,15 +26,15 @@ class LineProgress:
         self._next = self._start
 
     def total(self, n: int) -> None:
-        """How many images there are."""
+        """Set the number of images."""
         self._total = n
 
     def kept(self, n: int) -> None:
-        """Count what an earlier run has predicted; the pace is of this one's."""
+        """Count the images kept from an earlier run; they do not affect the rate."""
         self._kept = n
 
     def __call__(self, row: dict[str, Any]) -> None:
-        """Count one image that was predicted now."""
+        """Count one image that was predicted in this run."""
         self._done += 1
         self._failed += row["status"] != "ok"
         now = self._clock()
@@ -49,9 +49,9 @@ class LineProgress:
 
 @contextmanager
 def shown_progress(unit: str, *, quiet: bool, lines: bool = False) -> Iterator[Listener]:
-    """A bar on standard error where that is a terminal; it begins at what is done already.
+    """A progress bar on standard error if that is a terminal; it starts at the kept images.
 
-    lines: whether there is a line now and then where it is none.
+    lines: whether to print a line now and then if it is not a terminal.
     """
     say = options.notifier(quiet)
     if lines and not quiet and not options.on_terminal():
@@ -77,7 +77,7 @@ def shown_progress(unit: str, *, quiet: bool, lines: bool = False) -> Iterator[L
             bar.update()
 
         def kept(n: int) -> None:
-            """The rate and the remaining time are of what this run does itself."""
+            """Count kept images; rate and remaining time only consider this run's own work."""
             bar.initial = bar.n = n
             bar.start_t = bar.last_print_t = time.time()
             bar.refresh()

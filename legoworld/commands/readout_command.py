@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     "--task",
     required=True,
     type=options.Choice(["coco", "coco-masks", "lvis", "eth3d", "bench"]),
-    help="What to read.",
+    help="Task to read out.",
 )
-@click.option("--track", type=options.EXISTING_FILE, help="The images; COCO image-info JSON.")
 @click.option(
-    "-o", "--output", type=PlaceType(exists=False), help="The run folder to write, or its URL."
+    "--track", type=options.EXISTING_FILE, help="Track file (images); COCO image-info JSON."
+)
+@click.option(
+    "-o", "--output", type=PlaceType(exists=False), help="Run folder to write, or its URL."
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
 @click.option(
@@ -37,21 +39,32 @@ if TYPE_CHECKING:
     type=options.Choice(["blend", "glb"]),
     default="blend",
     show_default=True,
-    help="Which file of a scene is read.",
+    help="File of each scene to read.",
 )
 @options.caching
 @click.option("--require-frozen", is_flag=True, help="Refuse scenes without a frozen.json.")
-@click.option("--limit", type=click.IntRange(min=1), help="Only the first N images (partial run).")
-@click.option("--image-id", "image_ids", multiple=True, type=int, help="Only this image; repeat.")
-@click.option("--shard", type=options.ShardType(), help="Only every n-th image, from the i-th on.")
+@click.option(
+    "--limit", type=click.IntRange(min=1), help="Read the first N images only (partial run)."
+)
+@click.option(
+    "--image-id", "image_ids", multiple=True, type=int, help="Read this image only; repeatable."
+)
+@click.option(
+    "--shard", type=options.ShardType(), help="Read every n-th image only, starting at the i-th."
+)
 @options.engine
 @click.option(
     "--images-per-file",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Boxes and masks: predictions/00000.jsonl, ... of N images each, for very large tracks.",
+    help="Boxes and masks: write predictions/00000.jsonl, ... of N images each, for very large "
+    "tracks.",
 )
-@click.option("--max-side", type=click.IntRange(min=1), help="Depth only: render smaller.")
+@click.option(
+    "--max-side",
+    type=click.IntRange(min=1),
+    help="Depth only: longest side of the rendered image, in pixels.",
+)
 @click.option("--no-render", is_flag=True, help="Bench only: R without A, no Cycles render.")
 @click.option("--render-noise", is_flag=True, help="Bench only: render a second seed and compare.")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
@@ -87,8 +100,8 @@ def command(
     """Read COCO boxes or masks, LVIS masks, depth or bench submissions out of frozen SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
-    --track every scene folder is an image. Without SCENES the shipped examples are read. The same
-    command again goes on where a run stopped. Exit code 1 when some scene could not be read.
+    --track every scene folder is an image. Without SCENES the shipped examples are read. Re-run the
+    same command to resume. Exit code 1 when a scene could not be read.
 
     \b
     Examples:
@@ -147,9 +160,9 @@ def command(
 def _started_ahead(
     time_limit_s: float, memory_limit_gib: float, *, wanted: bool
 ) -> BlenderProcess | None:
-    """A Blender process that imports bpy while this one imports what it needs; ends with it.
+    """A Blender process that imports bpy while this process imports its own modules.
 
-    None unless it is wanted: where a snapshot may be cached, no Blender may be needed.
+    It ends with this process. None unless wanted: with a snapshot cache Blender may not be needed.
     """
     if not wanted:
         return None

@@ -1,4 +1,4 @@
-"""Arguments that name a folder here or at a URL."""
+"""Arguments that name a local folder or a URL."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PlaceType(click.ParamType[Place]):
     def convert(
         self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
     ) -> Place:
-        """Text to a path, or to a URL as it is."""
+        """Convert text to a path; a URL stays text."""
         if isinstance(value, str) and is_url(value):
             if urlsplit(value).scheme != "file":
                 return value

@@ -16,14 +16,15 @@ from legoworld.pluralize import counted, share, word_for
 @click.option(
     "--photos",
     type=options.EXISTING_FOLDER,
-    help="Where the photos lie, or their train2017/ and val2017/ [default: a page without photos].",
+    help="Folder of the photos, or of their train2017/ and val2017/ [default: a page without "
+    "photos].",
 )
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
     required=True,
-    help="The HTML file to write.",
+    help="HTML file to write.",
 )
 @options.output_options
 def command(
@@ -34,10 +35,10 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """One HTML page of evaluations and comparisons, FOLDERS: numbers, errors, every photo.
+    """Write one HTML page of evaluations and comparisons (FOLDERS): numbers, errors, every photo.
 
-    The page needs no network and opens from the disk. It shows truth: keep it private. Past 500
-    views or 64 MiB, its pictures lie in a folder beside it. An earlier page is written over.
+    The page opens from disk and needs no network. It shows ground truth: keep it private. Above 500
+    views or 64 MiB its pictures are in a folder beside it. An existing page is overwritten.
 
     \b
     Examples:

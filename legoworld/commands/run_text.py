@@ -1,4 +1,4 @@
-"""What `legoworld readout` prints of a run: a few lines, everything with -v."""
+"""The output of `legoworld readout`: a few lines, or everything with -v."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from legoworld.api.readout import Run
 
 Row = dict[str, Any]
-#: Lines of one sort without -v.
+#: Maximum number of lines of one kind without -v.
 _SHORT: Final = 3
 
 
@@ -27,7 +27,7 @@ def show_run(
     quiet: bool,
     verbose: bool,
 ) -> None:
-    """Failures and labels of each kind, then the counts; warnings on standard error."""
+    """Print failures and labels by kind, then the counts; warnings go to standard error."""
     if verbose:
         _table(result.rows)
     for line in failure_lines(result.rows, verbose=verbose):
@@ -43,7 +43,7 @@ def show_run(
 
 
 def failure_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
-    """A line for each kind of failure with its first image; with -v for each image."""
+    """One line per kind of failure with its first image; with -v one line per image."""
     failures = [row for row in rows if row["status"] != "ok"]
     if verbose:
         return [_failure(row) for row in failures]
@@ -56,9 +56,9 @@ def failure_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
 
 
 def warning_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
-    """The first warning of each kind, with how many there are; with -v every one.
+    """The first warning of each kind with the count; with -v every warning.
 
-    Two are of one kind when they differ in nothing but quoted names and numbers.
+    Two warnings are of the same kind when they differ only in quoted names and numbers.
     """
     warned = [(row, str(text)) for row in rows for text in row["warnings"]]
     if verbose:
@@ -80,16 +80,16 @@ def warning_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
 
 
 def _kind(text: str) -> str:
-    """A sentence without what differs from one scene to the next: quoted names and numbers."""
+    """A sentence without the parts that differ between scenes: quoted names and numbers."""
     return re.sub(r"'[^']*'|\"[^\"]*\"|\d+(\.\d+)?", "*", text)
 
 
 def stranger_lines(found: Sequence[Stranger], *, verbose: bool) -> list[str]:
-    """The scene folders that match no image, and the images they may be meant for."""
+    """Scene folders that match no image, and the images they may be meant for."""
     if not found:
         return []
     if [s.folder for s in found] == ["."]:
-        return ["SCENES is a scene folder itself; did you mean the folder that holds it?"]
+        return ["SCENES is itself a scene folder; did you mean its parent folder?"]
     folders = counted(len(found), "folder matches", "folders match")
     top = lower_top(found)
     if top is not None:
@@ -101,7 +101,7 @@ def stranger_lines(found: Sequence[Stranger], *, verbose: bool) -> list[str]:
 
 
 def unlabelled_lines(result: Run) -> list[str]:
-    """How many scenes have no label at all: nothing can be exported of them."""
+    """The number of scenes without any label, from which nothing can be exported."""
     bare = [
         row
         for row in result.rows

@@ -16,40 +16,44 @@ from legoworld.pluralize import counted
 if TYPE_CHECKING:
     from legoworld.api.one_photo import PhotoScore
 
-#: Findings without -v: the costly come first.
+#: Maximum number of findings without -v; the costliest come first.
 _SHORT = 5
 
 
 @click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("program_or_scene", type=click.Path(path_type=Path, exists=True))
-@click.option("--photo", required=True, type=options.EXISTING_FILE, help="The photo it rebuilds.")
+@click.option(
+    "--photo", required=True, type=options.EXISTING_FILE, help="Photo that the scene reconstructs."
+)
 @click.option(
     "--truth",
     required=True,
     type=click.Path(path_type=Path, exists=True),
-    help="The dataset's own annotations: COCO or LVIS JSON, or a folder of measured depth.",
+    help="Ground truth: COCO or LVIS JSON, or a folder of measured depth.",
 )
 @click.option(
     "--task",
     type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
     default="coco",
     show_default=True,
-    help="What is read and scored.",
+    help="Task to read out and score.",
 )
-@click.option("--image", help="The photo's id or file name in the truth [default: its own name].")
+@click.option(
+    "--image", help="The photo's id or file name in the ground truth [default: its own name]."
+)
 @click.option(
     "--source",
     type=options.Choice(["blend", "glb"]),
     default="blend",
     show_default=True,
-    help="Which file of the scene is read.",
+    help="File of the scene to read.",
 )
 @click.option(
     "-o",
     "--output",
     type=options.FOLDER,
-    help="Keep the scene, run, evaluation, overlay and report here [default: the overlay alone, "
-    "in legoworld-runs].",
+    help="Folder for the scene, run, evaluation, overlay and report [default: only the overlay is "
+    "kept, in legoworld-runs].",
 )
 @options.caching
 @options.limits
@@ -72,10 +76,10 @@ def command(
 ) -> int:
     """Score one PROGRAM_OR_SCENE, a .py or a scene folder, against one photo's ground truth.
 
-    In one command what execute, track make, readout, inspect, evaluate and report do for a set:
-    prints the numbers of this photo, what to mend, and where the overlay is. It is an evaluation:
-    it reads ground truth, so an agent that builds scenes must not run it or see its output. A
-    scene folder is only read. Exit code 1 when the scene has no result.
+    Does in one command what execute, track make, readout, inspect, evaluate and report do for a
+    set: prints the numbers of this photo, what to fix, and where the overlay is. It is an
+    evaluation and reads ground truth, so an agent that builds scenes must not run it or see its
+    output. A scene folder is only read. Exit code 1 when the scene has no result.
 
     \b
     Examples:
@@ -89,7 +93,7 @@ def command(
 
     if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend"):
         raise click.UsageError(
-            f"{program_or_scene} is neither a .py, a scene folder nor its scene.blend; to read a "
+            f"{program_or_scene} is not a .py, a scene folder or its scene.blend; to read a "
             "scene.glb, pass its folder with --source glb"
         )
     with scratch_folder("legoworld-score-") as scratch:
@@ -148,7 +152,7 @@ def _print(
         error = found.execution.error
         click.echo(
             f"the program stopped at line {error.line}: {error.type}: {error.message}; "
-            "scored is what it had built"
+            "the partial scene is scored"
         )
     if found.summary is None:
         click.echo(f"{row['status']}: {row['file_name']}: {row['reason']}")

@@ -1,4 +1,4 @@
-"""Sentences that more than one command prints."""
+"""Sentences printed by more than one command."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from legoworld.pluralize import counted
 
 
 def outside_the_vocabulary(label: str, count: int, nearest: list[str]) -> str:
-    """The line about a label that names no category: on how many owners, and what it is like."""
+    """The line about a label outside the vocabulary: how many owners, and similar categories."""
     near = f"; near: {', '.join(nearest)}" if nearest else ""
     return f"label {label!r} is not in the vocabulary ({counted(count, 'owner', 'owners')}){near}"

@@ -1,4 +1,4 @@
-"""How `legoworld inspect --compare-sources` shows what it found."""
+"""The output of `legoworld inspect --compare-sources`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def document(found: SourceComparison) -> dict[str, Any]:
 
 
 def show(found: SourceComparison, *, as_json: bool, quiet: bool, verbose: bool) -> int:
-    """Print the table of shared instances, worst first, and what else differs; the exit code."""
+    """Print the shared instances, worst first, and other differences; return the exit code."""
     if as_json:
         options.print_json(document(found))
     else:
@@ -62,7 +62,7 @@ def _print(found: SourceComparison, *, quiet: bool, verbose: bool) -> None:
     width, height = found.blend.view.size_wh
     disagree = word_for(found.disagreeing, "disagrees", "disagree")
     click.echo(
-        f"\n{counted(len(found.pairs), 'instance', 'instances')} of both sources at "
+        f"\n{counted(len(found.pairs), 'instance', 'instances')} in both sources at "
         f"{width}x{height}: {found.disagreeing} {disagree}; "
         f"{found.unseen} more {word_for(found.unseen, 'is', 'are')} not seen in either; "
         f"{counted(found.differing_px, 'pixel differs', 'pixels differ')}"

@@ -1,7 +1,7 @@
-"""The one way to the terminal: nothing that is printed can command it.
+"""Terminal output: printed text cannot control the terminal.
 
-Names, labels, reasons and messages come from untrusted files and are printed in many places. They
-pass here, whatever prints them.
+Names, labels, reasons and messages come from untrusted files and are printed in many places. All
+of them pass through these streams.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from typing import Any, Final, TextIO
 
 from legoworld.errors import printable
 
-#: What progress bars need: back to the line's beginning.
+#: Carriage return, which progress bars need.
 _RETURN: Final = "\r"
 
 
 class PrintableStream:
-    """A text stream that takes `printable` text only; everything else is the stream's own."""
+    """A text stream that writes only `printable` text and otherwise delegates to the stream."""
 
     def __init__(self, stream: TextIO, *, keep_returns: bool) -> None:
         self._stream = stream
         self._keep_returns = keep_returns
 
     def write(self, text: str) -> int:
-        """Write the text, with control characters replaced; the number of characters given."""
+        """Write text with control characters replaced; return the number of characters passed."""
         if self._keep_returns:
             self._stream.write(_RETURN.join(map(printable, text.split(_RETURN))))
         else:
@@ -43,7 +43,7 @@ class PrintableStream:
 
 @contextmanager
 def printable_streams() -> Iterator[None]:
-    """Standard output and standard error as `PrintableStream`s for as long as the block lasts."""
+    """Replace standard output and standard error by `PrintableStream`s within the block."""
     streams: tuple[Any, Any] = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (
         PrintableStream(streams[0], keep_returns=False),

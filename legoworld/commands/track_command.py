@@ -1,4 +1,4 @@
-"""`legoworld track`: the group, and `check`; `make` is in a module of its own."""
+"""`legoworld track`: the group, and `check`; `make` is in its own module."""
 
 from __future__ import annotations
 
@@ -30,9 +30,7 @@ command.add_command(make_command)
 
 @command.command("check", context_settings=_HELP)
 @click.argument("track", type=options.EXISTING_FILE)
-@click.option(
-    "--photos", required=True, type=options.EXISTING_FOLDER, help="The folder of the photos."
-)
+@click.option("--photos", required=True, type=options.EXISTING_FOLDER, help="Folder of the photos.")
 @options.output_options
 def check_command(track: Path, photos: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     """Check that every photo of TRACK exists, decodes, and has the size the track says.
@@ -72,5 +70,5 @@ def check_command(track: Path, photos: Path, as_json: bool, quiet: bool, verbose
             click.echo(f"... and {len(problems) - 50} more (--json lists them)")
         n_good = len(images) - len(problems)
         good = share(n_good, len(images), "photo", "photos")
-        click.echo(f"{good} {word_for(n_good, 'is', 'are')} as the track says")
+        click.echo(f"{good} {word_for(n_good, 'matches', 'match')} the track")
     return 1 if problems else 0

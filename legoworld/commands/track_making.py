@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     "--task",
     required=True,
     type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
-    help="The task the track is for.",
+    help="Task of the track.",
 )
 @click.option(
     "--truth",
@@ -34,9 +34,11 @@ if TYPE_CHECKING:
     "--output",
     required=True,
     type=click.Path(path_type=Path, dir_okay=False),
-    help="The track file to write.",
+    help="Track file to write.",
 )
-@click.option("--sample", type=click.IntRange(min=1), help="Images to draw [default: all].")
+@click.option(
+    "--sample", type=click.IntRange(min=1), help="Number of images to sample [default: all]."
+)
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -101,7 +103,7 @@ def make_command(
     if sample is None:
         options.refuse_given(["seed"], "is for --sample")
     if images is not None and sample is not None:
-        raise click.UsageError("--images and --sample are two ways to choose: pass one")
+        raise click.UsageError("--images and --sample exclude each other: pass one")
     chosen = _lines(images) if images is not None else None
     depth = {"--scenes": scenes, "--dataset": dataset, "--space": space, "--unit": unit}
     _refuse_depth_options(task, {**depth, "--photos": photos}, with_photos=photos is not None)
@@ -122,7 +124,7 @@ def make_command(
 
 
 def _refuse_depth_options(task: str, given: Mapping[str, object], *, with_photos: bool) -> None:
-    """Wrong usage: options of depth without a folder of depth."""
+    """Raise click.UsageError for depth options without a depth folder."""
     for option, value in given.items():
         if value is not None and task != "eth3d":
             raise click.UsageError(f"track make: {option} is not for --task {task}")
@@ -168,7 +170,7 @@ def _make(
 
     if output.exists() and not overwrite:
         raise UsageError(
-            f"{output.name} is there already",
+            f"{output.name} already exists",
             expected="a new file",
             next_step="choose another -o, or pass --overwrite",
         )
@@ -193,7 +195,7 @@ def _show(made: MadeTrack, output: Path, seed: int, *, as_json: bool) -> int:
 
 
 def _lines(path: Path) -> list[str]:
-    """The lines of a list that are not empty."""
+    """The non-empty lines of a list."""
     try:
         lines = path.read_text(encoding="utf-8").split("\n")
     except UnicodeDecodeError as error:

@@ -170,7 +170,7 @@ def test_what_is_refused(exported, tmp_path, capfd):
     assert exported("coco", truth, [], *track)[0] == 0
     code, _, said = exported("coco", truth, [], *track)
     assert code == 2
-    assert "coco.json is there already" in said
+    assert "coco.json already exists" in said
     assert exported("coco", truth, [], *track, "--overwrite")[0] == 0
     code, _, said = exported("eth3d", truth, [], *track, "--overwrite")
     assert code == 2

@@ -24,7 +24,7 @@ def url() -> str:
 @pytest.mark.parametrize("name", ["../escaped", "scene/../../escaped", "scene//x", "./x"])
 def test_a_name_that_leads_out_is_refused_and_nothing_is_written(name, url, tmp_path, monkeypatch):
     monkeypatch.setattr("legoworld.remote._names_below", lambda *_a: [name, "scene/scene.blend"])
-    with pytest.raises(PlaceError, match="no path inside its folder"):
+    with pytest.raises(PlaceError, match="not a path inside its folder"):
         fetch_folder(url, tmp_path / "into")
     assert list(tmp_path.iterdir()) == []
 

@@ -274,7 +274,7 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_no_blender_behind(scenes, track, t
     os.kill(process.pid, signal.SIGINT)
     _, error = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert "what was read is kept; run the same command again to resume" in error
+    assert "finished images are kept; run the same command again to resume" in error
     assert journal.read_bytes().count(b"\n") >= 2
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)

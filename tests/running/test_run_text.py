@@ -110,7 +110,7 @@ def test_folders_that_match_nothing_are_counted_and_the_nearest_named_first():
     assert "'n8'" in whole
     assert stranger_lines([], verbose=True) == []
     (own,) = stranger_lines([Stranger(folder=".", meant=None)], verbose=False)
-    assert own.startswith("SCENES is a scene folder itself")
+    assert own.startswith("SCENES is itself a scene folder")
 
 
 def write_track(path: Path, names: list[str]) -> Path:
@@ -197,7 +197,10 @@ def test_inspect_of_a_folder_of_scenes_names_one(tmp_path, capsys):
         (tmp_path / name / "scene.blend").write_bytes(b"")
     assert cli.run(["inspect", str(tmp_path)]) == 2
     said = capsys.readouterr().err
-    assert f"holds 2 scene folders and is none itself: pass one, such as {tmp_path}/a" in said
+    assert (
+        f"contains 2 scene folders but is not one itself: pass one of them, such as {tmp_path}/a"
+        in said
+    )
 
 
 @pytest.mark.parametrize(

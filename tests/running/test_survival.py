@@ -276,7 +276,7 @@ def test_a_read_only_folder_is_one_clear_line(what, scenes, tmp_path, mounted, e
     done = mounted(script + '|| exit 99; "$@"', disk, *command)
     assert done.returncode == 4, done.stderr
     (line,) = done.stderr.splitlines()
-    assert line.startswith("legoworld: the system refused ")
+    assert line.startswith("legoworld: the operating system refused ")
     assert str(disk) in line
     assert "Read-only file system" in line
     assert tree(disk) == before
@@ -332,8 +332,8 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[s
 
 
 #: What Ctrl-C says of the commands that keep what is done, and of the others.
-FREEZES = "the records made so far are kept; run the same command again to make the others"
-BEGINS = "nothing was finished; run the same command again to start over"
+FREEZES = "records written so far are kept; run the same command again to freeze the rest"
+BEGINS = "nothing was kept; run the same command again to start over"
 
 
 def interrupted(command: Sequence[str], happened: Callable[[], bool], left: str = BEGINS) -> None:

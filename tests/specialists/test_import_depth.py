@@ -186,7 +186,7 @@ def test_intrinsics_that_are_none_are_refused(bring, source, tmp_path, case):
     ("options", "words"),
     [
         (["--space", "depth", "--unit", "furlong"], "'furlong' is not one of"),
-        (["--space", "disparity", "--unit", "m"], "a disparity has an unknown scale"),
+        (["--space", "disparity", "--unit", "m"], "disparity has an unknown scale"),
         (["--space", "depth", "--intrinsics"], "--intrinsics is for ray distance"),
     ],
 )
