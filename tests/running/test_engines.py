@@ -339,6 +339,21 @@ def test_a_process_that_ends_is_said_with_its_last_words():
     assert caught.value.exit_code == 4
 
 
+def test_an_item_whose_machine_is_lost_is_an_error_at_its_own_place(monkeypatch):
+    class Losing(HereRay):
+        def get(self, pending: Any) -> Any:
+            if pending.item[1] == 4:
+                raise DiedError
+            return super().get(pending)
+
+    monkeypatch.setitem(sys.modules, "ray", Losing())
+    results = results_of(square, [2, 3, 4, 5], Crew(engine="ray", workers=2))
+    assert [next(results), next(results)] == [4, 9]
+    with pytest.raises(ProcessLostError, match="found: DiedError") as caught:
+        next(results)
+    assert caught.value.exit_code == 4
+
+
 def test_one_worker_of_this_machine_is_the_calling_process():
     assert ALONE.alone
     assert Crew(workers=1).alone
