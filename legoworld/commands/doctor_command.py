@@ -144,10 +144,12 @@ def _sandbox() -> Finding:
     from legoworld.workers.sandbox import protections
 
     held = protections("auto")
+    by = "the kernel" if held.counted else "looking 20 times a second"
+    found = f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not)
     return Finding(
         name="sandbox",
         good=held.bubblewrap is not None,
-        found=f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not),
+        found=f"{found}; processes counted by {by}",
         next_step="programs run by `execute` are limited but not sandboxed: apt-get install "
         "bubblewrap, and allow user namespaces (docs/sandbox.md)",
         needed=False,

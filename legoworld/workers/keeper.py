@@ -22,6 +22,7 @@ sys.path.append(str(Path(__file__).parents[2]))
 
 from legoworld.workers.descendants import end_all
 from legoworld.workers.removal import remove_folder
+from legoworld.workers.task_group import TaskGroup, remove_group
 
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
@@ -32,8 +33,8 @@ _ENDING: Final = 3  # witness.py's word for it: that file is run, not imported
 def main() -> int:
     """Run sys.argv[1], a JSON object: argv, cwd, file_bytes, output (a descriptor), scratch.
 
-    witnessed: whether argv is bubblewrap with a witness, which says on a pipe how its program
-    ended.
+    group: the folder of the control group that the program joins, or null. witnessed: whether argv
+    is bubblewrap with a witness, which says on a pipe how its program ended.
     """
     order = json.loads(sys.argv[1])
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
@@ -52,6 +53,8 @@ def main() -> int:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(child, signal.SIGKILL)  # all there is to end where there is no subreaper
     end_all(keeper)
+    if order["group"] is not None:
+        remove_group(Path(order["group"]))
     if code is not None:
         _say({"code": _witnessed(read_ending, code) if order["witnessed"] else code})
     # The folder is guarded until legoworld has taken what it needs from it.
@@ -102,6 +105,8 @@ def _become(order: dict[str, Any], keeper: int, ending: int | None) -> None:
             os._exit(127)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         _limit(order["file_bytes"])
+        if order["group"] is not None:
+            TaskGroup(folder=Path(order["group"])).join_file.write_text("0", encoding="ascii")
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         os.dup2(order["output"], 1)
         os.dup2(order["output"], 2)

@@ -32,6 +32,7 @@ from legoworld.workers.bubblewrap import (
 )
 from legoworld.workers.descendants import descendants, end_all, memory_bytes
 from legoworld.workers.environment import blender_environment
+from legoworld.workers.task_group import group_place, make_group, remove_group
 
 Confinement = Literal["auto", "bubblewrap", "limits"]
 Limit = Literal["time", "memory", "disk", "output", "processes"]
@@ -85,12 +86,14 @@ class Ending:
 class Protections:
     """What a sandbox holds and does not hold.
 
-    why_not: why there is no bubblewrap; network: whether the program was given the network.
+    why_not: why there is no bubblewrap; network: whether the program was given the network;
+    counted: whether the kernel counts its processes (see task_group).
     """
 
     bubblewrap: str | None
     why_not: str | None
     network: bool = False
+    counted: bool = False
 
     @property
     def holds(self) -> list[str]:
@@ -100,6 +103,7 @@ class Protections:
             *(p for p in _WITH_BUBBLEWRAP if self.bubblewrap and not (self.network and p == _NET)),
             *_EVERYWHERE,
             *(_ON_LINUX if linux else ()),
+            *([_COUNTED] if self.counted else ()),
         ]
 
     @property
@@ -122,6 +126,8 @@ _NET: Final = "network"
 _WITH_BUBBLEWRAP: Final = (_NET, "files", "other processes")
 _EVERYWHERE: Final = ("environment", "time", "output", "file size", "workspace size")
 _ON_LINUX: Final = ("memory with child processes", "child processes ended")
+#: Elsewhere processes are counted from outside, 20 times a second.
+_COUNTED: Final = "process count in the kernel"
 
 
 def protections(confinement: Confinement, *, network: bool = False) -> Protections:
@@ -129,11 +135,14 @@ def protections(confinement: Confinement, *, network: bool = False) -> Protectio
 
     network: the program is to have the network.
     """
+    counted = group_place() is not None
     if confinement == "limits":
-        return Protections(bubblewrap=None, why_not="not asked for", network=network)
+        why_not = "not asked for"
+        return Protections(bubblewrap=None, why_not=why_not, network=network, counted=counted)
     found = find_bubblewrap()
     if isinstance(found, Bubblewrap):
-        return Protections(bubblewrap=found.version, why_not=None, network=network)
+        version = found.version
+        return Protections(bubblewrap=version, why_not=None, network=network, counted=counted)
     if confinement == "bubblewrap":
         raise SandboxUnavailableError(
             "bubblewrap cannot be used",
@@ -141,7 +150,7 @@ def protections(confinement: Confinement, *, network: bool = False) -> Protectio
             expected="a bubblewrap that may make user namespaces",
             next_step="apt-get install bubblewrap, or allow user namespaces on this machine",
         )
-    return Protections(bubblewrap=None, why_not=found, network=network)
+    return Protections(bubblewrap=None, why_not=found, network=network, counted=counted)
 
 
 class Sandbox:
@@ -169,6 +178,7 @@ class Sandbox:
         self._limits = limits
         self._confined = held.bubblewrap is not None
         self._network = held.network
+        self._group = make_group(limits.processes) if held.counted else None
         self._workspace = None if workspace is None else workspace.resolve()
         self._variables = dict(variables or {})
         #: When the time limit is reached, in time.monotonic() seconds, in every process.
@@ -218,6 +228,7 @@ class Sandbox:
             "output": write_output,
             "witnessed": self._confined,
             "scratch": str(self._owner),
+            "group": str(self._group.folder) if self._group else None,
         }
         try:
             self._keeper = subprocess.Popen(
@@ -288,6 +299,9 @@ class Sandbox:
             with contextlib.suppress(BrokenPipeError):
                 keeper.stdin.close()
             keeper.stdout.close()
+        if self._group is not None:  # its keeper has, unless it was killed
+            remove_group(self._group.folder)
+            self._group = None
         if self._printed is not None:
             self._printed.close()
             self._printed = None
