@@ -329,4 +329,4 @@ def test_a_track_is_refused_where_it_says_nothing(own_track, tmp_path, capsys):
     silent = json.loads(own_track.read_text()) | {"info": {}}
     (tmp_path / "silent.json").write_text(json.dumps(silent))
     assert cli.run(["inspect", str(tmp_path), "--track", str(tmp_path / "silent.json")]) == 2
-    assert "does not say its task; next: pass the task" in capsys.readouterr().err
+    assert "does not record its task; next: pass the task" in capsys.readouterr().err

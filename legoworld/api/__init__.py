@@ -1,1 +1,1 @@
-"""What `import legoworld` offers; the commands are written with it. See docs/python.md."""
+"""The API behind `import legoworld`, on which the commands are built. See docs/python.md."""

@@ -1,4 +1,4 @@
-"""A run as one whole COCO JSON: images, categories, and predictions as annotations with a score."""
+"""A run as one complete COCO JSON: images, categories, predictions as annotations with a score."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from legoworld.tracks.vocabulary import Vocabulary, load
 
 
 def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite: bool) -> CocoFile:
-    """Write a run of boxes or masks as COCO JSON that dataset tools open; returns the document.
+    """Write a run of boxes or masks as COCO JSON for dataset tools; return the document.
 
-    track: gives the categories' names where they are not the shipped dataset's. UsageError for a
-    run of depth or without its names; RunUnusableError and PredictionsInvalidError for a damaged
-    one. Nothing is written then.
+    track: source of the category names if they are not the shipped dataset's. Raises UsageError for
+    a depth run or unknown category names, RunUnusableError or PredictionsInvalidError for a damaged
+    run; nothing is written then.
     """
     if output.exists() and not overwrite:
         raise UsageError(
@@ -43,7 +43,7 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
         raise UsageError(
             f"a run of {run.task} has no boxes or masks",
             expected=f"a run of {', '.join(PROTOCOLS)}",
-            next_step="depth is in the run's own files, one a photo",
+            next_step="read depth from the run's own files, one per photo",
         )
     vocabulary = _vocabulary(run, track)
     images = [_image(i.id, i.file_name, i.size_wh) for i in run.images]
@@ -64,14 +64,14 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
 
 
 def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
-    """The categories by name: the track's, or the shipped dataset's, that the run was made with."""
+    """The categories of the run: the track's, or the shipped dataset's."""
     expected = run.configuration.get("vocabulary_sha256")
     vocabulary = load_track(track).vocabulary if track is not None else None
     if vocabulary is None:
         vocabulary = load(catalog.folder("datasets") / dataset_of(run.task) / "categories.json")
     if vocabulary.sha256 != expected:
         raise UsageError(
-            "the names of the run's categories are not known",
+            "the names of the run's categories are unknown",
             found=f"{len(vocabulary.categories)} categories, {vocabulary.sha256[:12]}",
             expected=f"the run's vocabulary, {str(expected)[:12]}",
             next_step="pass --track with the track the run was made for",
@@ -103,7 +103,7 @@ def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
 
 
 def _annotations(run: Run, predictions: Predictions) -> Iterator[CocoAnnotation]:
-    """Predictions numbered from 1 in the run's order; of a scene with their objects' names."""
+    """Predictions numbered from 1 in the run's order; a scene's with the names of their objects."""
     names = _objects(run)
     place: dict[int, int] = {}
     results = [to_record(Result, entry) for entry in predictions.entries]
@@ -126,7 +126,7 @@ def _annotations(run: Run, predictions: Predictions) -> Iterator[CocoAnnotation]
 
 
 def _objects(run: Run) -> dict[int, list[dict[str, Any]]]:
-    """Of each image the rows say it of: name and objects of every prediction, in order."""
+    """Name and objects of every prediction, in order, for images whose row records them."""
     found: dict[int, list[dict[str, Any]]] = {}
     for row in read_rows(run.folder / ROWS):
         exported = row.get("exported")
@@ -138,7 +138,7 @@ def _objects(run: Run) -> dict[int, list[dict[str, Any]]]:
 
 
 def _extents(results: Sequence[Result]) -> list[tuple[Box, float]]:
-    """Box and area of each: of a mask its extent and pixels, of a box width x height."""
+    """Box and area of each prediction: a mask's extent and pixel count, a box's width x height."""
     masks = [_mask(r.segmentation) for r in results if r.segmentation]
     if masks:
         boxes = (tuple(bounding_box(mask)) for mask in masks)
@@ -152,7 +152,7 @@ def _mask(rle: Rle) -> dict[str, Any]:
 
 
 def _readable(document: CocoFile) -> str:
-    """JSON with one image, annotation or category a line."""
+    """JSON with one image, annotation or category per line."""
     info = readable(document.info).rstrip().replace("\n", "\n ")
     parts: tuple[tuple[str, Sequence[Record]], ...] = (
         ("images", document.images),

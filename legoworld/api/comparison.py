@@ -1,4 +1,4 @@
-"""`compare`: evaluations side by side, over the same images."""
+"""`compare`: compare evaluations over the same images."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from legoworld.records.evidence import ComparisonSettings
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A comparison folder. document: of comparison.json; below: thresholds that do not hold."""
+    """A comparison folder. document: comparison.json; below: thresholds that are not met."""
 
     folder: Path
     document: Document
@@ -27,10 +27,10 @@ class Comparison:
 
     @property
     def table(self) -> list[dict[str, Any]]:
-        """A row of plain values for each metric and baseline: `pandas.DataFrame(x.table)`.
+        """One row of plain values per metric and baseline: `pandas.DataFrame(x.table)`.
 
-        images: "attempted", "scored" or "paired"; difference: scene minus baseline, with the ends
-        of its 95 % bootstrap interval.
+        images: "attempted", "scored" or "paired"; difference: scene minus baseline, with its 95 %
+        bootstrap interval.
         """
         return [
             {
@@ -53,7 +53,7 @@ class Comparison:
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """What `legoworld compare --json` prints."""
+        """The document that `legoworld compare --json` prints."""
         return {
             "folder": str(self.folder),
             "comparison": as_json(self.document),
@@ -72,14 +72,15 @@ def compare(
     overwrite: bool = False,
     listener: Listener = SILENT,
 ) -> Comparison:
-    """Put the first evaluation, the scene's, beside each of the others, and write the folder.
+    """Compare the first evaluation, the scene's, with each of the others, and write the folder.
 
-    draws, seed: bootstrap samples, which both sides share. fail_below: "METRIC=DELTA" texts, the
-    least gain of the scene; those that do not hold are `Comparison.below`. allow_truth_prompts:
-    take a baseline that was prompted with truth. overwrite: replace another comparison.
+    draws, seed: number of bootstrap samples and RNG seed, shared by both sides. fail_below:
+    "METRIC=DELTA" strings, the minimum gain of the scene; thresholds that are not met are in
+    `Comparison.below`. allow_truth_prompts: accept a baseline that was prompted with ground truth.
+    overwrite: replace an existing comparison.
 
-    Raises UsageError or IncomparableError (another truth, track, card, evaluator or version)
-    before anything is written.
+    Raises UsageError or IncomparableError (different ground truth, track, card, evaluator or
+    version) before anything is written.
     """
     document, below = make_comparison(
         [_folder(one) for one in evaluations],

@@ -1,4 +1,4 @@
-"""`evaluate`: a run and private ground truth to numbers with their denominators."""
+"""`evaluate`: score a run against private ground truth."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from legoworld.workers.tasks import Crew
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """An evaluation folder. summary: of summary.json; a number that is undefined is None."""
+    """An evaluation folder. summary: summary.json; undefined numbers are None."""
 
     folder: Place
     summary: DetectionSummary | DepthSummary
 
     @classmethod
     def open(cls, folder: str | Path) -> Evaluation:
-        """An evaluation that was written before. EvaluationFolderError for any other folder."""
+        """Open an existing evaluation. EvaluationFolderError for any other folder."""
         place = place_of(folder)
         with read_from(place) as here:
             return cls(folder=place, summary=read_summary(here))
@@ -49,7 +49,7 @@ class Evaluation:
 
     @property
     def metrics(self) -> Values | Means:
-        """Each metric's value, in fractions; of depth a dict by hole policy."""
+        """Metric values as fractions; for depth a dict by hole policy."""
         return self.summary.metrics
 
     @property
@@ -59,9 +59,9 @@ class Evaluation:
 
     @property
     def table(self) -> list[dict[str, str | int | float | None]]:
-        """A row of plain values for each metric: `pandas.DataFrame(evaluation.table)`.
+        """One row of plain values per metric: `pandas.DataFrame(evaluation.table)`.
 
-        low, high: the 95 % bootstrap interval, None where there is none.
+        low, high: the 95 % bootstrap interval, or None.
         """
         rows: list[dict[str, str | int | float | None]] = []
         for name, policy, value, interval in self._values():
@@ -85,7 +85,7 @@ class Evaluation:
             return [as_json(row) for row in read_image_rows(here, self.summary)]
 
     def to_dict(self) -> dict[str, Any]:
-        """What `legoworld evaluate --json` prints."""
+        """The document that `legoworld evaluate --json` prints."""
         return {"evaluation": str(self.folder), "summary": as_json(self.summary)}
 
     def _values(self) -> Iterator[tuple[str, str | None, float | None, Interval | None]]:
@@ -113,13 +113,14 @@ def evaluate(
     overwrite: bool = False,
     listener: Listener = SILENT,
 ) -> Evaluation:
-    """Score a run against ground truth and write the evaluation folder, which holds truth.
+    """Score a run against ground truth and write the evaluation folder, which holds ground truth.
 
     run, output: folders or their URLs. truth: the dataset's own annotations, COCO or LVIS JSON, or
-    ETH3D's folder. evaluator: "official" (pycocotools, lvis) or "fast" (hotcoco), None for the
-    official one where it is installed. camera_model: depth only, "dataset" warps a scene's pinhole
-    depth through the dataset's camera. draws, seed: tie orders and bootstrap samples. workers,
-    engine: change no byte of the result. overwrite: replace another evaluation in the folder.
+    ETH3D's folder. evaluator: "official" (pycocotools, lvis) or "fast" (hotcoco); None selects the
+    official one where it is installed. camera_model: depth only; "dataset" warps a scene's pinhole
+    depth through the dataset's camera. draws, seed: number of tie orders and bootstrap samples, and
+    their RNG seed. workers, engine: where the work runs; they change no byte of the result.
+    overwrite: replace an existing evaluation in the folder.
 
     Raises a LegoWorldError before anything is written: UsageError, TruthInvalidError,
     PredictionsInvalidError, RunUnusableError and others.

@@ -1,4 +1,4 @@
-"""Folders that are read and written, here or at a URL: what is elsewhere is worked on as a copy."""
+"""Input and output folders, local or at a URL: remote ones are worked on as a local copy."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from legoworld.workers.scratch import scratch_folder
 
 
 def place_of(folder: str | Path) -> Place:
-    """A path or a URL as the rest of the package takes it."""
+    """A path or URL in the form the rest of the package takes."""
     return folder if isinstance(folder, str) and is_url(folder) else Path(folder)
 
 
 @contextmanager
 def written_at(place: Place, *, last: str, overwrite: bool) -> Iterator[Path]:
-    """A folder to write into; when `place` is a URL, published there even after a failure.
+    """A folder to write into; if `place` is a URL, it is published there even after a failure.
 
-    What is at the URL is fetched first, so that the same command goes on where it stopped, on any
-    machine. The folder here goes once it is published; it outlives only a kill, and is then what
-    the next command goes on from.
+    The URL's content is fetched first, so that the same command resumes on any machine. The local
+    folder is deleted once published; only a kill leaves it behind, and the next command resumes
+    from it.
     """
     if isinstance(place, Path):
         yield place
@@ -44,9 +44,9 @@ def written_at(place: Place, *, last: str, overwrite: bool) -> Iterator[Path]:
 
 @contextmanager
 def written_whole(place: Place, *, last: str) -> Iterator[Path]:
-    """A folder to write into; when `place` is a URL, published there only when all went well.
+    """A folder to write into; if `place` is a URL, it is published there only on success.
 
-    What is at the URL is fetched first, to be looked at before it is replaced.
+    The URL's content is fetched first, to be checked before it is replaced.
     """
     if isinstance(place, Path):
         yield place
@@ -60,12 +60,12 @@ def written_whole(place: Place, *, last: str) -> Iterator[Path]:
 
 @contextmanager
 def read_from(place: Place) -> Iterator[Path]:
-    """A folder to read from: what is at a URL is fetched for as long as the block lasts."""
+    """A folder to read from; a URL is fetched for the duration of the block."""
     if isinstance(place, Path):
         yield place
         return
     with scratch_folder("legoworld-fetched-") as folder:
         local = folder / (place.rstrip("/").rpartition("/")[2] or "fetched")
         if not fetch_folder(place, local):
-            raise UsageError(f"there is nothing at {place}", next_step="correct the URL")
+            raise UsageError(f"{place} is empty or does not exist", next_step="correct the URL")
         yield local

@@ -1,4 +1,4 @@
-"""What a long call tells while it works."""
+"""Callbacks of long-running calls."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from legoworld.records.evaluation_rows import DepthRow
 
 
 def _nothing(_told: object) -> None:
-    """Nobody listens."""
+    """Ignore the event."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Listener:
-    """Functions that are called as the work goes on; each may be left out.
+    """Callbacks for progress; each is optional.
 
-    total: how many images there are, before the first; kept: how many an earlier run has done;
-    row: the run's row of an image that is done; scored: an image of depth that is evaluated;
-    notice: what is being done; warn: what the reader of the results must know; trace: the
-    traceback of an error that no verdict foresees.
+    total: the number of images, before the first; kept: the number of images kept from an earlier
+    run; row: the row of a finished image; scored: an evaluated depth image; notice: the current
+    step; warn: a caveat for readers of the results; trace: the traceback of an unexpected error.
     """
 
     total: Callable[[int], None] = _nothing
@@ -32,5 +31,5 @@ class Listener:
     trace: Callable[[str], None] = _nothing
 
 
-#: Nobody listens.
+#: A listener that ignores everything.
 SILENT = Listener()

@@ -1,4 +1,4 @@
-"""One scene against one photo and its ground truth: every step from program to findings."""
+"""Score one scene against one photo and its ground truth: every step from program to findings."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from legoworld.track_making.making import DepthChoice, annotation_source, depth_
 from legoworld.tracks.track import Track, load_track, photo_names
 
 Say = Callable[[str], None]
-#: One image has no bootstrap; these are its tie orders.
+#: Number of tie orders; one image has no bootstrap.
 _DRAWS: Final = 200
 
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoRequest:
-    """What is scored: a program (.py) or a scene folder, against a photo's ground truth.
+    """A program (.py) or scene folder to score against a photo's ground truth.
 
-    image: the photo's id or file name in the truth, None to find it by the photo's name.
+    image: the photo's id or file name in the ground truth; None finds it by the photo's name.
     """
 
     program_or_scene: Path
@@ -52,9 +52,9 @@ class PhotoRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoScore:
-    """row: per_image row of the readout; summary, advice: None and () where nothing was read.
+    """row: per_image row of the readout; summary, advice: None and () if nothing was read.
 
-    execution: how the program ended, None for a scene; overlay: None for a scene that is not read.
+    execution: how the program ended, None for a scene folder; overlay: None for an unread scene.
     """
 
     row: dict[str, Any]
@@ -65,10 +65,10 @@ class PhotoScore:
 
 
 def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> PhotoScore:
-    """Execute where it is a program, read out, evaluate, and say what to mend.
+    """Execute a program, read the scene out, evaluate it and list what to fix.
 
-    Below `output`: scene/ (of a program), track.json, run/, eval/, look/ and report.html. Raises
-    UsageError for a photo that the truth does not list, and the program's verdict.
+    Below `output`: scene/ (for a program), track.json, run/, eval/, look/ and report.html. Raises
+    UsageError for a photo that the ground truth does not list, or the program's own error.
     """
     output.mkdir(parents=True, exist_ok=True)
     track = _track(request, output / "track.json")
@@ -99,7 +99,7 @@ def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> Ph
 
 
 def _track(request: PhotoRequest, path: Path) -> Track:
-    """The track of the one photo, whose scene folder is SCENES itself."""
+    """The track of the single photo, whose scene folder is SCENES itself."""
     make_track(
         request.task, request.truth, path, sample=None, seed=0, chosen=[_image_name(request)]
     )
@@ -117,7 +117,7 @@ def _track(request: PhotoRequest, path: Path) -> Track:
 
 
 def _image_name(request: PhotoRequest) -> str:
-    """What the truth calls the photo: its file name, with as many folders as the truth has."""
+    """The photo's file name in the ground truth, with the folders used there."""
     if request.image is not None:
         return request.image
     if request.task == "eth3d":
@@ -130,11 +130,11 @@ def _image_name(request: PhotoRequest) -> str:
     found = next((tail for tail in tails if tail in names), None)
     if found is None:
         raise UsageError(
-            "the truth lists no photo of this name",
+            "the ground truth lists no photo of this name",
             found=request.photo.name,
             expected=f"one of {len(names)} file names"
             + (f", such as {min(names)}" if names else ""),
-            next_step="rename the photo as the dataset has it, or pass --image ID",
+            next_step="use the dataset's file name for the photo, or pass --image ID",
         )
     return found
 
@@ -179,7 +179,7 @@ def _read(
 
 
 def _look(request: PhotoRequest, scene: Path, reading: Protocol, folder: Path) -> None:
-    """The outlines over the photo, from the snapshot that the readout left in the cache."""
+    """The outlines over the photo, from the snapshot that the readout cached."""
     height, width = read_photo(request.photo).shape[:2]
     with BlenderProcess(request.limits) as blender:
         opened = open_scene(

@@ -1,4 +1,4 @@
-"""Reading scenes again and again from one process: a pool of warm Blender workers."""
+"""Reading many scenes from one process: a pool of warm Blender workers."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from legoworld.tracks.track import Track
 from legoworld.visibility.library import library
 from legoworld.workers.processors import usable_cores
 
-#: Scenes that wait for each worker: enough that none is idle, few enough to forget early.
+#: Scenes queued per worker: enough to keep it busy, few enough to stop early.
 _AHEAD: Final = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One scene's result. status: as in a run's per_image.jsonl; "ok" has a view, others an error.
+    """The result of one scene. status: as in per_image.jsonl; "ok" has a view, others an error.
 
-    scene: the folder as it was given.
+    scene: the folder as it was passed.
     """
 
     scene: Path
@@ -58,8 +58,8 @@ class Reader:
             for reading in reader.read(folders):
                 ...
 
-    A Blender process costs half a second to start and serves thousands of scenes: keep one reader
-    for as long as scenes come. One thread may call `read` at a time.
+    A Blender process takes half a second to start and can read thousands of scenes, so keep one
+    reader for all scenes. Only one thread at a time may call `read`.
     """
 
     def __init__(
@@ -74,15 +74,15 @@ class Reader:
         time_limit_s: float = TIME_LIMIT_S,
         memory_limit_gib: float = MEMORY_LIMIT_GIB,
     ) -> None:
-        """task, track: as in `Scene.view`; workers: Blender processes, None for one a core.
+        """task, track: as in `Scene.view`; workers: Blender processes, None for one per core.
 
         Other arguments: as in `open_scene`. Processes start with the first scene they read. Raises
-        UsageError, CatalogError, or KernelBuildError where the installation is broken.
+        UsageError, CatalogError, or KernelBuildError if the installation is broken.
         """
-        library()  # a broken installation is no scene's verdict
+        library()  # a broken installation is not the scene's fault
         n = usable_cores() if workers is None else workers
         if n < 1:
-            raise UsageError("there is no worker", found=f"workers={n}", expected="1 or more")
+            raise UsageError("a reader needs a worker", found=f"workers={n}", expected="1 or more")
         self._protocol = protocol_of(task, track)
         self._source: Source = source
         self._cache = snapshot_cache(cache)
@@ -98,15 +98,14 @@ class Reader:
     def read(
         self, scenes: Iterable[str | Path], *, size_wh: tuple[int, int] | None = None
     ) -> Iterator[Reading]:
-        """Each scene's result, in the order they are done.
+        """Yield the result of each scene, in order of completion.
 
-        scenes: folders; taken from the iterable as workers come free, so it may be endless.
-        size_wh: width and height in pixels of every view, the scene's own when None.
-
-        What a scene causes is its `Reading`; what is this machine's (a full disk) is raised.
+        scenes: folders; taken from the iterable as workers become free, so it may be endless.
+        size_wh: width and height in pixels of every view; None uses the scene's own.
+        A scene's errors are part of its `Reading`; this machine's (a full disk) are raised.
         """
         if self._pool is None:
-            raise UsageError("the reader is closed", next_step="make another Reader")
+            raise UsageError("the reader is closed", next_step="create a new Reader")
         pool, folders = self._pool, iter(scenes)
         pending: set[Future[Reading]] = set()
         try:
@@ -118,14 +117,14 @@ class Reader:
                 if not pending:
                     return
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                while done:  # a result is let go of as soon as it is handed out
+                while done:  # drop the reference to a result once it is yielded
                     yield done.pop().result()
         finally:
             for future in pending:
                 future.cancel()
 
     def close(self) -> None:
-        """End the Blender processes, whatever they are doing."""
+        """End the Blender processes, even while they are reading."""
         if self._pool is None:
             return
         for blender in self._made:

@@ -1,4 +1,4 @@
-"""`readout`: scenes to a run folder."""
+"""`readout`: read labels out of scenes into a run folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """A run folder that was written. rows: of per_image.jsonl, by image id.
+    """A finished run folder. rows: the rows of per_image.jsonl, by image id.
 
     strangers: scene folders that match no image of the track.
     """
@@ -54,12 +54,12 @@ class Run:
 
     @property
     def table(self) -> list[dict[str, Any]]:
-        """A row of plain values for each image: `pandas.DataFrame(run.table)`."""
+        """One row of plain values per image: `pandas.DataFrame(run.table)`."""
         keys = ("image_id", "file_name", "scene", "status", "code", "reason", "n_predictions")
         return [{key: row.get(key) for key in keys} for row in map(as_json, self.rows)]
 
     def to_dict(self) -> dict[str, Any]:
-        """What `legoworld readout --json` prints."""
+        """The document that `legoworld readout --json` prints."""
         return {
             "run": str(self.folder),
             "summary": as_json(self.summary),
@@ -93,20 +93,21 @@ def readout(
     listener: Listener = SILENT,
     started: BlenderProcess | None = None,
 ) -> Run:
-    """Read labels out of scenes into a run folder; the same call again resumes.
+    """Read labels out of scenes into a run folder; repeat the call to resume.
 
     scenes, output: folders or their URLs. task: "coco", "coco-masks", "lvis", "eth3d" or "bench".
-    track: the images; without one every scene folder is an image. source: the file of a scene that
-    is read. workers: Blender processes, None for one a core. limit: only the first images;
-    image_ids: only these; shard: (i, n), only every n-th from the i-th on. images_per_file: divide
-    the predictions into files. max_side: depth only, render smaller. render, render_noise: bench
-    only, whether A's picture is rendered, and a second seed of it. overwrite: delete an earlier run
-    first. fail_fast: stop at the first scene that cannot be read. The limits are of each Blender
-    process. started: one that runs already with these limits; the caller closes it. No result
-    depends on workers, engine, cache, shard, limits or started.
+    track: the images; without one every scene folder is an image. source: the file of each scene to
+    read. workers: Blender processes, None for one per core. limit: read the first images only;
+    image_ids: read these images only; shard: (i, n), read every n-th image only, starting at the
+    i-th. images_per_file: divide the predictions into files of this many images. max_side: depth
+    only, longest side of the rendered image in pixels. render, render_noise: bench only, whether
+    A's picture is rendered, and a second seed of it. overwrite: delete the results of an earlier
+    run first. fail_fast: stop at the first scene that cannot be read. The limits apply to each
+    Blender process. started: a Blender process already running with these limits; the caller closes
+    it. Results do not depend on workers, engine, cache, shard, limits or started.
 
-    A scene that cannot be read is a row with its status and reason. Raises UsageError,
-    CatalogError, ConfigurationMismatchError (another run is in the folder), OutputFullError or
+    A scene that cannot be read becomes a row with a status and a reason. Raises UsageError,
+    CatalogError, ConfigurationMismatchError (the folder holds a different run), OutputFullError or
     KernelBuildError before anything is read.
     """
     place, written = place_of(scenes), place_of(output)
@@ -116,7 +117,7 @@ def readout(
         )
     if images_per_file is not None and task in ("eth3d", "bench"):
         raise UsageError(
-            "--images-per-file is for boxes and masks: each image has its own files already",
+            "--images-per-file is for boxes and masks: each image already has its own files",
         )
     images = track_of(track) if track is not None else track_of_folder(place)
     refuse_other_task(images, task)
@@ -182,7 +183,7 @@ def _refuse_what_a_bench_lacks(images: Track, source: Source) -> None:
 
 
 def _strangers(scenes: Place, track: Track) -> list[Stranger]:
-    """Scene folders that match no image of a track; of a folder of this machine only."""
+    """Scene folders that match no image of a track; for local SCENES only."""
     from legoworld.tracks.scene_names import strangers
 
     if not isinstance(scenes, Path):
@@ -190,19 +191,19 @@ def _strangers(scenes: Place, track: Track) -> list[Stranger]:
     try:
         folders = {image.scene for image in track_of_folder(scenes).images}
     except CatalogError:
-        return []  # no scene at all: every row of the run says so
+        return []  # no scene at all: every row of the run reports it
     known = [image.scene for image in track.images]
     return strangers(folders, known, [name for name in known if name not in folders])
 
 
 def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:
-    """UsageError when a folder is, or is below, a scene folder of SCENES."""
+    """Raise UsageError for a folder that is, or is inside, a scene folder of SCENES."""
     if not isinstance(output, Path) or not isinstance(scenes, Path):
         return
     top, below = scenes.resolve(), output.resolve()
     around = [p for p in (below, *below.parents) if p.is_relative_to(top)]
     if any((p / name).is_file() for p in around for name in (BLEND, GLB)):
-        raise UsageError(f"-o {output} lies in a scene, which a readout never writes into")
+        raise UsageError(f"-o {output} is inside a scene folder; readout never writes there")
 
 
 def default_output(scenes: str | Path, task: str) -> Path:

@@ -1,4 +1,4 @@
-"""One scene in a notebook or a program: open it, look at it, draw it."""
+"""One scene in a notebook or a program: open it, view it, draw it."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def open_scene(
     time_limit_s: float = TIME_LIMIT_S,
     memory_limit_gib: float = MEMORY_LIMIT_GIB,
 ) -> Scene:
-    """Read a scene folder (with scene.blend or scene.glb), by Blender unless it is in the cache.
+    """Read a scene folder (with scene.blend or scene.glb) with Blender, or from the snapshot cache.
 
-    source: the file that is read. cache: a folder of snapshots, True for the user's own, False for
-    none. require_frozen: refuse a scene without frozen.json. allow_changed: take one whose files
-    are not those that were frozen, with a warning. The limits are of the Blender process.
+    source: the file to read. cache: the snapshot cache folder, True for the user's own, False for
+    none. require_frozen: refuse a scene without frozen.json. allow_changed: accept a scene whose
+    files changed since it was frozen, with a warning. The limits apply to the Blender process.
 
-    Raises the scene's verdict, a LegoWorldError: SceneMissingError, SceneInvalidError (and the
-    errors under it), SceneChangedError, WorkerTimeoutError, WorkerMemoryError, WorkerCrashedError.
+    Raises a LegoWorldError if the scene cannot be read: SceneMissingError, SceneInvalidError (and
+    its subclasses), SceneChangedError, WorkerTimeoutError, WorkerMemoryError, WorkerCrashedError.
     """
     path = Path(folder).resolve()
     with BlenderProcess(limits_of(time_limit_s, memory_limit_gib)) as blender:
@@ -68,7 +68,7 @@ def open_scene(
 
 
 class Scene:
-    """A scene in memory: geometry, placements, labels' owners and the active camera."""
+    """A scene in memory: geometry, placements, label owners and the active camera."""
 
     def __init__(self, opened: OpenScene) -> None:
         self._opened = opened
@@ -85,7 +85,7 @@ class Scene:
 
     @property
     def snapshot_sha256(self) -> str:
-        """Hash of everything that was read: equal scenes have equal hashes."""
+        """Hash of the snapshot: equal scenes have equal hashes."""
         return self._opened.scene.snapshot_sha256
 
     def view(
@@ -95,22 +95,20 @@ class Scene:
         track: Track | str | Path | None = None,
         size_wh: tuple[int, int] | None = None,
     ) -> SceneView:
-        """What the active camera sees.
+        """The scene as seen by its active camera.
 
-        task: the vocabulary labels are resolved in ("coco", "coco-masks", "lvis"); without it and
-        without a track every label counts as it is written. track: a track whose vocabulary (and
-        task, where it records one) is taken. size_wh: width and height in pixels, the scene's own
-        when None.
+        task: the task whose vocabulary resolves the labels ("coco", "coco-masks", "lvis"); without
+        a task and a track every label counts as written. track: a track whose vocabulary (and task,
+        if it records one) is used. size_wh: width and height in pixels; None uses the scene's own.
 
-        Raises LabelsInvalidError for a labels.json that cannot be used, UsageError for a task that
-        does not exist.
+        Raises LabelsInvalidError for an unusable labels.json, UsageError for an unknown task.
         """
         return self.view_by(protocol_of(task, track), size_wh)
 
     def view_by(
         self, protocol: Protocol | None, size_wh: tuple[int, int] | None, threads: int | None = None
     ) -> SceneView:
-        """`view` under a protocol that was loaded before; threads: of the kernel, None for all."""
+        """`view` with a protocol already loaded; threads: of the kernel, None for all cores."""
         inspection = look(
             self._opened,
             size_wh=size_wh,
@@ -127,9 +125,9 @@ class Scene:
 
 
 class SceneView:
-    """One picture of a scene: who is at each pixel, how far away, and all instances.
+    """One view of a scene: instance and depth per pixel, and all instances.
 
-    instances: every instance of the scene, seen or not, by id.
+    instances: every instance of the scene, visible or not, by id.
     """
 
     def __init__(self, inspection: Inspection, protocol: Protocol | None) -> None:
@@ -169,17 +167,17 @@ class SceneView:
 
     @property
     def n_triangles(self) -> int:
-        """Triangles of the scene's meshes, each counted once however often it is placed."""
+        """Number of triangles in the scene's meshes, each mesh counted once for all placements."""
         return self._inspection.scene.snapshot.n_triangles
 
     @property
     def outside_vocabulary(self) -> dict[str, int]:
-        """Labels that the vocabulary does not have, and how many instances carry each."""
+        """Labels outside the vocabulary, and the number of instances with each."""
         return self._inspection.outside_vocabulary
 
     @property
     def nearest(self) -> dict[str, list[str]]:
-        """For each label outside the vocabulary the category names most like it."""
+        """The most similar category names for each label outside the vocabulary."""
         return self._inspection.nearest
 
     @property
@@ -189,16 +187,16 @@ class SceneView:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader of the picture must know, in words."""
+        """Caveats about this view, as sentences."""
         return self._inspection.warnings
 
     @property
     def labelled(self) -> tuple[InstanceRow, ...]:
-        """The instances of a category with at least one visible pixel: what a task exports."""
+        """The instances with a category and at least one visible pixel: those a task exports."""
         return tuple(i for i in self.instances if i.labelled and i.area_px)
 
     def mask(self, instance_id: int) -> NDArray[np.bool_]:
-        """(H, W) bool: the visible pixels of an instance. UsageError for an id of none."""
+        """(H, W) bool: the visible pixels of an instance. UsageError for an unknown id."""
         if not 0 <= instance_id < len(self.instances):
             raise UsageError(
                 "the scene has no such instance",
@@ -208,7 +206,7 @@ class SceneView:
         return np.asarray(self.instance == instance_id)
 
     def masks(self) -> NDArray[np.bool_]:
-        """(N, H, W) bool: the visible masks of `labelled`, in that order; none overlap."""
+        """(N, H, W) bool: the visible masks of `labelled`, in that order; they are disjoint."""
         ids = np.array([i.id for i in self.labelled], np.int32)
         return np.asarray(self.instance[None] == ids[:, None, None])
 
@@ -217,9 +215,9 @@ class SceneView:
         return np.array([i.bbox_xywh_px for i in self.labelled], np.int64).reshape(-1, 4)
 
     def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
-        """The task's export for this picture: COCO or LVIS results of one image.
+        """The task's export of this view: COCO or LVIS results of one image.
 
-        UsageError without a task, and for depth, which is `depth_z_m`.
+        Raises UsageError without a task, and for depth, which is `depth_z_m`.
         """
         protocol = self._protocol
         if protocol is None or protocol.task.predict is None:
@@ -235,8 +233,8 @@ class SceneView:
     def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB: outlines, boxes and names over a photo of the same size.
 
-        photo: a file or an (H, W, 3) uint8 RGB array; without one each instance has its colour.
-        UsageError for a photo of another size.
+        photo: a file or an (H, W, 3) uint8 RGB array; without one each instance has its own colour.
+        Raises UsageError for a photo of a different size.
         """
         if photo is None:
             ground = pictures.instance_picture(self.instance)
@@ -244,7 +242,7 @@ class SceneView:
             ground = photo if isinstance(photo, np.ndarray) else pictures.read_photo(Path(photo))
         if ground.shape != (*self.instance.shape, 3):
             raise UsageError(
-                "the photo has another size than the view",
+                "the photo and the view have different sizes",
                 found="x".join(map(str, ground.shape[1::-1])),
                 expected="x".join(map(str, self.size_wh)),
                 next_step="pass its width and height to view(size_wh=...)",
@@ -252,12 +250,12 @@ class SceneView:
         return pictures.overlay(ground, self.instance, self.instances)
 
     def depth_picture(self) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 RGB: inverse depth in colours, near is red, no hit dark grey."""
+        """(H, W, 3) uint8 RGB: colour-coded inverse depth; near is red, no hit dark grey."""
         return pictures.depth_picture(self.depth_z_m)
 
     @cached_property
     def table(self) -> list[dict[str, Any]]:
-        """A row of plain values for each instance: `pandas.DataFrame(view.table)`."""
+        """One row of plain values per instance: `pandas.DataFrame(view.table)`."""
         rows = []
         for instance in self.instances:
             x, y, w, h = instance.bbox_xywh_px
@@ -267,7 +265,7 @@ class SceneView:
         return rows
 
     def to_dict(self) -> dict[str, Any]:
-        """What `legoworld inspect --json` prints of the scene."""
+        """The document that `legoworld inspect --json` prints."""
         return {
             "instances": as_json(self.instances),
             "size_wh": list(self.size_wh),
@@ -281,12 +279,12 @@ class SceneView:
     def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
         """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
 
-        LegoWorldError for a photo of another size.
+        Raises LegoWorldError for a photo of a different size.
         """
         write_inspection(self._inspection, Path(folder), None if photo is None else Path(photo))
 
     def compared_with(self, other: SceneView) -> SourceComparison:
-        """Where this view (of scene.blend) and another one (of scene.glb) disagree."""
+        """The disagreements between this view (of scene.blend) and another (of scene.glb)."""
         return compare_sources(self._inspection, other._inspection)
 
     def __iter__(self) -> Iterator[InstanceRow]:

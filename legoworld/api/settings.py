@@ -1,4 +1,4 @@
-"""What several calls take: a cache, limits of a Blender process, a task's protocol."""
+"""Shared arguments: the cache, limits of a Blender process, a task's protocol."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import SnapshotCache, default_cache_folder
 from legoworld.tracks.track import Track, load_track, serves
 
-#: A folder of snapshots; True for the user's own (or $LEGOWORLD_CACHE), False for none.
+#: The snapshot cache folder; True for the user's own (or $LEGOWORLD_CACHE), False for none.
 Cache = bool | str | Path
 
 TIME_LIMIT_S: Final = 120.0
@@ -19,14 +19,14 @@ MEMORY_LIMIT_GIB: Final = 8.0
 
 
 def snapshot_cache(cache: Cache) -> SnapshotCache | None:
-    """The SnapshotCache that an argument means."""
+    """The SnapshotCache for a `cache` argument."""
     if cache is False:
         return None
     return SnapshotCache(default_cache_folder() if cache is True else Path(cache))
 
 
 def limits_of(time_limit_s: float, memory_limit_gib: float) -> Limits:
-    """Limits of a Blender process. UsageError for what is not above 0."""
+    """Limits of a Blender process. Raises UsageError unless both are above 0."""
     if not (time_limit_s > 0 and memory_limit_gib > 0):
         raise UsageError(
             "a limit of a Blender process cannot be used",
@@ -37,29 +37,29 @@ def limits_of(time_limit_s: float, memory_limit_gib: float) -> Limits:
 
 
 def track_of(track: Track | str | Path) -> Track:
-    """A track, read where it is a path. Raises CatalogError."""
+    """A track, loaded if it is a path. Raises CatalogError."""
     return track if isinstance(track, Track) else load_track(Path(track))
 
 
 def protocol_of(task: str | None, track: Track | str | Path | None) -> Protocol | None:
-    """The protocol of a task in a track's vocabulary; the track may name the task, too.
+    """The protocol of a task with a track's vocabulary; the track may also record the task.
 
-    None without either. UsageError for a track that does not say its task, or is made for another.
+    None without either. UsageError if the task is unknown or the track was made for another task.
     """
     if track is None:
         return None if task is None else protocol(task, None)
     images = track_of(track)
     chosen = task or images.made_for
     if chosen is None:
-        raise UsageError("the track does not say its task", next_step="pass the task beside it")
+        raise UsageError("the track does not record its task", next_step="pass the task as well")
     refuse_other_task(images, chosen)
     return protocol(chosen, images.vocabulary)
 
 
 def refuse_other_task(track: Track, task: str) -> None:
-    """UsageError for a track that is made for another task."""
+    """Raise UsageError for a track that was made for another task."""
     if not serves(track, task):
         raise UsageError(
-            f"the track is made for {track.made_for}, not for {task}",
+            f"the track was made for {track.made_for}, not for {task}",
             next_step=f"make one with `legoworld track make --task {task}`",
         )

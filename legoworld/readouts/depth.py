@@ -1,4 +1,4 @@
-"""Depth exports: one uncompressed .npz a photo."""
+"""Depth exports: one uncompressed .npz per photo."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from numpy.typing import NDArray
 from legoworld.files import write_npz
 from legoworld.visibility.projection import Projection
 
-#: Of the .npz: 2 has `format_version` and `intrinsics_px` beside version 1's array and space.
+#: Version of the .npz: 2 adds `format_version` and `intrinsics_px` to version 1's array and space.
 FORMAT_VERSION: Final = 2
-#: Bytes of one .npz besides the depth values: zip headers and the space's name, rounded up.
+#: Overhead of one .npz in bytes: zip headers and the space's name, rounded up.
 _CONTAINER_BYTES = 4096
 
 
 def depth_file(scene: str) -> str:
-    """The depth file of a photo (`scene` is its path without extension), relative to the run."""
+    """Path of a photo's depth file, relative to the run; `scene`: its path without extension."""
     return f"depth/{scene}.npz"
 
 
 def write_depth(
     path: Path, depth_z_m: NDArray[np.float32], projection: Projection | None = None
 ) -> None:
-    """Write (H, W) float32 planar depth in metres, +inf where there is no geometry.
+    """Write (H, W) float32 planar depth in metres, +inf where nothing is hit.
 
-    projection: what the array was made with, at its size. A perspective one becomes
+    projection: the projection of the array, at its size. A perspective projection is stored as
     `intrinsics_px` = fx, fy, cx, cy (float64, pixels, origin at the top left corner of the top left
-    pixel: u = fx x / z + cx); an orthographic one has no such numbers.
+    pixel: u = fx x / z + cx); an orthographic one has no intrinsics.
     """
     arrays: dict[str, NDArray[Any]] = {
         "depth_z_m": depth_z_m,
@@ -43,12 +43,12 @@ def write_depth(
 
 
 def depth_file_bytes(size_wh: tuple[int, int]) -> int:
-    """The size of a photo's depth file, a little over."""
+    """Upper bound of the size of a photo's depth file, in bytes."""
     return 4 * size_wh[0] * size_wh[1] + _CONTAINER_BYTES
 
 
 def resampled_size(size_wh: tuple[int, int], max_side: int | None) -> tuple[int, int]:
-    """The size to render at: `size_wh`, or smaller so that no side is over `max_side`."""
+    """The size to render at: `size_wh`, reduced so that no side exceeds `max_side`."""
     longest = max(size_wh)
     if max_side is None or longest <= max_side:
         return size_wh

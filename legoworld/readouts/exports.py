@@ -1,4 +1,4 @@
-"""Boxes and masks of the visible instances, in COCO's and LVIS's result formats."""
+"""Boxes and masks of the visible instances in the result formats of COCO and LVIS."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from legoworld.scene.instances import Instance
 from legoworld.visibility.view import View
 
 Export = tuple[dict[str, Any], Instance]
-"""A prediction, and the instance that it is of."""
+"""A prediction and its instance."""
 
 
 def exported(instances: Sequence[Instance], view: View) -> list[Instance]:
-    """The instances a task exports: of the vocabulary, with at least one visible pixel."""
+    """The exported instances: in the vocabulary, with at least one visible pixel."""
     return [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
 
 
@@ -48,7 +48,7 @@ def mask_predictions(
 ) -> list[dict[str, Any]]:
     """Mask results of one image, in canonical order: category id, then the RLE's bytes.
 
-    No bbox: the official evaluators would take the box's area for the mask's.
+    Without bbox: the official evaluators would use the box's area as the mask's.
     """
     return [prediction for prediction, _ in mask_exports(image_id, instances, view)]
 
@@ -75,15 +75,15 @@ def _by_category_and_counts(export: Export) -> tuple[int, bytes]:
 
 
 def bbox_xywh_px(view: View, instance_id: int) -> tuple[int, int, int, int]:
-    """The extent of an instance's visible pixels: x, y, width, height in pixel edges."""
+    """The extent of an instance's visible pixels: x, y, width, height at pixel edges."""
     x0, y0, x1, y1 = (int(v) for v in view.bbox_xyxy_px[instance_id])
     return x0, y0, x1 - x0, y1 - y0
 
 
 class ColumnRuns:
-    """The runs of equal ids down the columns of an (H, W) id picture: what COCO's RLE counts.
+    """Runs of equal ids down the columns of an (H, W) id image, the units of COCO's RLE.
 
-    Found once for all instances: a mask of its own for each would cost H x W per instance.
+    Computed once for all instances: a separate mask each would cost H x W per instance.
     """
 
     def __init__(self, instance: NDArray[np.int32]) -> None:

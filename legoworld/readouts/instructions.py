@@ -1,6 +1,6 @@
-"""What the author of a scene has to know: the public instructions of a task.
+"""The authoring guide of a task.
 
-The wording is readouts/instructions/scene.toml; every value in it comes from the task's card.
+The wording is in readouts/instructions/scene.toml; every value in it comes from the task's card.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WORDING: Final = "instructions/scene.toml"
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """One topic: its statements in the order they are to be read."""
+    """One topic with its statements in reading order."""
 
     id: str
     title: str
@@ -37,7 +37,7 @@ class Section:
 class Instructions:
     """A task's instructions.
 
-    labels_file: an example of labels.json; None where labels play no part.
+    labels_file: an example of labels.json; None for tasks without labels.
     """
 
     protocol: Protocol
@@ -46,9 +46,9 @@ class Instructions:
 
 
 def instructions(protocol: Protocol) -> Instructions:
-    """The instructions of a task with the vocabulary it is read with.
+    """The instructions of a task with its vocabulary.
 
-    Raises InstallationError when the card has a value that the wording has no sentence for.
+    Raises InstallationError when the wording has no sentence for a value of the card.
     """
     path = catalog.folder("readouts") / WORDING
     with path.open("rb") as stream:
@@ -72,7 +72,7 @@ def instructions(protocol: Protocol) -> Instructions:
 
 
 def accepted_synonyms(vocabulary: Vocabulary) -> dict[str, str]:
-    """The names a label may use besides the vocabulary's own, with the category each one names."""
+    """Accepted labels other than the category names, with the category of each."""
     names = {normal_name(c.name) for c in vocabulary.categories}
     found = {}
     for category in vocabulary.categories:
@@ -115,11 +115,11 @@ class _Renderer:
         }
 
     def text(self, template: str) -> str:
-        """One statement; empty where it does not concern the task."""
+        """One statement; empty if it does not apply to the task."""
         return self._environment.from_string(template).render(self._facts).strip()
 
     def rule(self, key: str) -> str:
-        """The sentence for the value the card has under a dotted key."""
+        """The sentence for the card's value at a dotted key."""
         value = self._card.value(key)
         said = str(value).lower() if isinstance(value, bool) else str(value)
         sentences = self._rules.get(key, {})
@@ -134,13 +134,13 @@ class _Renderer:
 
 
 def _has_own_vocabulary(reading: Protocol) -> bool:
-    """Whether a track's categories are read, and not those that ship with the task."""
+    """Whether the categories are a track's own instead of those that ship with the task."""
     shipped = protocol_of_task(reading.task.name, None).vocabulary
     return reading.vocabulary is not None and reading.vocabulary != shipped
 
 
 def _example(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[str, str] | None:
-    """The example, with categories of the vocabulary where it has not the usual ones."""
+    """The example, with categories of this vocabulary if it lacks the usual ones."""
     vocabulary = protocol.vocabulary
     if example is None or vocabulary is None:
         return example

@@ -1,4 +1,4 @@
-"""Pictures for people: instances drawn over the photo, and depth in colour."""
+"""Visualisations: instances drawn over the photo, and colour-coded depth."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def read_photo(path: Path) -> Rgb:
     picture = decoded_picture(path.read_bytes(), color=True)
     if picture is None:
         raise LegoWorldError(
-            f"{path.name} is not a picture",
+            f"{path.name} is not an image",
             found="a file that does not decode",
             expected="a photo such as a JPEG or a PNG",
         )
@@ -48,7 +48,7 @@ def write_png(path: Path, picture: Rgb) -> None:
     """Write (H, W, 3) RGB."""
     done, data = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
     if not done:
-        raise LegoWorldError("a picture could not be encoded", found=f"shape {picture.shape}")
+        raise LegoWorldError("an image could not be encoded", found=f"shape {picture.shape}")
     with atomic_path(path) as temporary:
         temporary.write_bytes(data.tobytes())
 
@@ -71,7 +71,7 @@ def depth_picture(depth_z_m: NDArray[np.float32]) -> Rgb:
 
 
 def instance_picture(instance: NDArray[np.int32]) -> Rgb:
-    """Each instance in a colour of its own over black: the ground when there is no photo."""
+    """Each instance in its own colour on black, used when there is no photo."""
     n = int(instance.max()) + 1
     colors = np.array([_color(i) for i in range(max(n, 1))] + [(0, 0, 0)], np.uint8)
     return np.ascontiguousarray(colors[instance] // 2, np.uint8)
@@ -80,7 +80,7 @@ def instance_picture(instance: NDArray[np.int32]) -> Rgb:
 def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[InstanceRow]) -> Rgb:
     """Outlines, boxes and names over a photo of the same size.
 
-    entries: rows of instances.json; labelled ones get their box and name, others a thin outline.
+    entries: rows of instances.json; labelled ones get a box and a name, others a thin outline.
     """
     picture = ground.copy()
     shown = [e for e in entries if e.area_px > 0]
@@ -114,7 +114,7 @@ def _draw_box(picture: Rgb, entry: InstanceRow) -> None:
 
 
 def _edges(instance: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Pixels that have another id to their right, left, above or below."""
+    """Pixels with a different id to the right, left, above or below."""
     edges = np.zeros(instance.shape, bool)
     across = instance[:, 1:] != instance[:, :-1]
     down = instance[1:] != instance[:-1]

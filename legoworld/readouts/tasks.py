@@ -1,4 +1,4 @@
-"""The tasks: one row each."""
+"""The table of tasks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Predict = Callable[[int, Sequence[Instance], View], list[Export]]
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What a readout exports. predict: None where that is files and not a list."""
+    """The exports of a readout. predict: None where these are files and not a list."""
 
     name: str
     predict: Predict | None
@@ -40,7 +40,7 @@ TASKS: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    """A task with its card and the vocabulary it is read with (None for depth)."""
+    """A task with its card and vocabulary (None for depth)."""
 
     task: Task
     card: Card
@@ -48,15 +48,15 @@ class Protocol:
 
     @property
     def override_property(self) -> str | None:
-        """The custom property that wins over `category` in this task."""
+        """The custom property that overrides `category` in this task."""
         rules = self.card.declared.vocabulary
         return rules.override_property if rules else None
 
 
 def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
-    """A task's protocol; a track's own categories win over the shipped vocabulary."""
+    """A task's protocol; a track's own categories override the shipped vocabulary."""
     if name not in TASKS:
-        raise UsageError("there is no such task", found=repr(name), expected=" or ".join(TASKS))
+        raise UsageError("unknown task", found=repr(name), expected=" or ".join(TASKS))
     card = load_card(name)
     rules = card.declared.vocabulary
     if rules is None:

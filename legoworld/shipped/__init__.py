@@ -1,1 +1,1 @@
-"""What ships with the package: the catalogue's folders and the examples."""
+"""Files that ship with the package: the catalogue's folders and the examples."""

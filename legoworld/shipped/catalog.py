@@ -1,4 +1,4 @@
-"""Where the shipped cards, vocabularies, baselines and examples are, in a checkout or a wheel."""
+"""Locations of the shipped cards, vocabularies, baselines and examples, in a checkout or wheel."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ Kind = Literal["readouts", "datasets", "baselines", "examples"]
 
 
 def folder(kind: Kind) -> Path:
-    """The folder of one kind of catalogue entry; the one place that knows checkout from wheel."""
+    """The folder of one kind of catalogue entry; only this function knows checkout from wheel."""
     shipped = Path(__file__).parents[1] / "_catalog" / kind
     return shipped if shipped.is_dir() else Path(__file__).parents[2] / kind

@@ -15,7 +15,7 @@ def shipped_examples(task: str) -> tuple[Path, Path]:
     track = catalog.folder("datasets") / "skimage_examples" / name
     if not scenes.is_dir() or not track.is_file():
         raise InstallationError(
-            "this installation carries no examples",
+            "this installation contains no examples",
             found=f"no {scenes.name} or no {name}",
             expected="the examples beside the package",
             next_step="pass a folder of scenes",

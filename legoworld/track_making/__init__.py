@@ -1,1 +1,1 @@
-"""Making tracks from the datasets people have; reads ground truth, writes only its public half."""
+"""Making tracks from datasets: reads ground truth, writes only its public half."""

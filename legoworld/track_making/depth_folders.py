@@ -1,4 +1,4 @@
-"""Tracks of photos whose measured depth lies in a folder of files named like them."""
+"""Tracks of photos whose measured depth is in a folder of files with the same names."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _PHOTO_SUFFIXES: Final = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".ti
 
 
 def declare(folder: Path, space: str | None, unit: str | None) -> str | None:
-    """Write what the command says of a folder's files into its depth.toml, where none says it.
+    """Write the declared space and unit into a folder's depth.toml, unless it already has one.
 
-    Returns what was written, None for nothing. UsageError when the file there says something else.
+    Returns the text written, or None. Raises UsageError when the file there declares otherwise.
     """
     if space is None and unit is None:
         return None
@@ -42,20 +42,20 @@ def declare(folder: Path, space: str | None, unit: str | None) -> str | None:
         return None
     if (folder / DECLARATION).exists():
         raise UsageError(
-            f"{DECLARATION} says something else of {folder.name}",
+            f"{DECLARATION} declares {folder.name} differently",
             found=f"space {there.space!r}, unit {there.unit!r}",
-            expected=f"space {wanted.space!r}, unit {wanted.unit!r}, as the command has it",
-            next_step=f"correct {DECLARATION}, or leave --space and --unit out",
+            expected=f"space {wanted.space!r}, unit {wanted.unit!r}, as on the command line",
+            next_step=f"correct {DECLARATION}, or omit --space and --unit",
         )
     return write_declaration(folder, wanted)
 
 
 def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> Source:
-    """The photos below `photos` that have a depth file of their name below the folder.
+    """The photos below `photos` that have a depth file of the same name below the folder.
 
-    A photo and its depth must be of one size. Ids count from 1 in the order of the photos' paths.
-    CatalogError when a file cannot be used; the first depth file of each format is read as a whole,
-    of the others the header alone.
+    A photo and its depth must have the same size. Ids count from 1 in the order of the photos'
+    paths. Raises CatalogError for an unusable file; the first depth file of each format is read
+    completely, of the others only the header.
     """
     declared = read_declaration(folder)
     images: list[ImageInfo] = []
@@ -80,7 +80,7 @@ def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> S
         images.append(ImageInfo(id=number, file_name=name, width=width, height=height))
     if not images:
         raise CatalogError(
-            f"no photo below {photos.name} has a depth below {folder.name}",
+            f"no photo below {photos.name} has a depth file below {folder.name}",
             found=f"nothing for {without[0]}" if without else "no photo",
             expected="<photo without extension>.npy, .npz, .pfm, .exr, .png, .pgm or .tiff",
         )
@@ -101,23 +101,23 @@ def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> S
 
 
 def _size_of(path: Path, photo: Path, declared: Declaration, *, whole: bool) -> tuple[int, int]:
-    """A depth file's (width, height), which is the photo's, too. whole: read all of it."""
+    """A depth file's (width, height), equal to the photo's. whole: read the whole file."""
     height, width = read_photo(photo).shape[:2]
     if whole:
         planar_metres(read_labelled(path, declared), declared, path.name)
     found = claimed_size(path, declared)
     if found != (width, height):
         raise CatalogError(
-            f"{path.name} is of another size than its photo",
+            f"{path.name} and its photo have different sizes",
             found=f"{found[0]}x{found[1]}",
             expected=f"{width}x{height}",
-            next_step="bring the photos to the size of their depth",
+            next_step="resize the photos to the size of their depth",
         )
     return found
 
 
 def _photos_below(photos: Path) -> list[str]:
-    """The paths of every picture below a folder, relative to it, in their order."""
+    """The sorted paths of all pictures below a folder, relative to it."""
     return sorted(_pictures(photos))
 
 

@@ -1,4 +1,4 @@
-"""Tracks of ETH3D, whole or the scenes that are there, and of other datasets in its layout."""
+"""Tracks of ETH3D, complete or its present scenes, and of other datasets in its layout."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _VERSION: Final = "training-dslr"
 def eth3d_source(
     folder: Path, *, scenes: Sequence[str] | None = None, dataset: str | None = None
 ) -> Source:
-    """The images of a folder in ETH3D's layout, by its calibration alone.
+    """The images of a folder in ETH3D's layout, from its calibration alone.
 
-    scenes: those to take, None for all that are there. dataset: the name of a dataset that is not
-    ETH3D; None where the folder holds scenes of ETH3D's names. ETH3D's images keep the ids of the
-    shipped list; those of another dataset count from 1 in the order of their paths, over every
-    scene that is there.
+    scenes: the scenes to take, None for all present. dataset: the name of a dataset other than
+    ETH3D; None if the folder has scenes with ETH3D's names. ETH3D images keep the ids of the
+    shipped list; those of another dataset count from 1 in the order of their paths, over all
+    present scenes.
     """
     there = scenes_below(folder)
     if not there:
         raise CatalogError(
-            f"{folder.name} holds no scene in ETH3D's layout",
+            f"{folder.name} contains no scene in ETH3D's layout",
             found="no calibration",
             expected="<scene>/dslr_calibration_jpg/{cameras,images}.txt",
             next_step="for a folder of depth maps named like the photos, pass --photos",
@@ -60,15 +60,15 @@ def eth3d_source(
 
 
 def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> Source:
-    """ETH3D's scenes that are there; what is left out is on record in the track."""
+    """The present scenes of ETH3D; the track records what is left out."""
     shipped = training_images()
     per_scene = Counter(str(scene_of(entry.file_name)) for entry in shipped)
     strangers = [scene for scene in scenes or there if scene not in per_scene]
     if scenes is not None and strangers:
         raise UsageError(
-            "a track is of one dataset",
+            "a track covers one dataset",
             found=f"{strangers[0]!r} beside scenes of ETH3D",
-            expected="scenes of ETH3D alone, or none of them",
+            expected="only scenes of ETH3D, or none of them",
             next_step="make two tracks, or name the dataset with --dataset",
         )
     taken = sorted(scene for scene in scenes or there if scene in per_scene)
@@ -119,7 +119,7 @@ def _image(number: int, file_name: str, size_wh: tuple[int, int]) -> ImageInfo:
 def _coverage(
     taken: Sequence[str], left_out: Sequence[str], unlisted: Sequence[str], strangers: Sequence[str]
 ) -> Iterable[str]:
-    """What of ETH3D is not in the track."""
+    """The parts of ETH3D that are not in the track."""
     if left_out:
         of = len(taken) + len(left_out)
         yield f"{len(taken)} of ETH3D's {of} scenes; not covered: {', '.join(left_out)}"
@@ -132,7 +132,7 @@ def _coverage(
 
 
 def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, dataset: str) -> Source:
-    """A dataset of the user's own: every photo that has a camera and a measured depth."""
+    """A user's dataset: every photo with a camera and a measured depth."""
     calibrations = {scene: _calibration(folder, scene) for scene in there}
     sizes_wh: dict[str, tuple[int, int]] = {}
     without_depth: list[str] = []
@@ -185,7 +185,7 @@ def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, datas
 
 
 def _calibration(folder: Path, scene: str) -> Calibration:
-    """A scene's calibration; CatalogError names the scene where it cannot be read."""
+    """A scene's calibration; CatalogError names the scene if it cannot be read."""
     place = find_calibration(folder, scene)
     assert place is not None
     try:
@@ -195,7 +195,7 @@ def _calibration(folder: Path, scene: str) -> Calibration:
             f"the calibration of {scene} cannot be read: {error.what}",
             found=error.found,
             expected=error.expected,
-            next_step="get the scene's files again, or take other scenes with --scenes",
+            next_step="download the scene's files again, or select other scenes with --scenes",
         ) from error
 
 

@@ -1,6 +1,6 @@
-"""`legoworld track`: the public half of a dataset's annotations, and whether its photos are here.
+"""`legoworld track`: the public half of a dataset's annotations, and a check of its photos.
 
-Truth goes in and is never written: what comes out is built from a list of allowed keys.
+Ground truth is read but never written: the output is built from a list of allowed keys.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from legoworld.tracks.source import Source
 from legoworld.tracks.track import TrackImage, load_track, photo_names
 from legoworld.tracks.vocabulary import categories_in, vocabulary_of
 
-#: Everything a track may say about an image. LVIS's lists of verified categories are annotations.
+#: The allowed keys of an image. LVIS's lists of verified categories count as annotations.
 _PUBLIC_KEYS: Final = tuple(key for key in ImageInfo.__struct_fields__ if key not in PRIVATE_KEYS)
 _PHOTO_FOLDERS: Final = ("", "train2017", "val2017")
 
 
 @dataclass(frozen=True)
 class PhotoProblem:
-    """A photo of a track that cannot be used. status: missing, unreadable or size."""
+    """An unusable photo of a track. status: missing, unreadable or size."""
 
     status: str
     image: TrackImage
@@ -57,12 +57,12 @@ def make_track(
     depth: DepthChoice | None = None,
     notice: Callable[[str], None] = lambda _text: None,
 ) -> MadeTrack:
-    """Write a track of all, of `sample` seeded, or of the `chosen` images of a truth.
+    """Write a track of all images, a seeded `sample`, or the `chosen` images of a ground truth.
 
-    truth: COCO or LVIS JSON, or a folder of measured depth. Images are drawn from all that the
-    truth lists, with annotations or without; chosen: their ids or file names; depth: what is said
-    of the folder; notice: told what is left out. Returns the document. CatalogError when the truth
-    cannot be used, UsageError when it has not the images asked for.
+    truth: COCO or LVIS JSON, or a folder of measured depth. Samples are drawn from all listed
+    images, annotated or not. chosen: ids or file names; depth: options for a depth folder; notice:
+    called with what is left out. Returns the document. Raises CatalogError for unusable ground
+    truth, UsageError if it lacks the requested images.
     """
     if task == "eth3d":
         source = depth_source(truth, depth or DepthChoice())
@@ -72,9 +72,9 @@ def make_track(
     if sample is not None:
         if sample > len(images):
             raise UsageError(
-                "there are not that many images",
+                "--sample exceeds the number of images",
                 found=f"--sample {sample}",
-                expected=f"at most {len(images)}, as many as {source.name} lists",
+                expected=f"at most {len(images)}, the number of images in {source.name}",
             )
         drawn = np.random.default_rng(seed).choice(len(images), sample, replace=False)
         images = [images[i] for i in sorted(drawn.tolist())]
@@ -95,43 +95,43 @@ def make_track(
     document = MadeTrack(info=info, images=tuple(images), categories=source.categories)
     with atomic_path(output) as unfinished:
         unfinished.write_text(_readable(document), encoding="utf-8")
-        load_track(unfinished, called=f"of {source.name}")  # what every other step will accept
+        load_track(unfinished, called=f"of {source.name}")  # the same checks as in every later step
     for text in source.notices:
         notice(text)
     return document
 
 
 def _chosen(images: Sequence[ImageInfo], chosen: Sequence[str], name: str) -> list[ImageInfo]:
-    """The images of these ids or file names, in the truth's order."""
+    """The images with these ids or file names, in the order of the ground truth."""
     by_name = {key: image for image in images for key in _names_of(image)}
     unknown = [text for text in chosen if text not in by_name]
     if unknown or not chosen:
         meant = in_another_folder(unknown[0], by_name) if unknown else None
         raise UsageError(
-            "the truth has no such image",
+            "the ground truth has no such image",
             found=", ".join(map(repr, unknown[:5])) or "an empty list",
             expected=f"{meant!r}, as {name} has it in another folder"
             if meant
             else f"ids or file names of the {len(images)} images that {name} lists",
             next_step=f"if it is that photo, list that name or {by_name[meant].id}, its id"
             if meant
-            else "correct the list: one id or file name a line",
+            else "correct the list: one id or file name per line",
         )
     ids = {by_name[text].id for text in chosen}
     return [image for image in images if image.id in ids]
 
 
 def _names_of(image: ImageInfo) -> list[str]:
-    """What a list may call an image: its id and its file names."""
+    """The accepted names of an image: its id and its file names."""
     return [str(image.id), *photo_names(image)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DepthChoice:
-    """What a command says of a folder of depth.
+    """Options for a folder of measured depth.
 
-    scenes: those to take of ETH3D's layout, None for all; dataset: the name of one that is not
-    ETH3D; photos: the photos of a folder of depth files, None in ETH3D's layout.
+    scenes: the scenes to take in ETH3D's layout, None for all; dataset: the name of a dataset other
+    than ETH3D; photos: the photos of a folder of depth files, None in ETH3D's layout.
     """
 
     scenes: Sequence[str] | None = None
@@ -143,13 +143,15 @@ def depth_source(folder: Path, choice: DepthChoice) -> Source:
     """The public half of a folder of measured depth: ETH3D's layout, or files named like photos."""
     if not folder.is_dir():
         raise UsageError(
-            "the truth of depth is a folder", found=folder.name, expected="a folder of depth files"
+            "the ground truth of depth is a folder",
+            found=folder.name,
+            expected="a folder of depth files",
         )
     if choice.photos is None:
         return eth3d_source(folder, scenes=choice.scenes, dataset=choice.dataset)
     if choice.scenes is not None:
         raise UsageError(
-            "--scenes and --photos do not go together",
+            "--scenes and --photos cannot be combined",
             found="both",
             expected="--scenes for ETH3D's layout, --photos for depth files named like the photos",
         )
@@ -159,11 +161,13 @@ def depth_source(folder: Path, choice: DepthChoice) -> Source:
 def annotation_source(task: str, path: Path) -> Source:
     """The public half of a COCO-style annotation file.
 
-    Its annotations, where it has any, get the checks that scoring makes: TruthInvalidError.
+    Its annotations, if any, get the same checks as in scoring: TruthInvalidError.
     """
     if path.is_dir():
         raise UsageError(
-            "the truth is a folder", found=path.name, expected="a COCO or LVIS annotation file"
+            "the ground truth is a folder",
+            found=path.name,
+            expected="a COCO or LVIS annotation file",
         )
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -217,7 +221,7 @@ def check_photos(
     photos: Path,
     size_of: Callable[[Path], tuple[int, int]],
 ) -> list[PhotoProblem]:
-    """The photos of a track that are missing, do not decode, or have another size.
+    """The photos of a track that are missing, do not decode, or have the wrong size.
 
     size_of: a file's stored (width, height), without EXIF rotation; raises LegoWorldError.
     """
@@ -239,7 +243,7 @@ def check_photos(
 
 
 def find_photo(photos: Path, image: TrackImage) -> Path | None:
-    """A photo below PHOTOS or its train2017/ and val2017/."""
+    """The path of a photo below PHOTOS or its train2017/ and val2017/."""
     for folder in _PHOTO_FOLDERS:
         candidate = photos / folder / image.file_name
         if names_a_file(candidate):
@@ -252,7 +256,7 @@ def _check_dataset(task: str, path: Path, entries: Sequence[Mapping[str, Any]]) 
     federated = [e for e in entries if "neg_category_ids" in e]
     if len(federated) != (len(entries) if task == "lvis" else 0):
         raise CatalogError(
-            f"{path.name} is not the truth of {task}",
+            f"{path.name} is not ground truth of {task}",
             found=f"{len(federated)} of {len(entries)} images have neg_category_ids",
             expected="all of them in LVIS, none in COCO",
             next_step="pass the --task this file belongs to",
@@ -260,7 +264,7 @@ def _check_dataset(task: str, path: Path, entries: Sequence[Mapping[str, Any]]) 
 
 
 def _readable(document: MadeTrack) -> str:
-    """JSON with one image or category a line."""
+    """JSON with one image or category per line."""
     info = readable(document.info).rstrip().replace("\n", "\n ")
     lists = [
         f'"{key}": [\n' + ",\n".join(map(canonical, entries)) + "\n]"

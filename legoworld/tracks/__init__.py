@@ -1,1 +1,1 @@
-"""Tracks and vocabularies: the public side of a dataset, and how photos and cameras are named."""
+"""Tracks and vocabularies: the public part of a dataset, and the names of photos and cameras."""

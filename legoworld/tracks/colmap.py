@@ -1,4 +1,4 @@
-"""COLMAP's calibration of photos: cameras.{txt,bin} and images.{txt,bin}, read in one way.
+"""COLMAP calibrations: cameras.{txt,bin} and images.{txt,bin}.
 
 The formats are those of COLMAP's documentation, "Output Format"; points3D is not read.
 """
@@ -47,7 +47,7 @@ class CalibrationError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """A camera. params: in COLMAP's order for its model, pixels from the top left corner."""
+    """A camera. params: in COLMAP's order for the model, in pixels from the top left corner."""
 
     model: str
     size_wh: tuple[int, int]
@@ -56,7 +56,7 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """A folder's cameras by id, each photo's camera id by the photo's name, and the files read."""
+    """A folder's cameras by id, the camera id of each photo by name, and the files read."""
 
     cameras: dict[int, Camera]
     camera_ids: dict[str, int]
@@ -64,9 +64,9 @@ class Calibration:
 
 
 def calibration_files(folder: Path) -> tuple[Path, ...]:
-    """The calibration files of a folder: the cameras', then the photos' where there is one.
+    """The calibration files of a folder: cameras, then photos if present.
 
-    Empty without a cameras file. Two binary files come before text, as in COLMAP.
+    Empty without a cameras file. A pair of binary files takes precedence over text, as in COLMAP.
     """
     binary = folder / "cameras.bin", folder / "images.bin"
     if all(path.is_file() for path in binary):
@@ -76,11 +76,11 @@ def calibration_files(folder: Path) -> tuple[Path, ...]:
 
 
 def read_calibration(folder: Path) -> Calibration:
-    """The cameras and photos of a folder; CalibrationError when a file cannot be understood."""
+    """The cameras and photos of a folder; CalibrationError when a file cannot be parsed."""
     files = calibration_files(folder)
     if not files:
         raise CalibrationError(
-            f"there is no calibration in {folder.parent.name}/{folder.name}",
+            f"{folder.parent.name}/{folder.name} contains no calibration",
             found="no cameras.txt",
             expected="COLMAP's cameras.txt and images.txt, or cameras.bin and images.bin",
         )
@@ -93,7 +93,7 @@ def read_calibration(folder: Path) -> Calibration:
 
 
 def _unique(entries: Iterator[tuple[K, V]], what: str, path: Path) -> dict[K, V]:
-    """The entries by key; one that is said twice must say the same."""
+    """The entries by key; repeated entries must be equal."""
     found: dict[K, V] = {}
     for key, value in entries:
         if found.setdefault(key, value) != value:
@@ -121,10 +121,10 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
 def _text_images(path: Path) -> Iterator[tuple[str, int]]:
     """Each photo's name and camera id.
 
-    A photo has a line ID QW QX QY QZ TX TY TZ CAMERA_ID NAME and one of its points (X Y ID)...,
-    which is blank without any. Editors and scripts drop or double blank lines, so a photo's line
-    is told by its words instead of its place. What is neither is an error, and so are two lines of
-    points in a row, since one of them must have been a photo's.
+    A photo has a line ID QW QX QY QZ TX TY TZ CAMERA_ID NAME and a line of points (X Y ID)...,
+    which may be blank. Editors and scripts drop or double blank lines, so a photo's line is
+    recognised by its content instead of its position. Any other line is an error, as are two
+    consecutive lines of points, one of which must have been a photo's.
     """
     points_may_follow = False
     for line in _lines(path):
@@ -139,14 +139,14 @@ def _text_images(path: Path) -> Iterator[tuple[str, int]]:
 
 
 def _is_photo(words: list[str]) -> bool:
-    """Whether words are a photo's, the last being its whole name; a name may hold spaces."""
+    """Whether the words are a photo's line; the last is the whole name, which may have spaces."""
     if len(words) <= _WORDS_BEFORE_NAME or not _is_integer(words[0]) or not _is_integer(words[8]):
         return False
     return all(map(_is_number, words[1:8])) and not _are_points(words)
 
 
 def _are_points(words: list[str]) -> bool:
-    """Whether words are numbers in threes; the last may hold any number of words."""
+    """Whether the words are triples of numbers; the last may hold any number of words."""
     rest = words[-1].split()
     if (len(words) - 1 + len(rest)) % 3:
         return False
@@ -154,7 +154,7 @@ def _are_points(words: list[str]) -> bool:
 
 
 def _lines(path: Path) -> Iterator[str]:
-    """The lines of a text file that are neither blank nor comments, without surrounding spaces."""
+    """The stripped lines of a text file that are neither blank nor comments."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -199,7 +199,7 @@ def _binary_images(path: Path) -> Iterator[tuple[str, int]]:
 
 
 def _reader(path: Path) -> Callable[[str], tuple[Any, ...]]:
-    """A function that takes the next values off a binary file, by struct's format."""
+    """A function that reads the next values of a binary file by a struct format."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -212,9 +212,9 @@ def _reader(path: Path) -> Callable[[str], tuple[Any, ...]]:
             values = struct.unpack_from(layout, data, place)
         except (struct.error, OverflowError, MemoryError) as error:
             raise CalibrationError(
-                f"{path.name} is cut, or is no COLMAP file",
+                f"{path.name} is truncated or not a COLMAP file",
                 found=f"{len(data)} bytes",
-                expected="as many entries as it announces",
+                expected="the number of entries that it declares",
             ) from error
         place += struct.calcsize(layout)
         return values

@@ -1,4 +1,4 @@
-"""Which version of a dataset a vocabulary belongs to."""
+"""The dataset version that a vocabulary belongs to."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Final
 from legoworld.shipped import catalog
 from legoworld.tracks.vocabulary import Vocabulary, load
 
-#: LVIS v0.5's number of categories; its ids are other numbers for v1's names.
+#: Number of categories of LVIS v0.5; its ids differ from v1's for the same names.
 _LVIS_V05_CATEGORIES: Final = 1230
 
-#: COCO's boxes and masks are two readouts of one dataset: one track and one truth serve both.
+#: COCO boxes and masks are two readouts of one dataset and share tracks and ground truth.
 _DATASETS: Final = {"coco-masks": "coco"}
 
 
 def dataset_of(task: str) -> str:
-    """The dataset whose tracks, categories and truth a task uses."""
+    """The dataset whose tracks, categories and ground truth a task uses."""
     return _DATASETS.get(task, task)
 
 
 def dataset_version(vocabulary: Vocabulary, task: str) -> str:
-    """The version of a task's dataset by its categories; "custom" when they are nobody's."""
+    """The version of a task's dataset, from its categories; "custom" if they match none."""
     dataset = dataset_of(task)
     shipped = load(catalog.folder("datasets") / dataset / "categories.json")
     if vocabulary.sha256 == shipped.sha256:

@@ -1,4 +1,4 @@
-"""Scene folders that no image of a track asks for, and the images they may be meant for."""
+"""Scene folders that match no image of a track, and the images they may be meant for."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Final
 
 #: An extension of a photo, left on a scene folder's name.
 _EXTENSION: Final = re.compile(r"\.(jpe?g|png|webp|bmp|tiff?|blend|glb|py)$")
-#: What people and programs add to a photo's name.
+#: Common additions to a photo's name.
 _SUFFIX: Final = re.compile(r"[ _.-]+(scene|final|output|blend|render|copy|new|v?\d{1,2})$")
 _PREFIX: Final = re.compile(r"^(coco_(train|val|test)20\d\d|scene|image|img|photo)[ _-]+")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stranger:
-    """A scene folder that matches no image. meant: the scene it is near, None where none is."""
+    """A scene folder that matches no image. meant: the nearest scene name, or None."""
 
     folder: str
     meant: str | None
@@ -26,9 +26,9 @@ class Stranger:
 def strangers(
     folders: Iterable[str], known: Sequence[str], absent: Sequence[str]
 ) -> list[Stranger]:
-    """The folders that are no image's scene, sorted; each with the nearest scene without a folder.
+    """The folders that match no image, sorted, each with the nearest image without a scene.
 
-    known: the scene names of all images; absent: of those without a scene.
+    known: the scene names of all images; absent: those of images without a scene.
     """
     left = sorted(set(folders) - set(known))
     by_key: dict[str, list[str]] = {}
@@ -39,7 +39,7 @@ def strangers(
 
 
 def lower_top(found: Sequence[Stranger]) -> str | None:
-    """The folder below SCENES that holds the scenes by their right names; None where none does."""
+    """The folder below SCENES that contains the scenes under their correct names, or None."""
     tops = {
         s.folder.removesuffix(s.meant).rstrip("/")
         for s in found
@@ -56,12 +56,12 @@ def _meant(folder: str, by_key: dict[str, list[str]], absent: Sequence[str]) -> 
     import difflib  # only needed for a message
 
     near = difflib.get_close_matches(folder, absent, n=2, cutoff=0.8)
-    digits = folder.isdigit()  # other numbers are other photos, however alike
+    digits = folder.isdigit()  # names with different numbers are different photos, however similar
     return near[0] if len(near) == 1 and not digits else None
 
 
 def _keys(name: str) -> list[str]:
-    """A name by what people leave out or add, from the nearest on."""
+    """Normalised forms of a name, from the most to the least specific."""
     whole = name.casefold()
     last = PurePosixPath(whole).name
     bare = _EXTENSION.sub("", last)

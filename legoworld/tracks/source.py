@@ -1,4 +1,4 @@
-"""What a track is made from: the public half of a dataset, whatever it is kept in."""
+"""The source of a track: the public half of a dataset in any storage format."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from legoworld.records.track import CategoryInfo, ImageInfo, Part
 class Source:
     """The public half of a whole dataset.
 
-    name: of the file or folder; version: of the dataset, "custom" for one of the user's own;
-    sha256: of what images and categories were read from; part: what of the dataset is
-    there, where that is known; notices: what a user should be told.
+    name: of the file or folder; version: of the dataset, "custom" for a user's own; sha256: of the
+    files that images and categories were read from; part: the part of the dataset that is present,
+    if known; notices: messages for the user.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Tracks: the images a result is about and the vocabulary; public, never an annotation."""
+"""Tracks: the images of a result and the vocabulary; public, never with annotations."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class TrackImage:
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """Images in ascending id, and the vocabulary the track carries (None when it has none).
+    """Images in ascending id, and the track's vocabulary (None if it has none).
 
-    made_for: the task that it says it was made for, None where it does not say.
+    made_for: the task the track was made for, None if not recorded.
     """
 
     images: tuple[TrackImage, ...]
@@ -47,9 +47,9 @@ class Track:
 
 
 def load_track(path: Path, called: str | None = None) -> Track:
-    """Read a track file (COCO "image info" JSON). CatalogError says what cannot be used.
+    """Read a track file (COCO "image info" JSON). Raises CatalogError for an unusable file.
 
-    called: the file's name in messages, where it is another one's.
+    called: the name to use in messages instead of the file's own.
     """
     source = called or path.name
     try:
@@ -75,7 +75,7 @@ def load_track(path: Path, called: str | None = None) -> Track:
 
 
 def serves(track: Track, task: str) -> bool:
-    """Whether a track is of a task's dataset; COCO's boxes and masks share theirs."""
+    """Whether a track belongs to a task's dataset; COCO boxes and masks share one."""
     return track.made_for is None or dataset_of(track.made_for) == dataset_of(task)
 
 
@@ -93,10 +93,10 @@ def track_of_folder(scenes: Place) -> Track:
         )
     if not found:
         raise CatalogError(
-            "there is no scene to read",
+            "no scene to read",
             found=f"no scene.blend or scene.glb below {top}",
             expected="SCENES/<photo name without extension>/scene.blend",
-            next_step="pass the folder that holds the scene folders",
+            next_step="pass the folder that contains the scene folders",
         )
     images = tuple(
         TrackImage(id=i, file_name=top if name == "." else name, size_wh=None, scene=name)
@@ -106,7 +106,7 @@ def track_of_folder(scenes: Place) -> Track:
 
 
 def _visible_folders(top: Path) -> Iterator[tuple[str, list[str]]]:
-    """Folders below one with their files' names; links are followed, hidden folders left out."""
+    """Folders below a folder with their file names; links are followed, hidden folders skipped."""
     seen: set[str] = set()
     for folder, below, files in os.walk(top, followlinks=True):
         real = os.path.realpath(folder)
@@ -119,7 +119,7 @@ def _visible_folders(top: Path) -> Iterator[tuple[str, list[str]]]:
 
 
 def scene_name(file_name: str) -> str:
-    """The scene folder of a photo: its own path without the extension."""
+    """The scene folder of a photo: its path without the extension."""
     path = PurePosixPath(file_name)
     return str(path.with_suffix(""))
 
@@ -143,13 +143,13 @@ def _image(info: ImageInfo, source: str) -> TrackImage:
 
 
 def _file_name(info: ImageInfo) -> str:
-    """The photo's file name. LVIS names photos by their coco_url (v0.5's file_name is another)."""
+    """The photo's file name. LVIS names photos by coco_url (v0.5's file_name is different)."""
     name, by_url = info.file_name or "", _name_by_url(info)
     return name if by_url in ("", PurePosixPath(name).name) else by_url
 
 
 def photo_names(info: ImageInfo) -> list[str]:
-    """What an image's photo is called: its file name, and the last part of its URL."""
+    """The names of an image's photo: its file name, and the last part of its URL."""
     return [name for name in (info.file_name, _name_by_url(info)) if name]
 
 
@@ -162,10 +162,10 @@ def _refuse_annotations(file: TrackFile, source: str) -> None:
         private = [key for key in PRIVATE_KEYS if getattr(part, key) is not UNSET]
         if private:
             raise CatalogError(
-                f"{source} holds annotations, and a track is public",
+                f"{source} contains annotations, but a track is public",
                 found=f"key {private[0]!r}",
                 expected="images and categories only",
-                next_step="make the public half with `legoworld track make`",
+                next_step="write the public half with `legoworld track make`",
             )
 
 

@@ -1,4 +1,4 @@
-"""Category vocabularies: matching the names people write to the names a dataset has."""
+"""Category vocabularies: matching labels to the category names of a dataset."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from legoworld.records.base import RecordError, to_record
 from legoworld.records.repeats import repeated
 from legoworld.records.track import CategoryInfo
 
-#: Labels whose match is remembered, at most: a scene may bring any number.
+#: Maximum number of cached matches: a scene may contain any number of labels.
 _REMEMBERED: Final = 10_000
 
 
@@ -28,24 +28,24 @@ class Category:
     synonyms: tuple[str, ...] = ()
 
 
-#: Stands for what was not looked up before, where None is an answer.
+#: Marks a label not looked up yet, since None is a valid match.
 _UNASKED: Final = Category(id=-1, name="")
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """The categories a readout may name.
+    """The categories that a readout may use.
 
-    bare_words: whether "mouse" may name "mouse_(computer_equipment)", where no other is meant.
+    bare_words: whether "mouse" may name "mouse_(computer_equipment)" if it is unambiguous.
     """
 
     categories: tuple[Category, ...]
     bare_words: bool = False
 
     def match(self, text: str) -> Category | None:
-        """The category a label names: by name, else by a synonym, else by a bare word.
+        """The category of a label: matched by name, else by synonym, else by bare word.
 
-        A synonym that several categories have names none of them; nor does such a bare word.
+        A synonym or bare word shared by several categories matches none of them.
         """
         found = self._matched.get(text, _UNASKED)
         if found is _UNASKED:
@@ -58,17 +58,17 @@ class Vocabulary:
         return found
 
     def candidates(self, text: str) -> list[str]:
-        """The names of all categories that a bare word may mean; none without `bare_words`."""
+        """The names of all categories that a bare word may mean; empty without `bare_words`."""
         return sorted(self._bare_words.get(normal_name(text), ()))
 
     def bare_words_of(self, category: Category) -> tuple[str, ...]:
-        """The bare word that names a category, as a sequence of at most one."""
+        """The bare word of a category, as a sequence of at most one."""
         return tuple(word for word, owner in self._by_bare_word.items() if owner is category)
 
     def nearest(self, text: str, n: int = 3) -> list[str]:
-        """The names most like `text`, for messages; what an ambiguous bare word may mean first."""
+        """The names most similar to `text`, for messages; meanings of a bare word come first."""
         key = normal_name(text), n
-        if key not in self._near:  # a batch meets the same label in scene after scene
+        if key not in self._near:  # a batch repeats the same labels in many scenes
             import difflib  # only needed for a message
 
             spellings = self._by_bare_word | self._by_name
@@ -83,12 +83,12 @@ class Vocabulary:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the ids and names, for comparing runs."""
+        """Hash of the ids and names, to compare runs."""
         return sha256_of_text(canonical_json([[c.id, c.name] for c in self.categories]))
 
     @cached_property
     def _matched(self) -> dict[str, Category | None]:
-        """What labels were matched to: a batch meets the same ones in scene after scene."""
+        """Cached matches of labels: a batch repeats the same labels in many scenes."""
         return {}
 
     @cached_property
@@ -125,7 +125,7 @@ class Vocabulary:
 
     @cached_property
     def _by_bare_word(self) -> dict[str, Category]:
-        """Of a name's own words only: a synonym's say that a word is ambiguous, not what it is."""
+        """Bare words of names only: those of synonyms make a word ambiguous, but match nothing."""
         found = {}
         for category in self.categories:
             word = _bare_word(category.name)
@@ -140,13 +140,13 @@ def normal_name(text: str) -> str:
 
 
 def _bare_word(name: str) -> str | None:
-    """What stands before a name's qualifier in brackets; None where there is none."""
+    """The part of a name before its qualifier in brackets; None without one."""
     word, bracket, _ = normal_name(name).partition("(")
     return word.strip() or None if bracket else None
 
 
 def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
-    """A vocabulary of a file's categories. CatalogError for an id or a name that is there twice."""
+    """A vocabulary from a file's categories. Raises CatalogError for a repeated id or name."""
     if not entries:
         raise CatalogError(
             f"{source} has no categories",
@@ -161,7 +161,7 @@ def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
         values = [normal_name(c.name) if attribute == "name" else c.id for c in categories]
         if twice := repeated(values):
             raise CatalogError(
-                f"{source} names a category {attribute} twice",
+                f"{source} has a category {attribute} twice",
                 found=repr(twice[0]),
                 expected=f"distinct {attribute}s",
             )
@@ -169,12 +169,12 @@ def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
 
 
 def from_json(entries: object, source: str) -> Vocabulary:
-    """A vocabulary of COCO-style category entries. CatalogError says what cannot be used."""
+    """A vocabulary from COCO-style category entries. Raises CatalogError for unusable ones."""
     return vocabulary_of(categories_in(entries, source), source)
 
 
 def categories_in(entries: object, source: str) -> tuple[CategoryInfo, ...]:
-    """COCO-style category entries. CatalogError says what cannot be used."""
+    """COCO-style category entries. Raises CatalogError for unusable ones."""
     try:
         return to_record(tuple[CategoryInfo, ...], entries)
     except RecordError as error:

@@ -146,7 +146,7 @@ def test_the_shipped_names_need_no_track_and_others_do(exported, tmp_path):
     truth = random_truth("coco", seed=1)
     code, _, said = exported("coco", truth, [])
     assert code == 2
-    assert "the names of the run's categories are not known" in said
+    assert "the names of the run's categories are unknown" in said
     assert "pass --track" in said
     categories = json.loads((folder("datasets") / "coco" / "categories.json").read_text())
     code, document, _ = exported("coco", {**truth, "categories": categories}, [])

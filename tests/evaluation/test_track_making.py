@@ -146,10 +146,10 @@ def test_what_cannot_be_sampled_is_refused(tmp_path):
     out = tmp_path / "t.json"
     with pytest.raises(UsageError, match="at most 12"):
         make_track("coco", path, out, sample=13, seed=0)
-    with pytest.raises(CatalogError, match="not the truth of lvis"):
+    with pytest.raises(CatalogError, match="not ground truth of lvis"):
         make_track("lvis", path, out, sample=None, seed=0)
     lvis = write_truth(tmp_path / "lvis.json", random_truth("lvis", seed=2))
-    with pytest.raises(CatalogError, match="not the truth of coco"):
+    with pytest.raises(CatalogError, match="not ground truth of coco"):
         make_track("coco", lvis, out, sample=None, seed=0)
     (tmp_path / "broken.json").write_text("{")
     with pytest.raises(CatalogError, match="cannot be read"):
@@ -232,7 +232,7 @@ def test_a_chosen_image_of_another_folder_is_named_with_the_remedy(tmp_path):
     with pytest.raises(UsageError) as caught:
         make_track("coco", path, tmp_path / "t.json", sample=None, seed=0, chosen=["images/x.jpg"])
     assert str(caught.value) == (
-        "the truth has no such image; found: 'images/x.jpg'; expected: 'val2017/x.jpg', as "
+        "the ground truth has no such image; found: 'images/x.jpg'; expected: 'val2017/x.jpg', as "
         "truth.json has it in another folder; next: if it is that photo, list that name or "
         f"{image['id']}, its id"
     )

@@ -103,7 +103,7 @@ def test_a_folder_of_something_else_at_the_url_is_not_touched(tmp_path, capsys):
 def test_nothing_at_the_url_of_the_run_is_said(tmp_path, capsys):
     _, truth = made(tmp_path, "coco")
     assert evaluate(f"{BUCKET}/nowhere", truth, tmp_path / "eval") == 2
-    assert "there is nothing at memory://bucket/nowhere" in capsys.readouterr().err
+    assert "memory://bucket/nowhere is empty or does not exist" in capsys.readouterr().err
 
 
 def test_an_evaluation_is_whole_or_not_there_while_it_is_replaced(tmp_path, monkeypatch):

@@ -127,7 +127,7 @@ def test_inspect_looks_at_a_scene_at_a_url(scenes: Path, bucket: str, tmp_path: 
     assert shown[0] == shown[1]
     assert shown[0][0]["instances"][0]["category"] == "cat"
     assert cli.run(["inspect", f"{bucket}/scenes/street/scene9"]) == 2
-    assert "there is nothing at" in capsys.readouterr().err
+    assert "is empty or does not exist" in capsys.readouterr().err
     assert cli.run(["inspect", f"{bucket}/scenes/street"]) == 2
     assert "holds no scene" in capsys.readouterr().err
 

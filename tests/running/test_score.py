@@ -96,10 +96,10 @@ def test_a_scene_without_a_result_is_said(given, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--image", "9999"], "the truth has no such image; found: '9999'"),
-        (["--photo", "{here}/stranger.png"], "the truth lists no photo of this name"),
+        (["--image", "9999"], "the ground truth has no such image; found: '9999'"),
+        (["--photo", "{here}/stranger.png"], "the ground truth lists no photo of this name"),
         (["--photo", "{here}/sub/desk.png"], "desk.png is not the photo of image 7; found: 10x10"),
-        (["--task", "eth3d"], "the truth of depth is a folder"),
+        (["--task", "eth3d"], "the ground truth of depth is a folder"),
     ],
 )
 def test_what_cannot_be_scored_is_one_line(given, tmp_path, more, message, capsys):

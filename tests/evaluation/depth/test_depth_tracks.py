@@ -183,7 +183,7 @@ def test_a_scene_of_eth3d_s_name_among_others(make: Make, tmp_path: Path) -> Non
     made = make(root)
     assert len(made["images"]) == 26
     assert "1 scene is not ETH3D's and left out: attic" in made["said"][1]
-    with pytest.raises(UsageError, match="a track is of one dataset"):
+    with pytest.raises(UsageError, match="a track covers one dataset"):
         make(root, scenes=["attic", "office"])
 
 
@@ -244,7 +244,7 @@ def test_depth_files_named_like_photos(desk: Path, capsys: pytest.CaptureFixture
     assert info["photos_left_out"] == ["b/plain.jpg"]
     assert cli.run(["track", "check", str(track), "--photos", str(desk / "photos")]) == 0
     assert cli.run([*make, "--overwrite", "--unit", "m/5000"]) == 2, "declared otherwise"
-    assert "depth.toml says something else" in capsys.readouterr().err
+    assert "depth.toml declares" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("unit", ["mm", "m/1000"])
@@ -269,7 +269,9 @@ def test_a_folder_of_depth_that_does_not_fit(desk: Path, make: Make) -> None:
     photos = desk / "photos"
     assert len(make(desk / "depths", photos=photos)["images"]) == 3
     cv2.imwrite(str(desk / "depths/a/2.png"), np.ones((20, 31), np.uint16))
-    with pytest.raises(CatalogError, match=r"2\.png is of another size.*31x20.*32x20"):
+    with pytest.raises(
+        CatalogError, match=r"2\.png and its photo have different sizes.*31x20.*32x20"
+    ):
         make(desk / "depths", photos=photos)
     (desk / "depths/a/2.png").write_bytes(b"no picture")
     with pytest.raises(DepthFileError, match=r"2\.png cannot be read"):
@@ -277,9 +279,9 @@ def test_a_folder_of_depth_that_does_not_fit(desk: Path, make: Make) -> None:
     np.save(desk / "depths/a/1.npy", np.ones((20, 32), np.float32))
     with pytest.raises(CatalogError, match="more than one depth file"):
         make(desk / "depths", photos=photos)
-    with pytest.raises(CatalogError, match="no photo below a has a depth below depths"):
+    with pytest.raises(CatalogError, match="no photo below a has a depth file below depths"):
         make(desk / "depths", photos=photos / "a")
-    with pytest.raises(UsageError, match="do not go together"):
+    with pytest.raises(UsageError, match="cannot be combined"):
         make(desk / "depths", photos=photos, scenes=["a"])
 
 
