@@ -30,6 +30,7 @@ ROOMS = [
     ("visibility",),
     ("readouts",),
     ("running",),
+    ("plugin",),
     ("evaluation",),
     ("track_making",),
     ("baselines", "comparison"),

@@ -28,7 +28,9 @@ NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_code
                      "scene/folder.py",
                      # how a program that was executed ended
                      "scene/programs/report.py", "records/base.py", "records/execution.py",
-                     "records/verdict.py")  # fmt: skip
+                     "records/verdict.py",
+                     # what a transaction compares, beside the snapshot
+                     "records/plugin_state.py")  # fmt: skip
 
 
 def imported(path: Path) -> set[Path]:

@@ -12,7 +12,7 @@ from legoworld.scene.blender.alpha_table import AlphaTable, Cut
 from legoworld.scene.blender.cameras import refuse_missing_camera, scene_camera
 from legoworld.scene.blender.meshes import CopiedMesh, MeshCuts
 from legoworld.scene.blender.occurrences import Walk, walk
-from legoworld.scene.blender.opening import open_blend
+from legoworld.scene.blender.opening import OpenFile, open_blend
 from legoworld.scene.blender.placements import resolve_placements
 from legoworld.scene.blender.render_state import rendered_view_layer, visit_render_state
 from legoworld.scene.blender.tree import scene_tree
@@ -24,7 +24,11 @@ if TYPE_CHECKING:
 
 def snapshot_of_blend(path: Path) -> Snapshot:
     """Open a .blend and copy its render state. Raises the SceneInvalidErrors of `errors`."""
-    opened = open_blend(path)
+    return snapshot_of_open(open_blend(path))
+
+
+def snapshot_of_open(opened: OpenFile) -> Snapshot:
+    """`snapshot_of_blend` of a file that is open. Changes its render settings."""
     scene, warnings = opened.scene, opened.warnings
     if opened.n_scenes > 1:
         warnings.append(f"the file holds {opened.n_scenes} scenes; read: {scene.name!r}")

@@ -96,6 +96,25 @@ def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
     return {"content_sha256": content, "dependencies": depends, "watched": watched}
 
 
+def _state(request: dict[str, Any]) -> dict[str, Any]:
+    """The states of all objects beside the snapshot: what a transaction compares."""
+    from legoworld.records.base import as_json
+    from legoworld.scene.blender.entities import entity_states, scene_hashes
+    from legoworld.scene.blender.extract import snapshot_of_open
+    from legoworld.scene.blender.opening import open_blend
+    from legoworld.scene.snapshot import save
+
+    opened = open_blend(Path(request["blend"]))
+    camera = opened.scene.camera
+    states = {
+        "objects": as_json(entity_states(opened.scene)),
+        "camera": camera.name if camera else None,
+        "hashes": scene_hashes(opened.scene),
+    }  # before the snapshot, which changes render settings
+    content = save(snapshot_of_open(opened), Path(request["output"]), passing=True)
+    return {"content_sha256": content, **states}
+
+
 def _check(request: dict[str, Any]) -> dict[str, Any]:
     """Open a .blend that a program left; refused where it does not open or shows nothing."""
     from legoworld.scene.blender.cameras import refuse_missing_camera
@@ -153,6 +172,7 @@ def _version(_request: dict[str, Any]) -> dict[str, Any]:
 _REQUESTS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "version": _version,
     "snapshot": _snapshot,
+    "state": _state,
     "check": _check,
     "picture": _picture,
     "card_render": _card_render,

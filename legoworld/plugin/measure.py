@@ -1,0 +1,327 @@
+"""Requirements measured on one state of a scene: pass, fail or unknown, never a guess."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.plugin import residuals, solids
+from legoworld.plugin.entities import Entities
+from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.state import LiveScene
+from legoworld.records import plugin_requirements as kinds
+from legoworld.records.plugin_requirements import Report, Requirement, Result
+from legoworld.visibility.camera import projection
+from legoworld.visibility.kernel import Buffers
+from legoworld.visibility.view import surfaces_through
+
+Mask = NDArray[np.bool_]
+
+
+class UnknownError(Exception):
+    """A requirement cannot be measured; the text says why."""
+
+
+class UnmetError(Exception):
+    """A requirement fails without a number: what it measures is not there; the text says what."""
+
+
+def measure(
+    scene: LiveScene,
+    requirements: Sequence[Requirement],
+    evidence: Evidence | None,
+    *,
+    size_wh: tuple[int, int] | None = None,
+    luma: NDArray[np.float64] | None = None,
+    photo_luma: NDArray[np.float64] | None = None,
+) -> Report:
+    """Every requirement in its order.
+
+    size_wh: of the view; the photo's size with evidence, else the scene's own when None. luma,
+    photo_luma: (H, W) of the small fixed render and of the photo at its size, 0 to 1, None where
+    nothing was rendered.
+    """
+    size = evidence.size_wh if evidence else size_wh or scene.snapshot.render.size_wh
+    measured = _Measured(scene, evidence, size, luma, photo_luma)
+    results = tuple(measured.result(requirement) for requirement in requirements)
+    return Report(
+        scene_signature=scene.state.scene_signature,
+        geometry_signature=scene.state.geometry_signature,
+        photo_sha256=evidence.file.photo.sha256 if evidence else None,
+        size_wh=size,
+        results=results,
+        blocked=any(r.requirement.hard and r.verdict != "pass" for r in results),
+    )
+
+
+def surface_view(scene: LiveScene, size_wh: tuple[int, int]) -> Buffers:
+    """Which surface of the snapshot its camera shows at each pixel, -1 for none, and how far.
+
+    The kernel's answer as in a readout, so a mask is the union of its surfaces' pixels there.
+    """
+    camera = projection(scene.snapshot.camera, scene.snapshot.render, size_wh)
+    return surfaces_through(camera, scene.snapshot, size_wh)
+
+
+class _Measured:
+    """One scene under one photo; everything is computed when first asked for."""
+
+    def __init__(
+        self,
+        scene: LiveScene,
+        evidence: Evidence | None,
+        size_wh: tuple[int, int],
+        luma: NDArray[np.float64] | None,
+        photo_luma: NDArray[np.float64] | None,
+    ) -> None:
+        self.scene, self.evidence, self.size_wh = scene, evidence, size_wh
+        self.luma, self.photo_luma = luma, photo_luma
+        self.entities = Entities(scene.snapshot)
+
+    def result(self, requirement: Requirement) -> Result:
+        tolerance = _tolerance(requirement)
+        try:
+            measurement, residual = self._values(requirement)
+        except (UnknownError, UnmetError) as error:
+            return Result(
+                requirement=requirement,
+                verdict="unknown" if isinstance(error, UnknownError) else "fail",
+                measurement=None,
+                residual=None,
+                tolerance=tolerance,
+                reason=str(error),
+            )
+        return Result(
+            requirement=requirement,
+            verdict="pass" if residual <= tolerance else "fail",
+            measurement=measurement,
+            residual=residual,
+            tolerance=tolerance,
+        )
+
+    def _values(self, requirement: Requirement) -> tuple[float, float]:
+        """(measurement, residual); UnknownError where there is nothing to measure."""
+        match requirement:
+            case kinds.Existence():
+                return self._existence(requirement)
+            case kinds.ValidTransform():
+                return self._valid_transform(requirement)
+            case kinds.Dimensions():
+                return self._dimensions(requirement)
+            case kinds.Support():
+                return self._support(requirement)
+            case kinds.Containment():
+                return self._containment(requirement)
+            case kinds.Collision():
+                return self._collision(requirement)
+            case kinds.Facing():
+                return self._facing(requirement)
+            case kinds.Layout():
+                return self._layout(requirement)
+            case kinds.Visibility():
+                area = int(np.count_nonzero(self.mask(requirement.entity)))
+                return float(area), float(max(0, requirement.area_px - area))
+            case kinds.Depth():
+                return self._depth(requirement)
+            case kinds.DepthOrder():
+                return self._depth_order(requirement)
+            case kinds.Luminance():
+                return self._luminance(requirement)
+            case _:
+                return self._picture(requirement)
+
+    # In the world.
+
+    def surfaces(self, name: str) -> NDArray[np.bool_]:
+        surfaces = self.entities.surfaces(name)
+        if surfaces is None:
+            near = ", ".join(self.entities.nearest(name)) or "none"
+            raise UnknownError(f"no object or collection {name!r}; similar names: {near}")
+        if not surfaces.any():
+            raise UnknownError(f"{name!r} has no surface that renders")
+        return surfaces
+
+    def points(self, name: str) -> NDArray[np.float64]:
+        self.surfaces(name)
+        return self.entities.points_m(name)
+
+    def _existence(self, requirement: kinds.Existence) -> tuple[float, float]:
+        surfaces = self.entities.surfaces(requirement.entity)
+        n_surfaces = 0 if surfaces is None else int(np.count_nonzero(surfaces))
+        return float(n_surfaces), 0.0 if n_surfaces else 1.0
+
+    def _valid_transform(self, requirement: kinds.ValidTransform) -> tuple[float, float]:
+        worst = 1.0
+        for surface in np.flatnonzero(self.surfaces(requirement.entity)).tolist():
+            lengths, determinant = solids.scales(self.scene.snapshot.world_from_mesh[surface])
+            if not np.isfinite(lengths).all() or lengths.min() <= 0 or determinant <= 0:
+                raise UnmetError("a placement is flat, mirrored or not finite")
+            worst = max(worst, float(lengths.max() / lengths.min()))
+        return worst, worst
+
+    def _dimensions(self, requirement: kinds.Dimensions) -> tuple[float, float]:
+        points = self.points(requirement.entity)
+        sides = points.max(axis=0) - points.min(axis=0)
+        low, high = np.array(requirement.low_m), np.array(requirement.high_m)
+        outside = np.maximum(np.maximum(low - sides, sides - high), 0.0)
+        worst = int(np.argmax(outside))
+        return float(sides[worst]), float(outside[worst])
+
+    def _support(self, requirement: kinds.Support) -> tuple[float, float]:
+        own = self.surfaces(requirement.entity)
+        below = ~own if requirement.on is None else self.surfaces(requirement.on) & ~own
+        feet = solids.foot_points(self.points(requirement.entity))
+        gap = solids.support_gap_m(feet, self.entities.triangles_m(below))
+        if gap is None:
+            raise UnmetError("nothing is below a point that it stands on")
+        return gap, max(gap, 0.0)
+
+    def _containment(self, requirement: kinds.Containment) -> tuple[float, float]:
+        share = solids.share_inside(
+            self.points(requirement.entity), self.points(requirement.inside)
+        )
+        if share is None:
+            raise UnknownError(f"{requirement.inside!r} has no volume")
+        return share, max(0.0, requirement.share - share)
+
+    def _collision(self, requirement: kinds.Collision) -> tuple[float, float]:
+        first, second = self.surfaces(requirement.entity), self.surfaces(requirement.other)
+        if (first & second).any():
+            raise UnknownError("the two entities share surfaces")
+        triangles = (self.entities.triangles_m(first), self.entities.triangles_m(second))
+        depth = solids.penetration_m(*triangles)
+        return depth, depth
+
+    def _facing(self, requirement: kinds.Facing) -> tuple[float, float]:
+        first = int(np.flatnonzero(self.surfaces(requirement.entity))[0])
+        here = self._middle(requirement.entity)
+        angle = solids.facing_angle_deg(
+            self.scene.snapshot.world_from_mesh[first], here, self._middle(requirement.towards)
+        )
+        if angle is None:
+            raise UnknownError("one has no direction on the ground")
+        return angle, angle
+
+    def _layout(self, requirement: kinds.Layout) -> tuple[float, float]:
+        deviation = solids.step_deviation([self._middle(name) for name in requirement.entities])
+        if deviation is None:
+            raise UnknownError("all of them are in one place")
+        return deviation, deviation
+
+    def _middle(self, name: str) -> NDArray[np.float64]:
+        points = self.points(name)
+        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
+
+    # In the picture.
+
+    @cached_property
+    def buffers(self) -> Buffers:
+        return surface_view(self.scene, self.size_wh)
+
+    def mask(self, name: str) -> Mask:
+        surfaces = self.surfaces(name)
+        # The last entry is for -1: nothing is hit.
+        return np.asarray(np.append(surfaces, False)[self.buffers.instance])
+
+    def region(self, name: str) -> Mask:
+        if self.evidence is None:
+            raise UnknownError("there is no evidence")
+        region = self.evidence.region(name)
+        if region is None:
+            raise UnknownError(f"the evidence has no region {name!r}")
+        return self.evidence.mask(region)
+
+    def _shapes(self, mask: Mask, region: Mask) -> tuple[residuals.Shape, residuals.Shape]:
+        shapes = []
+        for pixels, whose in ((mask, "visible mask"), (region, "region")):
+            shape = residuals.shape_of(pixels)
+            if shape is None or shape.area_px < residuals.SMALLEST_PX:
+                area = shape.area_px if shape else 0
+                raise UnknownError(f"the {whose} has {area} pixels, fewer than 16")
+            shapes.append(shape)
+        return shapes[0], shapes[1]
+
+    def _picture(
+        self, requirement: kinds.Centroid | kinds.Extent | kinds.Overlap | kinds.Boundary
+    ) -> tuple[float, float]:
+        mask, region = self.mask(requirement.entity), self.region(requirement.region)
+        shapes = self._shapes(mask, region)
+        if isinstance(requirement, kinds.Centroid):
+            offset = math.hypot(*residuals.centroid_offset(*shapes, self.size_wh))
+            return offset, offset
+        if isinstance(requirement, kinds.Extent):
+            worst = max(map(abs, residuals.extent_ratio(*shapes)))
+            return worst, worst
+        if isinstance(requirement, kinds.Overlap):
+            iou = residuals.overlap(mask, region)
+            return iou, 1.0 - iou
+        distance = residuals.boundary_distance_px(mask, region)
+        return distance, distance
+
+    # Depth and light.
+
+    def _pair(self, entity: str, region: str) -> tuple[float, float] | None:
+        both = self.mask(entity) & self.region(region)
+        return residuals.median_pair(self.buffers.depth_z_m, self._disparity, both)
+
+    @property
+    def _disparity(self) -> NDArray[np.float64]:
+        if self.evidence is None or self.evidence.disparity is None:
+            raise UnknownError("the evidence has no depth")
+        return self.evidence.disparity
+
+    def _depth(self, requirement: kinds.Depth) -> tuple[float, float]:
+        own = [region for entity, region in requirement.matched if entity == requirement.entity]
+        if not own:
+            raise UnknownError(f"{requirement.entity!r} is not among the matched")
+        pairs = [self._pair(*match) for match in requirement.matched]
+        fit = residuals.fit_depth([pair for pair in pairs if pair is not None])
+        if fit is None:
+            known = sum(pair is not None for pair in pairs)
+            raise UnknownError(f"no fit of depth over {known} matched regions with 16 pixels each")
+        both = self.mask(requirement.entity) & self.region(own[0])
+        log = residuals.depth_residual(fit, self.buffers.depth_z_m, self._disparity, both)
+        if log is None:
+            raise UnknownError("fewer than 16 pixels have both depths")
+        return log, abs(log)
+
+    def _depth_order(self, requirement: kinds.DepthOrder) -> tuple[float, float]:
+        pairs = [self._pair(*match) for match in requirement.matched]
+        known = [pair for pair in pairs if pair is not None]
+        if len(known) < len(pairs):
+            raise UnknownError(
+                f"{len(pairs) - len(known)} of {len(pairs)} have no 16 pixels of both"
+            )
+        share, tau = residuals.inversions([p[0] for p in known], [p[1] for p in known])
+        return tau, share
+
+    def _luminance(self, requirement: kinds.Luminance) -> tuple[float, float]:
+        region = self.region(requirement.region)
+        if self.luma is None or self.photo_luma is None:
+            raise UnknownError("nothing was rendered")
+        if np.count_nonzero(region) < residuals.SMALLEST_PX:
+            raise UnknownError("the region has fewer than 16 pixels")
+        ours, theirs = (float(x[region].mean()) for x in (self.luma, self.photo_luma))
+        return ours - theirs, abs(ours - theirs)
+
+
+def _tolerance(requirement: Requirement) -> float:
+    match requirement:
+        case kinds.Support():
+            return requirement.tolerance_m
+        case kinds.Collision():
+            return requirement.slack_m
+        case kinds.Facing():
+            return requirement.tolerance_deg
+        case kinds.Boundary():
+            return requirement.tolerance_px
+        case kinds.ValidTransform():
+            return requirement.ratio
+        case kinds.Existence() | kinds.Dimensions() | kinds.Containment() | kinds.Visibility():
+            return 0.0
+        case _:
+            return requirement.tolerance

@@ -1,0 +1,94 @@
+"""The state of a saved copy of a scene: its snapshot, and what a transaction compares."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from legoworld.records.base import canonical, to_record
+from legoworld.records.plugin_state import EntityState, SceneState
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.snapshot import Snapshot, load
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveScene:
+    """A copy of the live scene, read: what it shows and the state it was in."""
+
+    snapshot: Snapshot
+    state: SceneState
+
+
+def read_live(blend: Path, blender: BlenderProcess) -> LiveScene:
+    """Read a saved copy of a live scene. Raises the verdicts of `read_scene`.
+
+    The geometry signature is the snapshot's content hash: the one `readout` records for the same
+    file once it is frozen.
+    """
+    output = blender.workspace("legoworld-live-") / "live.snapshot"
+    answer = blender.request(
+        {"kind": "state", "blend": str(blend.resolve()), "output": str(output)}
+    )
+    snapshot, content = load(output, passing=True)
+    states = to_record(tuple[EntityState, ...], answer["objects"])
+    return LiveScene(
+        snapshot=snapshot,
+        state=scene_state(snapshot, content, states, answer["camera"], answer["hashes"]),
+    )
+
+
+def scene_state(
+    snapshot: Snapshot,
+    content_sha256: str,
+    states: tuple[EntityState, ...],
+    camera: str | None,
+    hashes: dict[str, str],
+) -> SceneState:
+    """A state with the placements of a snapshot, signed."""
+    import msgspec
+
+    placed = placement_sha256(snapshot)
+    unsigned = SceneState(
+        objects=tuple(
+            msgspec.structs.replace(o, placement_sha256=placed.get((o.name, o.library)))
+            for o in states
+        ),
+        camera=camera,
+        camera_sha256=hashes["camera"],
+        render_sha256=hashes["render"],
+        world_sha256=hashes["world"],
+        collections_sha256=hashes["collections"],
+        geometry_signature=content_sha256,
+        scene_signature="",
+    )
+    signature = hashlib.sha256(canonical(unsigned).encode()).hexdigest()
+    return msgspec.structs.replace(unsigned, scene_signature=signature)
+
+
+def placement_sha256(snapshot: Snapshot) -> dict[tuple[str, str | None], str]:
+    """By object (name, library): a hash of its meshes and of where they stand in the world.
+
+    An object that is instanced has all of its placements in it, in the snapshot's order.
+    """
+    owner = snapshot.occurrence_object[snapshot.surface_occurrence]
+    meshes = [_mesh_digest(snapshot, m) for m in range(len(snapshot.vertex_start) - 1)]
+    digests: dict[tuple[str, str | None], str] = {}
+    for index in np.unique(owner).tolist():
+        digest = hashlib.sha256()
+        for surface in np.flatnonzero(owner == index).tolist():
+            digest.update(meshes[snapshot.surface_mesh[surface]])
+            digest.update(snapshot.world_from_mesh[surface].tobytes())
+        named = snapshot.objects[index]
+        digests[(named.name, named.library)] = digest.hexdigest()
+    return digests
+
+
+def _mesh_digest(snapshot: Snapshot, mesh: int) -> bytes:
+    vertices = slice(*snapshot.vertex_start[mesh : mesh + 2].tolist())
+    triangles = slice(*snapshot.triangle_start[mesh : mesh + 2].tolist())
+    digest = hashlib.sha256(np.ascontiguousarray(snapshot.vertices[vertices]).data)
+    digest.update(np.ascontiguousarray(snapshot.triangles[triangles]).data)
+    return digest.digest()

@@ -1,0 +1,74 @@
+"""evidence.json: what a photo says about the scene, from providers that never saw the scene."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from legoworld.records.base import Record
+
+Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
+Side = Annotated[int, Meta(ge=1, le=1 << 15)]
+
+
+class PhotoEvidence(Record, frozen=True, kw_only=True):
+    """The photo that everything else is about; sizes in pixels."""
+
+    file_name: str
+    sha256: Sha256
+    width: Side
+    height: Side
+
+
+class Region(Record, frozen=True, kw_only=True):
+    """One image region. counts: COCO's compressed RLE at the photo's size, column by column.
+
+    name: unique in its file. category and score: the provider's, null where it gives none.
+    source: what drew it, as a person would look it up ("polygons of outline.json", "sam3").
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=200)]
+    counts: str
+    area_px: Annotated[int, Meta(ge=0)]
+    bbox_xywh_px: tuple[int, int, int, int]
+    category: str | None
+    score: float | None
+    source: str
+
+
+class DepthEvidence(Record, frozen=True, kw_only=True):
+    """Relative depth at the photo's size, in depth.npz beside evidence.json (`values`, float32).
+
+    space: "depth" grows with distance, "disparity" falls with it; neither has a scale.
+    """
+
+    sha256: Sha256
+    space: Literal["depth", "disparity"]
+    source: str
+
+
+class CameraEvidence(Record, frozen=True, kw_only=True):
+    """What the photo tells about its camera.
+
+    hfov_deg: horizontal field of view of the full width, degrees. world_from_cam_rotation: rows of
+    the rotation from OpenCV camera axes (x right, y down, z forward) to a z-up Manhattan frame;
+    null where vanishing points cannot tell, and `unknown` says why.
+    """
+
+    hfov_deg: float | None
+    hfov_source: str | None
+    world_from_cam_rotation: Rows | None
+    rotation_source: str | None
+    unknown: str | None
+
+
+class EvidenceFile(Record, frozen=True, kw_only=True):
+    """evidence.json; regions sorted by name."""
+
+    schema_version: Literal[1] = 1
+    photo: PhotoEvidence
+    regions: tuple[Region, ...]
+    depth: DepthEvidence | None
+    camera: CameraEvidence

@@ -1,0 +1,199 @@
+"""Requirements on a scene, and what measuring them gave."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from legoworld.records.base import Record
+
+#: An object, with what is parented to it, or a collection, with what is below it.
+Entity = Annotated[str, Meta(min_length=1, max_length=300)]
+Positive = Annotated[float, Meta(gt=0)]
+Share = Annotated[float, Meta(ge=0, le=1)]
+
+
+class _Requirement(Record, frozen=True, kw_only=True, tag_field="kind"):
+    """hard: a fail or an unknown blocks; otherwise it warns."""
+
+    hard: bool = True
+
+
+class Existence(_Requirement, frozen=True, kw_only=True, tag="existence"):
+    """The entity is in the scene and has a surface that renders."""
+
+    entity: Entity
+
+
+class ValidTransform(_Requirement, frozen=True, kw_only=True, tag="valid_transform"):
+    """Placements are finite and neither flat nor mirrored; ratio: largest over smallest scale."""
+
+    entity: Entity
+    ratio: Positive = 100.0
+
+
+class Dimensions(_Requirement, frozen=True, kw_only=True, tag="dimensions"):
+    """The sides of the entity's axis-aligned world box, metres, lie between low and high."""
+
+    entity: Entity
+    low_m: tuple[float, float, float]
+    high_m: tuple[float, float, float]
+
+
+class Support(_Requirement, frozen=True, kw_only=True, tag="support"):
+    """Straight below the entity's lowest points, another surface is within tolerance_m.
+
+    on: the entity that must carry it, null for any.
+    """
+
+    entity: Entity
+    on: Entity | None = None
+    tolerance_m: Positive = 0.01
+
+
+class Containment(_Requirement, frozen=True, kw_only=True, tag="containment"):
+    """At least `share` of the entity's vertices lie in the convex hull of `inside`."""
+
+    entity: Entity
+    inside: Entity
+    share: Share = 1.0
+
+
+class Collision(_Requirement, frozen=True, kw_only=True, tag="collision"):
+    """Two entities do not reach into each other by more than slack_m."""
+
+    entity: Entity
+    other: Entity
+    slack_m: Positive = 0.005
+
+
+class Facing(_Requirement, frozen=True, kw_only=True, tag="facing"):
+    """Seen from above, the entity's front (its own -Y axis, as in Blender) points at another."""
+
+    entity: Entity
+    towards: Entity
+    tolerance_deg: Positive = 15.0
+
+
+class Layout(_Requirement, frozen=True, kw_only=True, tag="layout"):
+    """Entities in a row: their centres step evenly, within `tolerance` of the mean step."""
+
+    entities: Annotated[tuple[Entity, ...], Meta(min_length=3, max_length=1000)]
+    tolerance: Positive = 0.1
+
+
+class Visibility(_Requirement, frozen=True, kw_only=True, tag="visibility"):
+    """The camera sees at least area_px pixels of the entity, at the photo's size."""
+
+    entity: Entity
+    area_px: Annotated[int, Meta(ge=1)] = 16
+
+
+class Centroid(_Requirement, frozen=True, kw_only=True, tag="centroid"):
+    """Centroids of visible mask and region: (du / W, dv / H), its length within tolerance."""
+
+    entity: Entity
+    region: str
+    tolerance: Positive = 0.02
+
+
+class Extent(_Requirement, frozen=True, kw_only=True, tag="extent"):
+    """Extents of visible mask and region: the larger |log| of the width and height ratios."""
+
+    entity: Entity
+    region: str
+    tolerance: Positive = 0.10
+
+
+class Overlap(_Requirement, frozen=True, kw_only=True, tag="overlap"):
+    """IoU of visible mask and region; the residual is 1 - IoU."""
+
+    entity: Entity
+    region: str
+    tolerance: Positive = 0.5
+
+
+class Boundary(_Requirement, frozen=True, kw_only=True, tag="boundary"):
+    """Mean distance of both outlines to each other, pixels."""
+
+    entity: Entity
+    region: str
+    tolerance_px: Positive = 8.0
+
+
+class Depth(_Requirement, frozen=True, kw_only=True, tag="depth"):
+    """Depth of the entity under the photo's relative depth, after one fit over `matched`.
+
+    matched: pairs of entity and region, this one among them; at least three are needed.
+    """
+
+    entity: Entity
+    matched: tuple[tuple[Entity, str], ...]
+    tolerance: Positive = 0.10
+
+
+class DepthOrder(_Requirement, frozen=True, kw_only=True, tag="depth_order"):
+    """Entities stand in the regions' order of depth; the residual is the share of inversions."""
+
+    matched: Annotated[tuple[tuple[Entity, str], ...], Meta(min_length=2)]
+    tolerance: Annotated[float, Meta(ge=0)] = 0.0
+
+
+class Luminance(_Requirement, frozen=True, kw_only=True, tag="luminance"):
+    """Mean Rec. 709 luma over the region: of the photo and of a small fixed render."""
+
+    region: str
+    tolerance: Positive = 0.10
+
+
+Requirement = (
+    Existence
+    | ValidTransform
+    | Dimensions
+    | Support
+    | Containment
+    | Collision
+    | Facing
+    | Layout
+    | Visibility
+    | Centroid
+    | Extent
+    | Overlap
+    | Boundary
+    | Depth
+    | DepthOrder
+    | Luminance
+)
+
+
+class Result(Record, frozen=True, kw_only=True):
+    """One requirement measured.
+
+    measurement: the value itself (a distance, an IoU, an angle); residual: how far it is from what
+    is required, in the unit of the tolerance. The verdict is pass exactly when the residual is at
+    most the tolerance. Both are null where there is nothing to measure; `reason` then says why, and
+    the verdict is unknown, or fail where that itself breaks the requirement (nothing below it).
+    """
+
+    requirement: Requirement
+    verdict: Literal["pass", "fail", "unknown"]
+    measurement: float | None
+    residual: float | None
+    tolerance: float
+    reason: str | None = None
+
+
+class Report(Record, frozen=True, kw_only=True):
+    """All results about one state of the scene; stale as soon as its signature is another.
+
+    blocked: a hard requirement failed or is unknown.
+    """
+
+    schema_version: Literal[1] = 1
+    scene_signature: str
+    geometry_signature: str
+    photo_sha256: str | None
+    size_wh: tuple[int, int]
+    results: tuple[Result, ...]
+    blocked: bool
