@@ -20,6 +20,13 @@ from legoworld.pluralize import counted, share, word_for
     "photos].",
 )
 @click.option(
+    "--scenes",
+    "scenes",
+    multiple=True,
+    type=options.EXISTING_FOLDER,
+    help="Where the scene folders lie, for renders and 3D; may be given again [default: without].",
+)
+@click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -30,6 +37,7 @@ from legoworld.pluralize import counted, share, word_for
 def command(
     folders: tuple[Path, ...],
     photos: Path | None,
+    scenes: tuple[Path, ...],
     output: Path,
     as_json: bool,
     quiet: bool,
@@ -44,15 +52,16 @@ def command(
     Examples:
       legoworld report evals/coco --photos photos -o report.html
       legoworld report evals/coco evals/lvis evals/depth --photos photos -o report.html
-      legoworld report comparisons/coco --photos photos -o report.html
+      legoworld report comparisons/coco --photos photos --scenes scenes -o report.html
     """
     from legoworld.report.document import page_document
     from legoworld.report.page_file import write_page
     from legoworld.report.sources import read_sources
 
-    document = page_document(read_sources(folders), photos)
+    document = page_document(read_sources(folders), photos, scenes)
     words = ["legoworld", "report", *(f.resolve().name for f in folders)]
     words += ["--photos", "PHOTOS"] if photos else []
+    words += ["--scenes", "SCENES"] * len(scenes)
     written = write_page(document, output, commands=[shlex.join([*words, "-o", "report.html"])])
     missing = sum(view.photo is None for view in document.views)
     if missing:

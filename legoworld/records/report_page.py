@@ -11,11 +11,16 @@ Facts = tuple[tuple[str, str], ...]
 
 
 class Advice(Record, frozen=True, kw_only=True):
-    """One finding. level: bad costs score, warn may, note explains. do: what helps, if anything."""
+    """One finding. level: bad costs score, warn may, note explains. do: what helps, if anything.
+
+    truths, predictions: positions of what it is about, in the view and in the side's answer.
+    """
 
     level: Literal["bad", "warn", "note"]
     what: str
     do: str = ""
+    truths: tuple[int, ...] = ()
+    predictions: tuple[int, ...] = ()
 
 
 class FactTable(Record, frozen=True, kw_only=True):
@@ -40,8 +45,13 @@ class Drawn(Record, frozen=True, kw_only=True):
 
 
 class DrawnPrediction(Drawn, frozen=True, kw_only=True):
-    """A prediction. s: score; o: outcome at IoU 0.5; k: error kind; t: truth meant; i: IoU."""
+    """A prediction. s: score; o: outcome at IoU 0.5; k: error kind; t: truth meant; i: IoU.
 
+    n: what the scene calls it; m: its objects, by their names in scene.glb.
+    """
+
+    n: str | UnsetType = UNSET
+    m: tuple[str, ...] | UnsetType = UNSET
     s: int | float
     o: str
     k: str | None
@@ -49,14 +59,44 @@ class DrawnPrediction(Drawn, frozen=True, kw_only=True):
     i: float | None
 
 
+class PageCamera(Record, frozen=True, kw_only=True):
+    """The camera a scene was read out with. world_from_cam: 3 x 4, z up, the camera's z forward.
+
+    fx, fy, cx, cy in pixels of size_wh; of an orthographic camera fx, fy are pixels per metre.
+    """
+
+    world_from_cam: tuple[tuple[float, ...], ...]
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    orthographic: bool
+    size_wh: tuple[int, int]
+
+
+class PageScene(Record, frozen=True, kw_only=True):
+    """What the page shows of a scene folder.
+
+    render, glb: places among the page's renders and scenes, None with the reason in render_said and
+    glb_said; camera: None where the run recorded none.
+    """
+
+    render: int | None
+    render_said: str
+    glb: int | None
+    glb_said: str
+    camera: PageCamera | None
+
+
 class Answer(Record, frozen=True, kw_only=True):
-    """What one side made of a photo."""
+    """What one side made of a photo. scene: of a side that reads scenes, where they were given."""
 
     label: str
     status: str
     facts: Facts
     tables: tuple[FactTable, ...]
     advice: tuple[Advice, ...]
+    scene: PageScene | None = None
 
 
 class DetectionAnswer(Answer, frozen=True, kw_only=True):
@@ -124,13 +164,13 @@ class PhotoCell(Record, frozen=True, kw_only=True):
 
 
 class DetectionCell(PhotoCell, frozen=True, kw_only=True):
-    """Of boxes or masks."""
+    """Of boxes or masks. errors: kind and category id of its errors, each pair once."""
 
     quality: float | None
     tp: int
     fp: int
-    unfound: int
-    kinds: tuple[str, ...]
+    fn: int
+    errors: tuple[tuple[str, int], ...]
 
 
 class DepthCell(PhotoCell, frozen=True, kw_only=True):

@@ -7,6 +7,7 @@ from legoworld.records.comparison import Better, Comparison, Dropped, Images, Le
 from legoworld.records.evaluation_summary import Evaluator, Ties
 from legoworld.records.evidence import Input
 from legoworld.records.report_page import Facts, PhotoRow
+from legoworld.records.report_summary import FirstScreen, Plots
 
 
 class NumberCell(Record, frozen=True, kw_only=True):
@@ -187,6 +188,7 @@ class PageSection(Record, frozen=True, kw_only=True):
     comparison: Comparison | None
     pairs: tuple[ComparedPair, ...]
     compared: str | None
+    first: FirstScreen
     attempted: int = 0
     evaluators: tuple[Evaluator, ...] = ()
     partial: tuple[str, ...] = ()
@@ -200,3 +202,4 @@ class PageSection(Record, frozen=True, kw_only=True):
     errors: tuple[ErrorCounts, ...] = ()
     names: dict[str, str] | UnsetType = UNSET
     images: tuple[PhotoRow, ...] = ()
+    plots: Plots = Plots()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.pluralize import counted
@@ -25,8 +25,8 @@ _LOOSE_IOU: Final = 0.75
 _NEAR_IOU: Final = 0.3
 #: Why a prediction is not counted, by its outcome.
 _NOT_COUNTED: Final = {
-    "unverified": ", in a category that is not annotated in this photo",
-    "ignored": ", which the evaluator ignores in this photo",
+    "unverified": ", in a category that is not annotated in this image",
+    "ignored": ", which the evaluator ignores in this image",
     "over_cap": ", beyond the evaluator's cap",
 }
 #: What became of a labelled object without a pixel, by the readout's word, and what helps.
@@ -60,7 +60,7 @@ def detection_advice(
         if scene:
             found += _labels(side.run_row)
     if not scene:
-        found = [Advice(level=a.level, what=a.what) for a in found]
+        found = [replace(a, do="") for a in found]
     found += [Advice(level="warn", what=str(w)) for w in side.run_row.get("warnings") or ()]
     return sorted_advice(found)
 
@@ -83,25 +83,28 @@ def _missed(
 ) -> list[Advice]:
     """Truths that nothing counted is near: covered by what is not counted, or not there at all."""
     covered = {p.truth for p in parts}
-    missed, found = [], []
+    found: list[Advice] = []
+    by_name: dict[str, list[int]] = {}
     for g, (truth, state) in enumerate(zip(image.truths, side.errors.truth, strict=True)):
         cover = side.errors.cover[g]
         if state != "missed" or g in covered:
             continue
+        name = names[truth.category_id]
         if cover is None:
-            missed.append(truth)
+            by_name.setdefault(name, []).append(g)
         else:
             iou = side.errors.cover_iou[g] or 0.0
-            found.append(_covered(task, names[truth.category_id], side.entries[cover], names, iou))
-    by_name = Counter(names[t.category_id] for t in missed)
+            one = _covered(task, name, side.entries[cover], names, iou)
+            found.append(replace(one, truths=(g,), predictions=(cover,)))
     unlabelled = [str(u["name"]) for u in side.run_row.get("unlabelled") or ()]
-    for name, n in sorted(by_name.items(), key=lambda x: (-x[1], x[0])):
+    for name, missed in sorted(by_name.items(), key=lambda x: (-len(x[1]), x[0])):
         alike = [u for u in unlabelled if _alike(name, u)]
         if alike:
             do = f"{_quoted(alike)} has no category: if that is it, set category = {name}"
         else:
             do = "build it, or label the object that shows it (objects without category: below)"
-        found.append(Advice(level="bad", what=f"missed: {n} x {name}", do=do))
+        what = f"missed: {len(missed)} x {name}"
+        found.append(Advice(level="bad", what=what, do=do, truths=tuple(missed)))
     if not side.entries:
         found.append(
             Advice(
@@ -130,11 +133,12 @@ def _parts(image: DetectionImage, parts: Sequence[Parts], names: Mapping[int, st
     for p in parts:
         name = names[image.truths[p.truth].category_id]
         what = (
-            f"{len(p.predictions)} x {name} are parts of one {name} of the truth: together they "
+            f"{len(p.predictions)} x {name} are parts of one annotated {name}: together they "
             f"cover it (IoU {p.together_iou:.2f}, the best alone {p.best_iou:.2f})"
         )
         do = "label the whole once: the category on the parts' parent or collection, not on each"
-        found.append(Advice(level="bad", what=what, do=do))
+        about = {"truths": (p.truth,), "predictions": tuple(p.predictions)}
+        found.append(Advice(level="bad", what=what, do=do, **about))
     return found
 
 
@@ -146,7 +150,8 @@ def _false(
     parts: Sequence[Parts],
 ) -> list[Advice]:
     """A finding of every false positive that is no part, the same ones together."""
-    found: Counter[Advice] = Counter()
+    found: dict[Advice, list[int]] = {}
+    about: dict[Advice, list[int]] = {}
     told = {d for p in parts for d in p.predictions}
     for d, p in enumerate(drawn_predictions(task, image, side)):
         if p.k is None or d in told:
@@ -155,22 +160,29 @@ def _false(
         truth = None if t is None else image.truths[t]
         whole = lone_part(task, image, d, side) if p.k in ("background", "both") else None
         if whole is not None:
-            found[_part_alone(names[p.c], side.errors.truth[whole])] += 1
+            one, t = _part_alone(names[p.c], side.errors.truth[whole]), whole
         else:
             taken = t is not None and side.errors.truth[t] == "found"
-            found[_false_one(p, truth, names, taken=taken)] += 1
+            one = _false_one(p, truth, names, taken=taken)
+        found.setdefault(one, []).append(d)
+        about.setdefault(one, []).extend([] if t is None else [t])
     return [
-        Advice(level=a.level, what=f"{n} x {a.what}" if n > 1 else a.what, do=a.do)
-        for a, n in found.items()
+        replace(
+            a,
+            what=f"{len(which)} x {a.what}" if len(which) > 1 else a.what,
+            truths=tuple(about[a]),
+            predictions=tuple(which),
+        )
+        for a, which in found.items()
     ]
 
 
 def _part_alone(name: str, state: str) -> Advice:
     """A small thing of a category inside a truth of it."""
-    again = " that is found already" if state == "found" else ""
+    again = " that is detected already" if state == "found" else ""
     return Advice(
         level="bad",
-        what=f"{name} is a small part of a {name} of the truth{again}",
+        what=f"{name} is a small part of an annotated {name}{again}",
         do="label the whole object, not a part of it",
     )
 
@@ -183,7 +195,7 @@ def _false_one(
     if truth is None:
         return Advice(
             level="bad",
-            what=f"{name} where the truth has nothing",
+            what=f"{name} where nothing is annotated",
             do="not in the photo, or not annotated there: remove it or its category",
         )
     overlap = drawn.i or 0.0
@@ -191,25 +203,25 @@ def _false_one(
     if drawn.k == "both" and overlap < _NEAR_IOU:
         return Advice(
             level="bad",
-            what=f"{name} where the truth has nothing; nearest: {other} {iou}",
+            what=f"{name} where nothing is annotated; nearest: {other} {iou}",
             do="not in the photo, or not annotated there: remove it or its category",
         )
     off = _edges(drawn.box, truth.bbox)
     what, do = {
         "classification": (
-            f"{name} stands where the truth has {other} {iou}",
+            f"{name} stands where the annotation is {other} {iou}",
             f"if it is one, set category = {other} on it",
         ),
         "localisation": (
-            f"{name} overlaps its truth too little {iou}: {off}",
+            f"{name} overlaps its object too little {iou}: {off}",
             _how_to_fit(drawn, truth, taken=taken),
         ),
         "both": (
-            f"{name} overlaps only another category's truth, {other} {iou}, too little: {off}",
+            f"{name} overlaps only an object of another category, {other} {iou}, too little: {off}",
             "check what it stands for and where it is",
         ),
         "duplicate": (
-            f"one more {name} on a truth that is found already {iou}",
+            f"a second {name} on an object that is detected already {iou}",
             "label the whole object once: a category on its parent or collection",
         ),
     }[str(drawn.k)]
@@ -220,7 +232,7 @@ def _how_to_fit(drawn: DrawnPrediction, truth: TrueAnnotation, *, taken: bool) -
     """What helps a prediction that overlaps a truth of its category too little."""
     if taken:
         return (
-            "another one has found that truth: if this is another object, move it to its place; "
+            "another one has that object already: if this is another object, move it to its place; "
             "if not, remove it"
         )
     fits = overlaps(np.array([drawn.box]), np.array([truth.bbox]), [0])[0, 0] >= _LOOSE_IOU
@@ -231,19 +243,22 @@ def _how_to_fit(drawn: DrawnPrediction, truth: TrueAnnotation, *, taken: bool) -
 
 def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> list[Advice]:
     pairs = [
-        (iou, names[image.truths[about].category_id])
-        for entry, about, iou in zip(side.entries, side.errors.about, side.errors.iou, strict=True)
+        (iou, names[image.truths[about].category_id], d)
+        for d, (entry, about, iou) in enumerate(
+            zip(side.entries, side.errors.about, side.errors.iou, strict=True)
+        )
         if entry.outcome_50 == "tp" and about is not None and iou is not None
     ]
     loose = sorted(p for p in pairs if p[0] < _LOOSE_IOU)
     if not loose:
         return []
-    listed = ", ".join(f"{name} {iou:.2f}" for iou, name in loose)
+    listed = ", ".join(f"{name} {iou:.2f}" for iou, name, _ in loose)
     return [
         Advice(
             level="warn",
-            what=f"found, but with an IoU below {_LOOSE_IOU}: {listed}",
+            what=f"detected, but with an IoU below {_LOOSE_IOU}: {listed}",
             do="fit size and place to the photo: AP averages over IoU 0.50 to 0.95",
+            predictions=tuple(d for _, _, d in loose),
         )
     ]
 
@@ -253,8 +268,8 @@ def _counted(side: SideImage) -> list[Advice]:
     found = []
     if row.n_unverified:
         are = counted(row.n_unverified, "prediction is", "predictions are")
-        what = f"{are} of categories nobody checked in this photo"
-        found.append(Advice(level="note", what=f"{what}: LVIS neither rewards nor punishes that"))
+        what = f"{are} of categories that are not annotated in this image"
+        found.append(Advice(level="note", what=f"{what}: LVIS does not count them"))
     if row.n_lost_to_cap:
         are = counted(row.n_lost_to_cap, "prediction is", "predictions are")
         what = f"{are} beyond the evaluator's cap"

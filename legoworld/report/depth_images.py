@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.view import decoded
@@ -30,12 +31,17 @@ F32 = NDArray[np.float32]
 
 @dataclass(frozen=True, kw_only=True)
 class DepthImage:
-    """One photo. rows: each side's row; view: what the page draws, None where no side scored."""
+    """One photo. rows: each side's row; view: what the page draws, None where no side scored.
+
+    truth_z_m, aligned_z_m: the drawn arrays, None where there is none.
+    """
 
     rows: tuple[DepthRow, ...]
     run_rows: tuple[Row, ...]
     scenes: tuple[dict[str, Any] | None, ...]
     view: DepthDrawing | None
+    truth_z_m: F32 | None
+    aligned_z_m: tuple[F32 | None, ...]
 
 
 def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
@@ -43,11 +49,16 @@ def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
     for rows in zip(*(side.depth_rows for side in sides), strict=True):
         image_id = rows[0].image_id
         views = [side.depth_view(image_id) for side in sides]
+        known = next((v for v in views if v is not None), None)
         yield DepthImage(
             rows=rows,
             run_rows=tuple(side.run_rows[image_id] for side in sides),
             scenes=tuple((s.run.get("scenes") or {}).get(str(image_id)) for s in sides),
             view=depth_view(views),
+            truth_z_m=decoded(known.truth_z_m, known.size_wh) if known else None,
+            aligned_z_m=tuple(
+                None if v is None else decoded(v.aligned_z_m, v.size_wh) for v in views
+            ),
         )
 
 
@@ -104,7 +115,7 @@ def depth_advice(row: DepthRow, run_row: Row, *, scene: bool) -> tuple[Advice, .
     elif not found:
         found.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
     if not scene:
-        found = [Advice(level=a.level, what=a.what) for a in found]
+        found = [replace(a, do="") for a in found]
     warnings = {*row.warnings, *(run_row.get("warnings") or ())}
     found += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
     return sorted_advice(found)
@@ -128,7 +139,7 @@ def _scored(row: ScoredDepthRow) -> list[Advice]:
             Advice(
                 level="bad",
                 what=f"{row.hole_share:.1%} of the measured pixels have no geometry",
-                do="close floor, walls and background: under error_1 a hole is a whole error",
+                do="close floor, walls and background: under error_1 a hole is an error of 100 %",
             )
         )
     if row.outside_view_share > _MANY_HOLES:

@@ -51,8 +51,8 @@ class SideImage:
         return 2 * found.quality_sum / total if total else None
 
     @property
-    def unfound(self) -> int:
-        """Truths without a true positive at IoU 0.5, whatever hides them."""
+    def missed(self) -> int:
+        """False negatives at IoU 0.5: scored truths without a true positive."""
         return sum(state in ("missed", "reached") for state in self.errors.truth)
 
 

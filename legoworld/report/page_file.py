@@ -1,4 +1,4 @@
-"""A page document to one HTML file; past some hundred views, pictures lie beside it."""
+"""A page document to one HTML file; what is too large for it lies beside it."""
 
 from __future__ import annotations
 
@@ -7,65 +7,97 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import jinja2
 from markupsafe import Markup
 
 from legoworld import __version__
-from legoworld.errors import LegoWorldError
-from legoworld.files import atomic_path, write_text
+from legoworld.files import write_text
 from legoworld.records.base import canonical
-from legoworld.report.document import PageDocument
+from legoworld.records.report_tables import PageSection
+from legoworld.report.beside import refuse_others, write_beside
 from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
+from legoworld.report.page_content import PageDocument
+from legoworld.report.page_script import SCRIPTS, page_script
 from legoworld.report.tables import NO_SPECIALIST
 
-PAGE: Final = Path(__file__).parent / "page"
 #: More views than this, or more bytes of them, and they lie beside the page.
 EMBEDDED_VIEWS: Final = 500
 EMBEDDED_BYTES: Final = 64 << 20
+#: More bytes of scenes than this, and they lie beside the page.
+EMBEDDED_SCENE_BYTES: Final = 16 << 20
 
 #: The first bytes of every page of ours: another file is never written over.
 MARK: Final = "<!doctype html>\n<!-- legoworld report -->"
-_SCRIPTS: Final = ("place.js", "elements.js", "masks.js", "drawing.js", "depth.js", "views.js",
-                   "detail.js", "lists.js", "main.js")  # fmt: skip
+#: three.js with what the page uses of it; tools/page builds it, a test holds it to that.
+THREE: Final = "three.bundle.js"
+#: What the scripts know of a section.
+_FOR_SCRIPTS: Final = ("key", "task", "title", "sides", "first", "plots", "categories", "errors",
+                       "images", "names")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenPage:
-    """beside: the folder of views and photos next to the page, None where all is inside."""
+    """beside: the folder of what lies next to the page, None where all is inside."""
 
     path: Path
     beside: Path | None
     n_bytes: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Beside:
+    """What lies in a folder next to the page."""
+
+    folder: str
+    pictures: bool
+    scenes: bool
+
+    @property
+    def any(self) -> bool:
+        """Whether there is such a folder."""
+        return self.pictures or self.scenes
+
+
 def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -> WrittenPage:
     """Write the page. LegoWorldError where another file or folder is in the way."""
-    _refuse_others(path)
+    refuse_others(path, MARK)
     views = [script_json(view) for view in document.views]
-    n_bytes = sum(map(len, views)) + sum(len(p) * 4 // 3 for p in document.photos)
-    beside = None
-    if len(views) > EMBEDDED_VIEWS or n_bytes > EMBEDDED_BYTES:
-        beside = path.with_name(f"{path.stem}_files")
-        _write_beside(beside, views, document.photos)
-    text = page_text(document, views, beside=beside.name if beside else None, commands=commands)
+    pictures = [*document.photos, *document.scenes.renders]
+    n_bytes = sum(map(len, views)) + sum(len(p) * 4 // 3 for p in pictures)
+    beside = Beside(
+        folder=f"{path.stem}_files",
+        pictures=len(views) > EMBEDDED_VIEWS or n_bytes > EMBEDDED_BYTES,
+        scenes=sum(map(len, document.scenes.glbs)) * 4 // 3 > EMBEDDED_SCENE_BYTES,
+    )
+    folder = path.with_name(beside.folder)
+    if beside.any:
+        write_beside(
+            folder,
+            views=views if beside.pictures else (),
+            pictures={"photo": document.photos, "render": document.scenes.renders}
+            if beside.pictures
+            else {},
+            scenes=document.scenes.glbs if beside.scenes else (),
+        )
+    text = page_text(document, views, beside=beside, commands=commands)
     write_text(path, text)
-    return WrittenPage(path=path, beside=beside, n_bytes=len(text.encode("utf-8")))
+    return WrittenPage(
+        path=path, beside=folder if beside.any else None, n_bytes=len(text.encode("utf-8"))
+    )
 
 
 def page_text(
-    document: PageDocument, views: Sequence[str], *, beside: str | None, commands: Sequence[str]
+    document: PageDocument, views: Sequence[str], *, beside: Beside, commands: Sequence[str]
 ) -> str:
-    """The HTML. beside: the folder that holds views and photos, None to put them inside."""
-    script = "".join((PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS)
-    script = f'(function () {{\n"use strict";\n{script}}})();\n'
-    style = (PAGE / "report.css").read_text(encoding="utf-8")
-    sections = [
-        {"key": s.key, "task": s.task, "sides": s.sides, **({"names": s.names} if s.sides else {})}
-        for s in document.sections
-    ]
-    places = [[v.section, v.id] for v in document.views]
+    """The HTML, with views, photos, renders and scenes in it or beside it."""
+    script = page_script()
+    three = (SCRIPTS / THREE).read_text(encoding="utf-8") if document.scenes.glbs else ""
+    style = (SCRIPTS / "report.css").read_text(encoding="utf-8")
+    texts = {} if beside.pictures else _texts("photo", document.photos)
+    texts |= {} if beside.pictures else _texts("render", document.scenes.renders)
+    texts |= {} if beside.scenes else _texts("scene", document.scenes.glbs)
     return (
         _environment()
         .get_template("report.html")
@@ -81,19 +113,44 @@ def page_text(
             said=sorted({v.said for v in document.views if v.said}),
             beside=beside,
             style=Markup(style),
-            script=Markup(script),
-            script_sha256=_sha256_base64(script),
-            data=_raw(script_json({"sections": sections, "views": places, "beside": beside})),
-            views=[] if beside else [_raw(v) for v in views],
-            photos=[] if beside else [base64.b64encode(p).decode("ascii") for p in document.photos],
+            scripts=[Markup(text) for text in (three, script) if text],
+            script_sha256=[_sha256_base64(text) for text in (three, script) if text],
+            data=_raw(script_json(_data(document, beside))),
+            views=[] if beside.pictures else [_raw(v) for v in views],
+            texts=texts,
         )
     )
+
+
+def _data(document: PageDocument, beside: Beside) -> dict[str, Any]:
+    """What the scripts start with; records.d.ts calls it PageData."""
+    return {
+        "sections": [_for_scripts(section) for section in document.sections],
+        "views": [[view.section, view.id] for view in document.views],
+        "kinds": list(KINDS),
+        "beside": {
+            "folder": beside.folder if beside.any else "",
+            "pictures": beside.pictures,
+            "scenes": beside.scenes,
+        },
+        "version": __version__,
+    }
+
+
+def _for_scripts(section: PageSection) -> dict[str, Any]:
+    given = {name: getattr(section, name) for name in _FOR_SCRIPTS}
+    return given if section.sides else given | {"names": {}}
+
+
+def _texts(kind: str, files: Sequence[bytes]) -> dict[str, str]:
+    """Base64 by the id of its script element."""
+    return {f"{kind}-{k}": base64.b64encode(f).decode("ascii") for k, f in enumerate(files)}
 
 
 def _environment() -> jinja2.Environment:
     """Templates in which every value is escaped, and one that is not given is an error."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(PAGE),
+        loader=jinja2.FileSystemLoader(SCRIPTS),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -109,42 +166,6 @@ def script_json(value: object) -> str:
     for sign in "<>&\u2028\u2029":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return text
-
-
-def _refuse_others(path: Path) -> None:
-    """Only a page of ours is written over."""
-    if not path.exists():
-        return
-    start = path.read_bytes()[: len(MARK)] if path.is_file() else b""
-    if start != MARK.encode("ascii"):
-        raise LegoWorldError(
-            f"{path.name} is in the way",
-            found="something that is not a page of legoworld",
-            expected="a new file name, or an earlier page",
-            next_step="choose another -o",
-        )
-
-
-def _write_beside(folder: Path, views: Sequence[str], photos: Sequence[bytes]) -> None:
-    """Views as scripts, since a page opened from file:// may load those; photos as they are."""
-    ours = ("view-*.js", "photo-*.webp")
-    if folder.is_dir():
-        known = {p for pattern in ours for p in folder.glob(pattern)}
-        strangers = sorted(p.name for p in folder.iterdir() if p not in known)
-        if strangers:
-            raise LegoWorldError(
-                f"{folder.name} is in the way",
-                found=", ".join(strangers[:5]),
-                expected="no such folder, or that of an earlier page",
-                next_step="choose another -o",
-            )
-        for path in known:
-            path.unlink()
-    for k, view in enumerate(views):
-        write_text(folder / f"view-{k:06}.js", f"legoworldView({k}, {view});\n")
-    for k, photo in enumerate(photos):
-        with atomic_path(folder / f"photo-{k:06}.webp") as temporary:
-            temporary.write_bytes(photo)
 
 
 def _sha256_base64(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from legoworld.evaluation.detection.inputs.masks import bounding_box
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -35,12 +36,16 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
     """Each prediction with what became of it."""
     masks = detection_protocol(task).iou_type == "segm"
     found = []
-    for entry, kind, about, iou in zip(
-        side.entries, side.errors.kind, side.errors.about, side.errors.iou, strict=True
+    for (entry, kind, about, iou), own in zip(
+        zip(side.entries, side.errors.kind, side.errors.about, side.errors.iou, strict=True),
+        _scene_objects(side),
+        strict=True,
     ):
         mask = mask_of(entry, image.image) if masks else None
         found.append(
             DrawnPrediction(
+                n=str(own["name"]) if own else UNSET,
+                m=tuple(map(str, own["objects"])) if own else UNSET,
                 c=entry.category_id,
                 s=entry.score,
                 o=entry.outcome_50,
@@ -52,6 +57,14 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
             )
         )
     return found
+
+
+def _scene_objects(side: SideImage) -> list[dict[str, Any] | None]:
+    """Name and objects of every prediction of a scene, which its run lists in the same order."""
+    exported = side.run_row.get("exported")
+    if not isinstance(exported, list) or len(exported) != len(side.entries):
+        return [None] * len(side.entries)
+    return exported
 
 
 def _text(mask: Mapping[str, object]) -> str:

@@ -11,6 +11,7 @@ from legoworld.comparison.folder import COMPARISON, KINDS, read_comparison
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.stored import Evaluated, checked, read_evaluation
 from legoworld.files import sha256_of_file
+from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode
 from legoworld.records.comparison import JOINED, KIND, Comparison, JoinedComparison
 from legoworld.records.folders.evaluation_reading import SUMMARY, read_evidence
 
@@ -44,6 +45,8 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     them. ReportInputError where they do not go together; EvaluationFolderError for a folder that
     is neither, EvaluationChangedError for one that was changed after it was written.
     """
+    for folder in folders:
+        _require_known_task(folder)
     sides: dict[Path, Evaluated] = {}
     comparisons: list[tuple[Comparison, tuple[Path, ...]]] = []
     for folder in folders:
@@ -68,6 +71,26 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     lone = [document for document, _ in comparisons if document not in shown]
     sections += [Section(key="", task=c.task, sides=(), comparison=c) for c in lone]
     return _with_keys(sections)
+
+
+class _OfTask(Record, frozen=True, kw_only=True):
+    task: str | UnsetType = UNSET
+
+
+def _require_known_task(folder: Path) -> None:
+    """ReportInputError for an evaluation or a comparison of a task that a page cannot show."""
+    for name in (SUMMARY, COMPARISON):
+        try:
+            task = decode(_OfTask, (folder / name).read_bytes()).task
+        except (OSError, RecordError):
+            continue  # whoever reads the file says what is wrong with it
+        if task is not UNSET and task not in _TASKS:
+            raise ReportInputError(
+                f"{folder.name} cannot be shown in a report",
+                found=f"task {task!r}",
+                expected=f"a task among {', '.join(_TASKS)}",
+                next_step="leave the folder out; its own files hold its numbers",
+            )
 
 
 def _truth_of(side: Evaluated) -> str:

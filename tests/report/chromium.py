@@ -1,13 +1,10 @@
-"""A headless Chromium on a pipe: the DevTools protocol needs no package, only the browser."""
+"""A headless Chromium by Playwright: the distribution's own browser, one page of it."""
 
 from __future__ import annotations
 
-import base64
 import contextlib
-import json
 import os
 import shutil
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +13,9 @@ from typing import Any
 import pytest
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-_PATIENCE_S = 60.0
+#: WebGL by software, so that the scene in 3D is drawn on a machine without a GPU, too.
+_ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+_PATIENCE_MS = 60_000
 
 
 def chromium_path() -> str:
@@ -31,151 +30,70 @@ def chromium_path() -> str:
 
 
 class Browser:
-    """One page of one browser process. said: what it complained about."""
+    """One page. said: what it complained about; asked: every address it loaded or wanted to."""
 
-    def __init__(self, process: subprocess.Popen[bytes], to: int, out: int) -> None:
-        self._process, self._to, self._out = process, to, out
-        self._buffer, self._count, self._session = b"", 0, None
-        self._events: list[dict[str, Any]] = []
+    def __init__(self, context: Any) -> None:
+        self.context = context
+        self.page = context.new_page()
+        self.page.set_default_timeout(_PATIENCE_MS)
         self.said: list[str] = []
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
-        self._session = attached["sessionId"]
-        for domain in ("Page", "Runtime", "Log"):
-            self.call(f"{domain}.enable")
-
-    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """The result of a DevTools method."""
-        self._count += 1
-        message = {"id": self._count, "method": method, "params": parameters}
-        if self._session:
-            message["sessionId"] = self._session
-        os.write(self._to, json.dumps(message).encode() + b"\0")
-        while True:
-            answer = self._read()
-            if answer.get("id") == self._count:
-                assert "error" not in answer, f"{method}: {answer['error']}"
-                return answer["result"]
-
-    def _read(self) -> dict[str, Any]:
-        while b"\0" not in self._buffer:
-            piece = os.read(self._out, 1 << 20)
-            assert piece, f"the browser has ended: {self._process.poll()}"
-            self._buffer += piece
-        text, _, self._buffer = self._buffer.partition(b"\0")
-        message = json.loads(text)
-        self._listen(message)
-        return message
-
-    def _listen(self, message: dict[str, Any]) -> None:
-        method, parameters = message.get("method"), message.get("params", {})
-        if method == "Runtime.exceptionThrown":
-            self.said.append(json.dumps(parameters["exceptionDetails"])[:500])
-        elif method == "Runtime.consoleAPICalled":
-            self.said.append(json.dumps(parameters["args"])[:500])
-        elif method == "Log.entryAdded":
-            self.said.append(parameters["entry"]["text"])
-        elif method == "Page.loadEventFired":
-            self._events.append(message)
+        self.asked: list[str] = []
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
 
     def open(self, path: Path, hash_text: str = "") -> float:
         """Load a file as if new; returns seconds until its load event."""
-        self._navigate("about:blank")
-        return self._navigate(path.resolve().as_uri() + hash_text)
-
-    def _navigate(self, url: str) -> float:
-        self._events.clear()
+        self.page.goto("about:blank")
+        self.asked.clear()
         start = time.perf_counter()
-        self.call("Page.navigate", url=url)
-        while not self._events:
-            self._read()
+        self.page.goto(path.resolve().as_uri() + hash_text)
         return time.perf_counter() - start
 
     def js(self, expression: str) -> Any:
         """The JSON value of an expression."""
-        found = self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
-        )
-        assert "exceptionDetails" not in found, found["exceptionDetails"]
-        return found["result"].get("value")
+        return self.page.evaluate(expression)
 
     def until(self, expression: str) -> None:
         """Wait for an expression to be true."""
-        end = time.monotonic() + _PATIENCE_S
-        while time.monotonic() < end:
-            if self.js(f"Boolean({expression})"):
-                return
-            time.sleep(0.02)
-        raise AssertionError(f"never true: {expression}")
+        self.page.wait_for_function(expression)
 
     def key(self, name: str) -> None:
         """Press a key such as ArrowRight."""
-        code = {"ArrowLeft": 37, "ArrowRight": 39, "Escape": 27}[name]
-        for kind in ("keyDown", "keyUp"):
-            self.call(
-                "Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code
-            )
+        self.page.keyboard.press(name)
 
     def move_mouse(self, x: float, y: float) -> None:
         """Point at a place of the window, in CSS pixels."""
-        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+        self.page.mouse.move(x, y)
 
     def resize(self, width: int, height: int = 900) -> None:
         """The window's size in CSS pixels."""
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width, height=height, deviceScaleFactor=1, mobile=False,
-        )  # fmt: skip
+        self.page.set_viewport_size({"width": width, "height": height})
 
     def prefer(self, scheme: str) -> None:
         """Dark or light."""
-        feature = {"name": "prefers-color-scheme", "value": scheme}
-        self.call("Emulation.setEmulatedMedia", features=[feature])
+        self.page.emulate_media(color_scheme=scheme)
 
-    def picture(self, clip: dict[str, float] | None = None) -> bytes:
-        """The window, or a part of the page, as PNG."""
-        options = {"clip": {**clip, "scale": 1}, "captureBeyondViewport": True} if clip else {}
-        return base64.b64decode(
-            self.call("Page.captureScreenshot", format="png", **options)["data"]
-        )
+    def picture(self, selector: str | None = None) -> bytes:
+        """The window, or the first element that a selector finds, as PNG."""
+        if selector:
+            return self.page.locator(selector).first.screenshot()
+        return self.page.screenshot()
 
     def pdf(self) -> bytes:
         """The page as it prints."""
-        return base64.b64decode(self.call("Page.printToPDF")["data"])
+        return self.page.pdf()
 
 
 @contextlib.contextmanager
-def browser(profile: Path) -> Iterator[Browser]:
-    """A browser with a profile of its own, that ends with the block."""
-    down_read, down_write = os.pipe()
-    up_read, up_write = os.pipe()
-
-    def place_pipes() -> None:
-        """Chromium reads commands from descriptor 3 and writes to 4."""
-        os.dup2(down_read, 103)
-        os.dup2(up_write, 104)
-        os.dup2(103, 3)
-        os.dup2(104, 4)
-
-    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe"]
-    arguments += ["--no-first-run", "--disable-background-networking", f"--user-data-dir={profile}"]
-    process = subprocess.Popen(
-        [chromium_path(), *arguments],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        preexec_fn=place_pipes,
-        close_fds=False,
+def browser(**options: Any) -> Iterator[Browser]:
+    """A browser that ends with the block; options: of the context, such as has_touch."""
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="Playwright is not installed: pip install playwright"
     )
-    os.close(down_read)
-    os.close(up_write)
-    try:
-        yield Browser(process, down_write, up_read)
-    finally:
-        process.terminate()
+    with sync_api.sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=chromium_path(), args=_ARGUMENTS)
         try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        os.close(down_write)
-        os.close(up_read)
+            yield Browser(chromium.new_context(**options))
+        finally:
+            chromium.close()

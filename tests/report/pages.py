@@ -16,7 +16,8 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 
 from legoworld import cli
 from legoworld.evaluation.detection.evaluate import evaluate_detections
-from legoworld.report.document import PageDocument, page_document
+from legoworld.report.document import page_document
+from legoworld.report.page_content import PageDocument
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
 

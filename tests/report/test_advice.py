@@ -85,7 +85,7 @@ def test_a_missed_truth_that_an_uncounted_prediction_covers_is_built_already() -
     (said,) = advice("lvis", [(table, TABLE)], [((10, 20, 80, 59), DINING_TABLE, "unverified")])
     assert said == (
         "missed: 1 x table; dining_table covers it (IoU 0.98), in a category that is not annotated "
-        "in this photo => it is built already: if it is a table, set lvis_category = table on it"
+        "in this image => it is built already: if it is a table, set lvis_category = table on it"
     )
     assert "build it" in advice("lvis", [(table, TABLE)], [])[0]
     far = advice("lvis", [(table, TABLE)], [((10, 20, 30, 59), DINING_TABLE, "unverified")])
@@ -108,7 +108,7 @@ def test_two_labelled_parts_of_one_thing_are_one_finding(
     if right[0] == 22:
         truth = (10, 10, 25, 30)
     said = advice(task, [(truth, CUP)], [(left, CUP, outcome), (right, CUP, "fp")])
-    assert said[0].startswith("2 x cup are parts of one cup of the truth: together they cover it")
+    assert said[0].startswith("2 x cup are parts of one annotated cup: together they cover it")
     assert "label the whole once: the category on the parts' parent" in said[0]
     assert not any("move or resize" in s or "missed" in s for s in said)
 
@@ -116,7 +116,9 @@ def test_two_labelled_parts_of_one_thing_are_one_finding(
 def test_copies_of_the_whole_are_no_parts() -> None:
     whole = (10, 10, 40, 30)
     said = advice("coco", [(whole, CUP)], [(whole, CUP, "tp"), ((10, 10, 40, 29), CUP, "fp")])
-    assert [s.partition(" (")[0] for s in said] == ["one more cup on a truth that is found already"]
+    assert [s.partition(" (")[0] for s in said] == [
+        "a second cup on an object that is detected already"
+    ]
 
 
 def test_two_things_beside_each_other_are_no_parts() -> None:
@@ -125,7 +127,7 @@ def test_two_things_beside_each_other_are_no_parts() -> None:
         [((10, 10, 20, 30), CUP), ((60, 10, 20, 30), CUP)],
         [((10, 10, 20, 12), CUP, "fp"), ((60, 10, 20, 12), CUP, "fp")],
     )
-    assert [s.partition(" (")[0] for s in said] == ["2 x cup overlaps its truth too little"]
+    assert [s.partition(" (")[0] for s in said] == ["2 x cup overlaps its object too little"]
     assert said[0].endswith("move or resize it to the photo")
 
 
@@ -133,7 +135,7 @@ def test_a_lone_small_part_is_told_to_label_the_whole() -> None:
     (missed, part) = advice("coco", [((10, 10, 60, 60), CUP)], [((20, 20, 9, 9), CUP, "fp")])
     assert missed.startswith("missed: 1 x cup")
     assert part == (
-        "cup is a small part of a cup of the truth => label the whole object, not a part of it"
+        "cup is a small part of an annotated cup => label the whole object, not a part of it"
     )
 
 
@@ -141,7 +143,7 @@ def test_a_second_one_beside_a_found_truth_is_not_told_to_fit_it() -> None:
     truth = (10, 10, 40, 40)
     said = advice("coco", [(truth, CUP)], [(truth, CUP, "tp"), ((25, 25, 40, 40), CUP, "fp")])
     assert len(said) == 1
-    assert "another one has found that truth" in said[0]
+    assert "another one has that object already" in said[0]
 
 
 def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
@@ -171,12 +173,12 @@ def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
 def test_a_neighbour_is_not_what_a_prediction_stands_for() -> None:
     said = advice("coco", [((10, 10, 40, 40), TABLE)], [((30, 30, 40, 40), CUP, "fp")])
     assert any(
-        s.startswith("cup where the truth has nothing; nearest: table (IoU 0.14)") for s in said
+        s.startswith("cup where nothing is annotated; nearest: table (IoU 0.14)") for s in said
     )
 
 
 def test_a_baseline_is_told_what_and_not_what_to_do() -> None:
     halves = [((10, 10, 20, 30), CUP, "fp"), ((30, 10, 20, 30), CUP, "fp")]
     (said,) = advice("coco", [((10, 10, 41, 31), CUP)], halves, scene=False)
-    assert said.startswith("2 x cup are parts of one cup")
+    assert said.startswith("2 x cup are parts of one annotated cup")
     assert said.endswith("=> ")

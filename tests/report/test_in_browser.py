@@ -11,26 +11,34 @@ import cv2
 import numpy as np
 import pytest
 from evaluation.depth.folders import plane, write_arrays, write_run
-from evaluation.detection_runs import random_predictions, random_truth
+from evaluation.detection_runs import random_truth
 from report.chromium import Browser, browser
-from report.pages import HOSTILE, document_of, evaluated, page_of, write_photos, written
+from report.pages import (
+    HOSTILE,
+    document_of,
+    embedded,
+    evaluated,
+    page_of,
+    write_photos,
+    written,
+)
 
 from legoworld import cli
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.detection.inputs.masks import areas_px, compressed
 from legoworld.report import page_file
 
-LISTED = (
-    "Array.from(document.querySelectorAll('section:not([hidden]) [data-table=photos] tbody tr'))"
-)
 OVERHANG = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-SHOWN = f"{LISTED}.filter(r => !r.hidden).map(r => r.dataset.image)"
+SECTION = "section.task:not([hidden])"
+#: The cards of the gallery that exist now, in its order.
+CARDS = f"Array.from(document.querySelectorAll('{SECTION} [data-gallery] a.card'))"
+SHOWN = f"{CARDS}.map(a => a.dataset.image)"
+COUNT = f"document.querySelector('{SECTION} [data-count=photos]').textContent"
 
 
 @pytest.fixture(scope="module")
-def chrome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with browser(tmp_path_factory.mktemp("profile")) as opened:
-        opened.resize(1280)
+def chrome() -> Iterator[Browser]:
+    with browser(viewport={"width": 1280, "height": 900}) as opened:
         yield opened
 
 
@@ -64,7 +72,7 @@ def click(chrome: Browser, selector: str) -> None:
 
 def choose(chrome: Browser, name: str, value: str) -> None:
     chrome.js(
-        f"(() => {{ const i = document.querySelector('section:not([hidden]) [data-filter={name}]');"
+        f"(() => {{ const i = document.querySelector('{SECTION} [data-filter={name}]');"
         f" i.value = {json.dumps(value)}; i.dispatchEvent(new Event('input')); }})()"
     )
 
@@ -72,7 +80,7 @@ def choose(chrome: Browser, name: str, value: str) -> None:
 def test_it_opens_from_the_disk_and_asks_for_nothing(chrome: Browser, page: Path) -> None:
     chrome.open(page)
     assert chrome.js("location.protocol") == "file:"
-    assert chrome.js("performance.getEntriesByType('resource').map(e => e.name)") == []
+    assert [url for url in chrome.asked if not url.startswith("data:")] == [page.as_uri()]
     policy = "document.querySelector('meta[http-equiv]').content"
     assert chrome.js(policy).startswith("default-src 'none'")
     assert chrome.js("document.querySelectorAll('section.task:not([hidden])').length") == 1
@@ -89,33 +97,31 @@ def test_names_from_scenes_stay_text(chrome: Browser, page: Path) -> None:
         )
 
 
-def test_sorting_turns_and_ends_as_it_was(chrome: Browser, page: Path) -> None:
-    chrome.open(page, "#/coco")
+def test_the_gallery_sorts_as_the_address_says(chrome: Browser, page: Path) -> None:
+    chrome.open(page, "#/coco?tab=photos")
     before = chrome.js(SHOWN)
-    by_file = sorted(before, key=int)
-    button = "section:not([hidden]) [data-table=photos] [data-sort=file]"
-    click(chrome, button)
-    assert chrome.js(SHOWN) == by_file
+    assert len(before) == 12
+    choose(chrome, "sort", "file")
+    assert chrome.js(SHOWN) == sorted(before, key=int)
     assert "sort=file" in chrome.js("location.hash")
-    click(chrome, button)
-    assert chrome.js(SHOWN) == by_file[::-1]
-    click(chrome, button)
+    choose(chrome, "sort", "")
     assert chrome.js(SHOWN) == before
-    assert chrome.js("location.hash") == "#/coco"
+    assert chrome.js("location.hash") == "#/coco?tab=photos"
 
 
 def test_numbers_sort_as_numbers_and_gaps_come_last(chrome: Browser, page: Path) -> None:
-    values = f"{LISTED}.map(r => r.querySelector('[data-key=pq0]').dataset.v)"
-    for order in ("pq0", "-pq0"):
-        chrome.open(page, f"#/coco?sort={order}")
-        found = chrome.js(values)
-        known = [float(v) for v in found if v]
-        assert known == sorted(known, reverse=order[0] == "-")
-        assert "" not in found[: len(known)]
+    (data,) = embedded(page, "data")
+    rows = {str(r["id"]): r["cells"][1]["quality"] for r in data["sections"][1]["images"]}
+    for order, falling in (("q1", False), ("-q1", True)):
+        chrome.open(page, f"#/lvis?tab=photos&sort={order}")
+        values = [rows[i] for i in chrome.js(SHOWN)]
+        known = [v for v in values if v is not None]
+        assert known == sorted(known, reverse=falling)
+        assert values[len(known) :] == [None] * (len(values) - len(known))
 
 
 def test_filters_are_in_the_address_and_the_address_filters(chrome: Browser, page: Path) -> None:
-    chrome.open(page, "#/lvis")
+    chrome.open(page, "#/lvis?tab=photos")
     everything = chrome.js(SHOWN)
     choose(chrome, "status", "failed")
     assert chrome.js(SHOWN) == ["10"]
@@ -126,35 +132,62 @@ def test_filters_are_in_the_address_and_the_address_filters(chrome: Browser, pag
     address = chrome.js("location.hash")
     chrome.open(page, address)
     assert chrome.js(SHOWN) == some
-    count = chrome.js(
-        "document.querySelector('section:not([hidden]) [data-count=photos]').textContent"
-    )
-    assert count == f"{len(some)} of {len(everything)} photos"
+    assert chrome.js(COUNT) == f"{len(some)} of {len(everything)} photos"
 
 
-def test_an_error_s_link_lists_its_photos(chrome: Browser, page: Path) -> None:
+def test_the_better_side_filters(chrome: Browser, page: Path) -> None:
+    n = 0
+    for side in ("0", "1", "tie"):
+        chrome.open(page, f"#/lvis?tab=photos&wins={side}")
+        n += len(chrome.js(SHOWN))
+    assert n == 12
+
+
+def test_a_cost_s_link_lists_its_photos(chrome: Browser, page: Path) -> None:
+    """The first screen says how many images an error is in; its link shows just those."""
+    (data,) = embedded(page, "data")
+    cost = data["sections"][0]["first"]["costs"][0]["most"][0]
     chrome.open(page, "#/coco")
-    n = int(chrome.js("document.querySelectorAll('.errors tbody tr')[1].cells[2].textContent"))
-    click(chrome, ".errors a[href='#/coco?kind=localisation']")
-    assert len(chrome.js(SHOWN)) == n > 0
+    click(chrome, f"{SECTION} .costs a")
+    assert len(chrome.js(SHOWN)) == cost["images"] > 0
+    assert f"kind={cost['kind']}&cat={cost['category']}" in chrome.js("location.hash")
 
 
-def test_a_link_opens_a_photo_and_keys_walk_the_list(chrome: Browser, page: Path) -> None:
-    chrome.open(page, "#/coco?sort=file")
+def test_the_keyboard_walks_the_gallery(chrome: Browser, page: Path) -> None:
+    chrome.open(page, "#/coco?tab=photos&sort=file")
     order = chrome.js(SHOWN)
-    chrome.open(page, f"#/coco/{order[3]}?sort=file")
-    assert chrome.js("document.querySelector('#detail h2').textContent") == "003.jpg"
+    focused = "document.activeElement.dataset.image"
+    chrome.js(f"{CARDS}[0].focus()")
     chrome.key("ArrowRight")
-    assert chrome.js("location.hash") == f"#/coco/{order[4]}?sort=file"
-    chrome.key("ArrowLeft")
-    chrome.key("ArrowLeft")
-    assert chrome.js("location.hash") == f"#/coco/{order[2]}?sort=file"
+    assert chrome.js(focused) == order[1]
+    chrome.key("End")
+    assert chrome.js(focused) == order[-1]
+    chrome.key("Home")
+    chrome.key("Enter")
+    chrome.until("!document.querySelector('#detail').hidden")
+    assert chrome.js("document.querySelector('#detail h2').textContent") == "000.jpg"
     chrome.key("Escape")
-    assert chrome.js("document.querySelector('#overview').hidden") is False
-    assert chrome.js(f"{LISTED}.find(r => r.classList.contains('here')).dataset.image") == order[2]
+    assert chrome.js(focused) == order[0], "the card that was opened has the focus again"
+
+
+def test_arrow_keys_walk_the_list_and_keep_the_focus(chrome: Browser, page: Path) -> None:
+    chrome.open(page, "#/coco?tab=photos&sort=file")
+    order = chrome.js(SHOWN)
+    chrome.open(page, f"#/coco/{order[3]}?tab=photos&sort=file")
+    assert chrome.js("document.querySelector('#detail h2').textContent") == "003.jpg"
+    chrome.js("document.querySelector('[data-keep=next]').focus()")
+    chrome.key("Enter")
+    assert chrome.js("location.hash") == f"#/coco/{order[4]}?tab=photos&sort=file"
+    assert chrome.js("document.activeElement.dataset.keep") == "next"
+    chrome.key("ArrowLeft")
+    chrome.key("ArrowLeft")
+    assert chrome.js("location.hash") == f"#/coco/{order[2]}?tab=photos&sort=file"
+    chrome.key("Escape")
+    assert chrome.js("document.querySelector('#pages').hidden") is False
+    assert chrome.js("document.activeElement.dataset.image") == order[2]
     chrome.js("history.back()")
     chrome.until("!document.querySelector('#detail').hidden")
-    assert chrome.js("location.hash") == f"#/coco/{order[2]}?sort=file"
+    assert chrome.js("location.hash") == f"#/coco/{order[2]}?tab=photos&sort=file"
 
 
 def test_a_photo_that_is_not_there_is_said(chrome: Browser, page: Path) -> None:
@@ -165,28 +198,31 @@ def test_a_photo_that_is_not_there_is_said(chrome: Browser, page: Path) -> None:
 def test_boxes_are_drawn_where_they_are(chrome: Browser, page: Path) -> None:
     chrome.open(page, "#/coco/10")
     drawn = chrome.js(
-        "Array.from(document.querySelectorAll('.stage .s-tp .line')).map(p => p.getAttribute('d'))"
+        "Array.from(document.querySelectorAll('.frame .s-tp .line')).map(p => p.getAttribute('d'))"
     )
     view = json.loads(chrome.js("document.getElementById('view-0').textContent"))
     found = [p["box"] for p in view["sides"][0]["predictions"] if p["o"] == "tp"]
     assert found
     assert sorted(drawn) == sorted(f"M{x} {y}h{w}v{h}h{-w}Z" for x, y, w, h in found)
-    assert chrome.js("document.querySelector('.stage svg').getAttribute('viewBox')") == "0 0 120 90"
-    loaded = "document.querySelector('.stage image').href.baseVal.slice(0, 22)"
+    assert chrome.js("document.querySelector('.frame').getAttribute('viewBox')") == "0 0 120 90"
+    loaded = "document.querySelector('.frame image').href.baseVal.slice(0, 22)"
     assert chrome.js(loaded) == "data:image/webp;base64"
 
 
 def test_layers_switch_and_are_in_the_address(chrome: Browser, page: Path) -> None:
+    lines = "Array.from(document.querySelectorAll('.frame {} .line'))"
+    visible = f"{lines}.filter(n => n.getClientRects().length).length"
     chrome.open(page, "#/lvis/13")
-    assert chrome.js("document.querySelectorAll('.stage .side-1').length") == 0
-    click(chrome, "[data-layer=fp1]")
-    assert chrome.js("document.querySelectorAll('.stage .s-fp.side-1').length") > 0
-    click(chrome, "[data-layer=truth]")
-    assert chrome.js("document.querySelectorAll('.stage .s-truth').length") == 0
+    assert chrome.js(visible.format(".s-fp")) > 0
+    click(chrome, "[data-layer=fp]")
+    assert chrome.js(visible.format(".s-fp")) == 0
     address = chrome.js("location.hash")
+    assert "show=truth.tp.fn.names" in address
     chrome.open(page, address)
-    assert chrome.js("document.querySelectorAll('.stage .s-fp.side-1').length") > 0
-    assert chrome.js("document.querySelectorAll('.stage .s-truth').length") == 0
+    assert chrome.js(visible.format(".s-fp")) == 0
+    assert chrome.js(visible.format(".s-truth")) > 0
+    click(chrome, "[data-layer=fp]")
+    assert "show" not in chrome.js("location.hash")
 
 
 def test_masks_are_outlined_along_their_pixels(chrome: Browser, tmp_path: Path) -> None:
@@ -211,9 +247,10 @@ def test_masks_are_outlined_along_their_pixels(chrome: Browser, tmp_path: Path) 
     page = page_of(
         tmp_path / "r.html", evaluated(tmp_path, "lvis", truth=truth, predictions=predictions)
     )
-    chrome.open(page, f"#/lvis/{truth['images'][0]['id']}?show=tp0.fp0.other0")
+    chrome.open(page, f"#/lvis/{truth['images'][0]['id']}?show=tp.fp.other")
     painted = chrome.js(
-        """Array.from(document.querySelectorAll('.stage .line')).map(path => {
+        """Array.from(document.querySelectorAll(
+             '.frame .shape:not(.s-truth):not(.s-fn) .line')).map(path => {
           const canvas = document.createElement('canvas');
           canvas.width = 120; canvas.height = 90;
           const context = canvas.getContext('2d');
@@ -236,16 +273,19 @@ def rle_of(mask: np.ndarray) -> dict:
 
 def test_depth_under_the_cursor(chrome: Browser, page: Path) -> None:
     chrome.open(page, "#/eth3d/1")
-    places = "Array.from(document.querySelectorAll('.pane canvas')).map(c => [c.width, c.height])"
-    assert chrome.js(places) == [[80, 60]] * 3
+    panes = chrome.js(
+        "Array.from(document.querySelectorAll('.pane figcaption'), f => f.textContent)"
+    )
+    assert panes == ["ground truth", "scene, aligned", "scene minus ground truth"]
     box = chrome.js(
-        "JSON.parse(JSON.stringify(document.querySelector('.pane').getBoundingClientRect()))"
+        "JSON.parse(JSON.stringify(document.querySelector('.frame').getBoundingClientRect()))"
     )
     chrome.move_mouse(box["x"] + box["width"] * 20.5 / 80, box["y"] + box["height"] * 30.5 / 60)
     text = chrome.js("document.querySelector('.readout').textContent")
     z = plane((80, 60))[30, 20]
-    assert text.startswith(f"near x 20, y 30: truth {z:.3f} m; scene {z:.3f} m, off")
-    assert chrome.js("Array.from(document.querySelectorAll('.cross')).every(c => !c.hidden)")
+    assert text.startswith(f"near x 20, y 30: ground truth {z:.3f} m; scene {z:.3f} m, off")
+    crosses = "Array.from(document.querySelectorAll('.cross'), c => c.getAttribute('visibility'))"
+    assert chrome.js(crosses) == ["visible"] * 3
     ticks = chrome.js(
         "Array.from(document.querySelectorAll('.ticks span')).map(t => t.textContent)"
     )
@@ -253,11 +293,16 @@ def test_depth_under_the_cursor(chrome: Browser, page: Path) -> None:
     assert all(t.endswith(" m") for t in ticks)
 
 
-@pytest.mark.parametrize("hash_text", ["#/coco", "#/coco/10", "#/lvis/13", "#/eth3d/1"])
+ADDRESSES = ["#/coco", "#/coco?tab=photos", "#/lvis?tab=plots", "#/lvis?tab=numbers",
+             "#/coco?tab=repeat", "#/coco/10", "#/lvis/13", "#/eth3d", "#/eth3d?tab=plots",
+             "#/eth3d/1"]  # fmt: skip
+
+
+@pytest.mark.parametrize("hash_text", ADDRESSES)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_narrow_dark_and_light(chrome: Browser, page: Path, hash_text: str, scheme: str) -> None:
     chrome.prefer(scheme)
-    for width in (400, 1280):
+    for width in (390, 1400):
         chrome.resize(width)
         chrome.open(page, hash_text)
         assert chrome.js(OVERHANG) == 0
@@ -265,15 +310,16 @@ def test_narrow_dark_and_light(chrome: Browser, page: Path, hash_text: str, sche
     light = int(ground.strip("rgb()").split(",")[0])
     assert (light > 200) == (scheme == "light")
     chrome.prefer("light")
+    chrome.resize(1280)
 
 
 def test_it_prints_every_section(chrome: Browser, page: Path) -> None:
     chrome.open(page, "#/coco")
-    chrome.call("Emulation.setEmulatedMedia", media="print")
+    chrome.page.emulate_media(media="print")
     assert chrome.js("document.querySelector('[data-section=lvis]').offsetHeight") > 100
     assert chrome.js("getComputedStyle(document.querySelector('.tools')).display") == "none"
     assert len(chrome.pdf()) > 10_000
-    chrome.call("Emulation.setEmulatedMedia", media="")
+    chrome.page.emulate_media(media="screen")
 
 
 def test_views_beside_the_page_are_loaded_from_the_disk(
@@ -283,13 +329,13 @@ def test_views_beside_the_page_are_loaded_from_the_disk(
     photos = write_photos(tmp_path / "photos", "coco")
     page = written(document_of(evaluated(tmp_path, "coco"), photos=photos), tmp_path / "r.html")
     chrome.open(page, "#/coco/13?sort=file")
-    chrome.until("document.querySelector('.stage image')")
+    chrome.until("document.querySelector('.frame image')")
     chrome.key("ArrowRight")
     chrome.until("document.querySelector('#detail h2').textContent !== '001.jpg'")
     assert (
         chrome.js(
             "(async () => { const i = new Image(); "
-            "i.src = document.querySelector('.stage image').href.baseVal; await i.decode(); "
+            "i.src = document.querySelector('.frame image').href.baseVal; await i.decode(); "
             "return i.naturalWidth; })()"
         )
         == 120
@@ -324,28 +370,3 @@ def test_views_that_were_left_behind_are_said(
     )
     assert len(chrome.said) == 1
     chrome.said.clear()
-
-
-def test_five_hundred_photos_stay_responsive(chrome: Browser, tmp_path: Path) -> None:
-    """Against the browser's own cost of moving as many rows: a slow machine is no failure."""
-    truth = random_truth("coco", seed=5, images=500)
-    predictions = random_predictions("coco", truth, seed=5, per_image=5, levels=1)
-    evaluation = evaluated(tmp_path, "coco", truth=truth, predictions=predictions)
-    chrome.open(page_of(tmp_path / "r.html", evaluation))
-    assert len(chrome.js(SHOWN)) == 500
-    times = chrome.js(
-        """(() => {
-          const table = document.querySelector('[data-table=photos]'), body = table.tBodies[0];
-          const input = document.querySelector('[data-filter=q]');
-          const button = table.querySelector('[data-sort=pq0]');
-          const timed = act => { const start = performance.now(); act(); body.offsetHeight;
-            return performance.now() - start; };
-          const type = text => { input.value = text; input.dispatchEvent(new Event('input')); };
-          const rounds = Array.from({length: 5}, (_, k) => [
-            timed(() => body.append(...Array.from(body.rows).reverse())),
-            timed(() => type('1' + k)), timed(() => type('')), timed(() => button.click())]);
-          return rounds[0].map((_, i) => Math.min(...rounds.map(r => r[i])));
-        })()"""
-    )
-    moved, filtered, cleared, sorted_again = times
-    assert max(filtered, cleared, sorted_again) < 6 * moved + 50, times

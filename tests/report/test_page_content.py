@@ -18,7 +18,7 @@ from legoworld.records.base import as_json
 from legoworld.report import page_file
 from legoworld.report.page_file import script_json
 from legoworld.report.photos import find_photo
-from legoworld.report.sources import read_sources
+from legoworld.report.sources import ReportInputError, read_sources
 
 STATUSES = {10: "failed", 13: "missing", 16: "timeout"}
 
@@ -160,7 +160,7 @@ def test_a_failed_scene_says_why_and_every_finding_is_there(both: tuple[Path, Pa
     assert advice.level == "bad"
     assert advice.what.startswith("no output (failed)")
     said = [a.what for v in views.values() for s in v.sides for a in s.advice]
-    for words in ("missed:", "overlaps its truth", "stands where", "truth has nothing"):
+    for words in ("missed:", "overlaps its object", "stands where", "nothing is annotated"):
         assert any(words in what for what in said), words
     baseline = [a.do for v in views.values() for a in v.sides[1].advice]
     assert set(baseline) == {""}, "a specialist is not told how to build a scene"
@@ -340,3 +340,15 @@ def test_evaluations_of_different_truths_are_different_sections(tmp_path: Path) 
     three = evaluated(tmp_path / "a", "lvis")
     keys = [s.key for s in document_of(three, one, two, one).sections]
     assert keys == ["coco", "coco-2", "lvis"]
+
+
+def test_a_task_that_no_page_shows_is_refused_in_a_line(
+    both: tuple[Path, Path], tmp_path: Path
+) -> None:
+    folder = tmp_path / "evals" / "bench"
+    folder.mkdir(parents=True)
+    (folder / "summary.json").write_text('{"schema_version": 1, "task": "bench", "cases": []}')
+    (folder / "evidence.json").write_text('{"kind": "evaluation", "task": "bench"}')
+    with pytest.raises(ReportInputError, match=r"bench cannot be shown in a report"):
+        read_sources([both[0], folder])
+    assert cli.run(["report", str(folder), "-o", str(tmp_path / "r.html")]) == 2

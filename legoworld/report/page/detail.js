@@ -1,144 +1,180 @@
-/* One photo: the drawing, what is wrong, what to do, and what the run recorded. */
+/* One photo: its panes with one zoom, what is wrong, what to do, and what the run recorded. */
 
-var MOST_FINDINGS = 12;
+import { depthPanes } from "./depth.js";
+import { button, el, markScrollers } from "./elements.js";
+import { findingsOf, objectsOf, recordOf, scoreLine } from "./findings.js";
+import { frameKey, linkedFrames } from "./frames.js";
+import { neighbours, step } from "./gallery.js";
+import { linkItems } from "./links.js";
+import { describe, drawnItems } from "./outcomes.js";
+import { layerSwitches, paneChoices } from "./panes.js";
+import { here, moveTo, noteInAddress } from "./place.js";
+import { sceneChoices } from "./scene3d.js";
+import { DATA, LEFT_BEHIND, withView } from "./views.js";
 
-function showDetail(section, place) {
-  var panel = document.getElementById("detail");
-  var at = DATA.views.findIndex(function (v) {
-    return v[0] === section.key && String(v[1]) === place.image;
-  });
+const USUAL_LAYERS = ["truth", "tp", "fp", "fn", "names"];
+const LAYER_KEYS = ["truth", "tp", "fp", "fn", "other", "names"];
+
+/* What keys act on while a photo is open. */
+let OPEN = null;
+
+export function leaveDetail() {
+  if (OPEN) { OPEN.close(); }
+  OPEN = null;
+}
+
+export function showDetail(section, place) {
+  const panel = document.getElementById("detail");
+  const focused = document.activeElement instanceof HTMLElement && panel.contains(document.activeElement)
+    ? document.activeElement.dataset.keep : "";
+  const at = DATA.views.findIndex((v) => v[0] === section.key && String(v[1]) === place.image);
+  leaveDetail();
   if (at < 0) {
-    panel.replaceChildren(el("p", { class: "note" }, ["No photo " + place.image + " in " +
-      section.key + "."]));
+    panel.replaceChildren(el("p", { class: "note" }, ["No photo " + place.image + " in " + section.key + "."]));
     return;
   }
-  withView(at, function (view) {
-    if (parsePlace(location.hash).image === String(view.id)) {
-      panel.replaceChildren.apply(panel, detailOf(section, view, place));
-    }
-  }, function () {
-    panel.replaceChildren(el("p", { class: "note" }, ["Its picture and shapes are not here: keep " +
-      "the folder " + DATA.beside + " beside this page."]));
+  withView(at, (view) => {
+    if (here().image !== String(view.id)) { return; }
+    const row = section.images.find((r) => r.id === view.id);
+    panel.replaceChildren(...detailOf(section, view, row, place));
+    const target = panel.querySelector("[data-keep='" + (focused || "title") + "']");
+    if (target) { target.focus({ preventScroll: true }); }
+    OPEN.ready();
+  }, () => {
+    panel.replaceChildren(el("p", { class: "note" }, ["Its picture and shapes are not here: " + LEFT_BEHIND]));
   });
 }
 
-function detailOf(section, view, place) {
-  var photo = photoOf(view);
-  var parts = [topBar(view)];
-  if (view.said) { parts.push(el("p", { class: "note" }, [view.said])); }
-  var side = el("div", {}, [].concat.apply([], view.sides.map(function (s, k) {
-    return adviceOf(s, view.sides.length > 1, section.sides[k]);
-  })).concat(section.sides.some(function (s) { return !s.scene; }) ? []
-    : [el("p", { class: "sub" }, ["specialist: no specialist was run"])]));
-  if (view.depth) {
-    parts.push(depthPanes(view, photo), side);
-  } else if (view.truths) {
-    var items = drawnShapes(view, section.names);
-    side.className = "advised";
-    parts.push(el("div", { class: "photo" }, [pictureOf(view, photo, place, items), side,
-      objectsOf(view, items)]));
-  } else {
-    if (photo) { parts.push(el("img", { src: photo, alt: view.file_name, width: "60%" })); }
-    parts.push(side);
+function detailOf(section, view, row, place) {
+  const many = view.sides.length > 1;
+  const root = el("div", { class: "photo" });
+  const items = view.truths ? drawnItems(view, section.names) : [];
+  const picked = el("p", { class: "picked", "aria-live": "polite" }, [HINT]);
+  const links = linkItems(root, items, (lit, pinned) => {
+    picked.textContent = lit.length ? lit.slice(0, 3).map(describe).join("; ") +
+      (lit.length > 3 ? " and " + (lit.length - 3) + " more" : "") : HINT;
+    picked.classList.toggle("pinned", pinned);
+  });
+  const stage = stageOf(section, view, items, links, place);
+  root.addEventListener("click", (event) => pickFrom(event, items, links, stage));
+  OPEN = { links, frames: stage.frames, close: stage.close, ready: () => { stage.frames.resized(); markScrollers(root); } };
+  const scores = row ? row.cells.map((c, k) => scoreLine(c, row.n_truth, many ? view.sides[k].label : "")) : [];
+  const findings = view.sides.flatMap((s, k) => findingsOf(s, k, items, many, section.sides[k]));
+  if (section.sides.every((s) => s.scene)) {
+    findings.push(el("p", { class: "sub" }, ["no specialist was run"]));
   }
-  return parts.concat(view.sides.map(recordOf));
+  const objects = view.truths ? view.sides.flatMap((s, k) => [
+    many ? el("h3", {}, [s.label + ": objects"]) : el("h3", {}, ["Objects"]), ...objectsOf(view, items, k)]) : [];
+  root.append(el("div", { class: "look" }, [stage.node, picked]),
+    el("div", { class: "said" }, [...scores, ...findings]),
+    el("div", { class: "lists" }, [...objects, ...view.sides.map(recordOf)]));
+  return [topBar(view), view.said ? el("p", { class: "note" }, [view.said]) : "", root];
+}
+
+const HINT = "Point at an outline, a row or a finding; click or press Enter to keep it. Ctrl + wheel, " +
+  "double-click, + and - zoom all panes; drag to pan; 0 fits.";
+
+function pickFrom(event, items, links, stage) {
+  const node = event.target.closest("[data-items]");
+  if (!node || node.closest("svg")) { return; }
+  const ids = node.dataset.items.split(" ").map(Number);
+  const pinned = links.pin(ids);
+  if (!pinned.size) { return; }
+  stage.frames.show(items[ids[0]].shape.box);
+  const box = stage.node.getBoundingClientRect();
+  if (box.bottom < 80 || box.top > window.innerHeight - 80) { stage.node.scrollIntoView({ block: "start" }); }
 }
 
 function topBar(view) {
-  var around = neighbours();
-  var where = around.at < 0 ? "outside the list's filters" : (around.at + 1) + " of " + around.n;
+  const around = neighbours();
+  const where = around.at < 0 ? "outside the list's filters" : (around.at + 1) + " of " + around.n;
+  const photos = here().tab === "photos";
   return el("div", { class: "bar-top" }, [
-    el("button", { type: "button", onclick: function () { moveTo({ image: "" }); } }, ["\u2191 all photos"]),
-    el("button", { type: "button", onclick: function () { step(-1); }, "aria-label": "previous photo" }, ["\u2190"]),
-    el("button", { type: "button", onclick: function () { step(1); }, "aria-label": "next photo" }, ["\u2192"]),
-    el("h2", {}, [view.file_name]),
+    button("\u2190 " + (photos ? "all photos" : "overview"), () => moveTo({ image: "" }), { "data-keep": "up" }),
+    el("h2", { tabindex: -1, "data-keep": "title" }, [view.file_name]),
     el("span", { class: "count" }, ["image " + view.id + ", " + where]),
-  ]);
+    button("\u2039 previous", () => step(-1), { "data-keep": "previous" }),
+    button("next \u203a", () => step(1), { "data-keep": "next" })]);
 }
 
-function pictureOf(view, photo, place, items) {
-  var shown = new Set(place.show ? place.show.split(".") : defaultLayers());
-  var stage = el("div", { class: "stage" });
-  function draw() { stage.replaceChildren(stageOf(view, photo, items, shown)); }
-  function toggle(key, on) {
+/* The panes, with their switches. */
+function stageOf(section, view, items, links, place) {
+  const grid = el("div", { class: "panes" });
+  const shown = new Set(place.show ? place.show.split(".") : USUAL_LAYERS);
+  const readout = view.depth ? el("p", { class: "readout", "aria-live": "polite" }, ["Point at a pixel."]) : null;
+  const frames = linkedFrames(view.size_wh, (x, y, target) => {
+    const node = target.closest("[data-items]");
+    if (node) { links.pin(node.dataset.items.split(" ").map(Number)); } else { links.release(); }
+  }, (x, y) => { if (depth) { depth.point(x, y); } });
+  const depth = view.depth ? depthPanes(view, frames, readout) : null;
+  const scenes = sceneChoices(view, items, links);
+  const choices = [...(depth ? depth.choices : paneChoices(view, items, frames)), ...scenes];
+  const open = new Map();
+  const usual = choices.filter((c) => !c.why && (depth ? c.usual !== false : /^(side|slide|scene)/.test(c.key)))
+    .map((c) => c.key);
+  const wanted = place.panes ? place.panes.split(".") : usual;
+  function set(choice, on) {
+    if (on && !open.has(choice.key)) {
+      const made = choice.make();
+      open.set(choice.key, el("figure", { class: "pane" }, [el("figcaption", {}, [choice.title]), made]));
+    } else if (!on && open.has(choice.key)) {
+      if (choice.close) { choice.close(); }
+      open.delete(choice.key);
+    }
+    grid.replaceChildren(...choices.filter((c) => open.has(c.key)).map((c) => open.get(c.key)));
+    grid.dataset.n = String(open.size);
+    frames.resized();
+    links.redraw();
+  }
+  const switches = choices.map((choice) => paneSwitch(choice, wanted.includes(choice.key), (on) => {
+    set(choice, on);
+    const keys = [...choices.filter((c) => open.has(c.key)).map((c) => c.key)];
+    noteInAddress({ panes: keys.join(".") === usual.join(".") ? "" : keys.join(".") });
+  }));
+  choices.filter((c) => !c.why && wanted.includes(c.key)).forEach((c) => set(c, true));
+  const paint = () => LAYER_KEYS.forEach((key) => grid.classList.toggle("no-" + key, !shown.has(key)));
+  paint();
+  const layers = view.depth ? [] : [layerSwitches(items, shown, (key, on) => {
     if (on) { shown.add(key); } else { shown.delete(key); }
-    var chosen = layerKeys(view).filter(function (k) { return shown.has(k); });
-    var usual = chosen.join(".") === defaultLayers().join(".");
-    history.replaceState(null, "", formatPlace(Object.assign(parsePlace(location.hash),
-      { show: usual ? "" : chosen.join(".") || "none" })));
-    draw();
+    paint();
+    const keys = LAYER_KEYS.filter((k) => shown.has(k));
+    noteInAddress({ show: keys.join(".") === USUAL_LAYERS.join(".") ? "" : keys.join(".") });
+  })];
+  const zoom = el("div", { class: "zoom", role: "group", "aria-label": "zoom of all panes" }, [
+    button("\u2212", () => frames.smaller(), { "aria-label": "smaller" }),
+    button("+", () => frames.larger(), { "aria-label": "larger" }), button("fit", () => frames.fit())]);
+  const bar = el("div", { class: "stage-bar" }, [
+    el("div", { class: "switches", role: "group", "aria-label": "panes" }, switches), zoom]);
+  const whys = choices.filter((c) => c.why).map((c) => el("li", {}, [c.title + ": " + c.why]));
+  const node = el("div", { class: "stage" }, [bar, readout, grid, ...layers, depth ? depth.legends : null,
+    whys.length ? el("details", { class: "whys" }, [
+      el("summary", {}, [whys.length === 1 ? "1 pane is not there" : whys.length + " panes are not there"]),
+      el("ul", {}, whys)]) : null]);
+  return { node, frames, close: () => choices.forEach((c) => { if (c.close && open.has(c.key)) { c.close(); } }) };
+}
+
+function paneSwitch(choice, on, change) {
+  const made = button(choice.title, () => {
+    const next = made.getAttribute("aria-pressed") !== "true";
+    made.setAttribute("aria-pressed", String(next));
+    change(next);
+  }, { "aria-pressed": String(on && !choice.why), "data-pane": choice.key, disabled: Boolean(choice.why),
+    title: choice.why || null });
+  return made;
+}
+
+/* True where the key was for the photo. */
+export function detailKey(event) {
+  const inFrame = event.target.closest && event.target.closest("svg.frame");
+  if (inFrame && frameKey(OPEN.frames, event.key)) { return true; }
+  if (event.target.closest && event.target.closest("canvas")) { return false; }
+  if (event.key === "ArrowLeft") { step(-1); return true; }
+  if (event.key === "ArrowRight") { step(1); return true; }
+  if (event.key === "Escape") {
+    if (!OPEN || !OPEN.links.release()) { moveTo({ image: "" }); }
+    return true;
   }
-  draw();
-  return el("div", {}, [stage, layersOf(view, items, shown, toggle)]);
+  return OPEN ? frameKey(OPEN.frames, event.key) : false;
 }
 
-function layersOf(view, items, shown, toggle) {
-  function box(key, text, mark) {
-    var input = el("input", { type: "checkbox", "data-layer": key,
-      onchange: function (event) { toggle(key, event.target.checked); } });
-    input.checked = shown.has(key);
-    return el("label", {}, [input, " ", mark ? el("span", { class: "key " + mark }) : null, text]);
-  }
-  var general = [box("photo", "photo"), box("names", "names"),
-    box("truth", "truth (" + view.truths.length + ")", "truth")];
-  var fields = [el("fieldset", {}, [el("legend", {}, ["show"])].concat(spaced(general)))];
-  view.sides.forEach(function (side, k) {
-    var boxes = ["tp", "fp", "fn", "other"].map(function (layer) {
-      var n = items.filter(function (i) { return keyOf(i) === layer + k; }).length;
-      return layer === "other" && !n ? null : box(layer + k, WORDS[layer] + " (" + n + ")", layer);
-    });
-    var dash = ["solid", "dashed", "dash-dotted"][Math.min(k, 2)];
-    var name = side.label + (view.sides.length > 1 ? " (" + dash + ")" : "");
-    fields.push(el("fieldset", {}, [el("legend", {}, [name])].concat(spaced(boxes))));
-  });
-  return el("div", { class: "layers" }, fields);
-}
-
-function spaced(boxes) {
-  return [].concat.apply([], boxes.map(function (b) { return [b, " "]; }));
-}
-
-/* The same as text; pointing at a row shows which shape it is. */
-function objectsOf(view, items) {
-  var many = view.sides.length > 1;
-  var rows = items.filter(function (item) { return item.layer !== "truth"; }).map(function (item) {
-    var cells = [item.name, (many ? view.sides[item.side].label + ": " : "") + item.what,
-      item.iou === null ? "-" : item.iou.toFixed(3),
-      item.score === undefined ? "-" : Number(item.score.toFixed(3))];
-    function hot(on) { if (item.node) { item.node.classList.toggle("hot", on); } }
-    return el("tr", { onmouseenter: function () { hot(true); }, onmouseleave: function () { hot(false); } },
-      cells.map(function (text) { return el("td", {}, [String(text)]); }));
-  });
-  var head = ["category", "what became of it", "IoU", "score"].map(function (text) {
-    return el("th", { scope: "col" }, [text]);
-  });
-  var made = el("table", { class: "objects" }, [el("thead", {}, [el("tr", {}, head)]),
-    el("tbody", {}, rows)]);
-  return el("details", { open: "" }, [el("summary", {}, [rows.length + " objects"]),
-    el("div", { class: "scroll" }, [made])]);
-}
-
-function adviceOf(side, many, about) {
-  var good = side.advice.every(function (a) { return a.level === "note"; });
-  var title = about.scene ? "What to do next" : "Findings";
-  var verdict = el("span", { class: "verdict v-" + (side.status === "ok" ? "ok" : "bad") }, [side.status]);
-  var list = side.advice.map(function (a) {
-    return el("li", { class: "a-" + a.level }, [a.what, a.do ? el("span", { class: "do" }, [a.do]) : null]);
-  });
-  var rest = list.splice(MOST_FINDINGS);
-  if (good) { list.unshift(el("li", {}, ["nothing to complain about"])); }
-  return [el("h3", {}, [many ? side.label + ": " + title.toLowerCase() : title, ", verdict ", verdict]),
-    el("ul", { class: "advice" }, list),
-    rest.length ? el("details", {}, [el("summary", {}, [rest.length + " more"]),
-      el("ul", { class: "advice" }, rest)]) : ""];
-}
-
-function recordOf(side) {
-  var pairs = [];
-  side.facts.forEach(function (f) { pairs.push(el("dt", {}, [f[0]]), el("dd", {}, [f[1]])); });
-  var parts = side.tables.map(function (t) {
-    return el("div", {}, [el("h3", {}, [t.title]), table(t.head, t.rows)]);
-  });
-  return el("div", {}, parts.concat([el("details", {}, [
-    el("summary", {}, [side.label + ": camera, sizes, hashes"]), el("dl", { class: "facts" }, pairs)])]));
-}
+window.addEventListener("resize", () => { if (OPEN) { OPEN.ready(); } });

@@ -1,34 +1,68 @@
 /* Elements by name, attributes and children. Text is always text: names come from strangers. */
 
-var SVG = "http://www.w3.org/2000/svg";
+const SVG = "http://www.w3.org/2000/svg";
 
 function fill(element, attributes, children) {
-  Object.keys(attributes || {}).forEach(function (key) {
+  Object.entries(attributes || {}).forEach(([key, value]) => {
     if (key.slice(0, 2) === "on") {
-      element.addEventListener(key.slice(2), attributes[key]);
-    } else if (attributes[key] !== null && attributes[key] !== undefined) {
-      element.setAttribute(key, attributes[key]);
+      element.addEventListener(key.slice(2), value);
+    } else if (value !== null && value !== undefined && value !== false) {
+      element.setAttribute(key, value === true ? "" : value);
     }
   });
-  (children || []).forEach(function (child) {
-    if (child !== null && child !== undefined) { element.append(child); }
-  });
+  element.append(...(children || []).flat().filter((c) => c !== null && c !== undefined));
   return element;
 }
 
-function el(name, attributes, children) {
+/**
+ * @param {string} name
+ * @param {Object<string, any>} [attributes]
+ * @param {any[]} [children]
+ * @returns {any}
+ */
+export function el(name, attributes, children) {
   return fill(document.createElement(name), attributes, children);
 }
 
-function svg(name, attributes, children) {
+/**
+ * @param {string} name
+ * @param {Object<string, any>} [attributes]
+ * @param {any[]} [children]
+ * @returns {any}
+ */
+export function svg(name, attributes, children) {
   return fill(document.createElementNS(SVG, name), attributes, children);
 }
 
-function table(head, rows) {
-  var top = el("tr", {}, head.map(function (text) { return el("th", { scope: "col" }, [text]); }));
-  var body = rows.map(function (row) {
-    return el("tr", {}, row.map(function (text) { return el("td", {}, [text]); }));
+export function table(head, rows, label) {
+  const top = el("tr", {}, head.map((text) => el("th", { scope: "col" }, [text])));
+  const body = rows.map((row) => el("tr", {}, row.map((text) => el("td", {}, [String(text)]))));
+  return scroller(el("table", {}, [el("thead", {}, [top]), el("tbody", {}, body)]), label);
+}
+
+export function scroller(inner, label) {
+  return el("div", { class: "scroll", "data-label": label || "table" }, [inner]);
+}
+
+/* What scrolls sideways can be scrolled by keys, too: only then is it a stop of the Tab key. */
+export function markScrollers(root) {
+  root.querySelectorAll(".scroll").forEach((box) => {
+    if (box.scrollWidth > box.clientWidth + 1) {
+      box.setAttribute("tabindex", "0");
+      box.setAttribute("role", "group");
+      box.setAttribute("aria-label", (box.dataset.label || "table") + ", scrolls sideways");
+    } else {
+      ["tabindex", "role", "aria-label"].forEach((name) => box.removeAttribute(name));
+    }
   });
-  var made = el("table", {}, [el("thead", {}, [top]), el("tbody", {}, body)]);
-  return el("div", { class: "scroll" }, [made]);
+}
+
+export function button(text, onclick, attributes) {
+  return el("button", Object.assign({ type: "button", onclick }, attributes), [text]);
+}
+
+export function counted(n, one, many) { return n.toLocaleString("en") + " " + (n === 1 ? one : many); }
+
+export function fixed(value, places = 3) {
+  return value === null || value === undefined ? "-" : value.toFixed(places);
 }

@@ -1,93 +1,98 @@
 /* Start, and what a changed address, a key or a click does. */
 
-var DATA = JSON.parse(document.getElementById("data").textContent);
-var LAST = { image: "", scroll: 0 };
+import { applyLists, startControls } from "./controls.js";
+import { detailKey, leaveDetail, showDetail } from "./detail.js";
+import { markScrollers } from "./elements.js";
+import { focusPhoto, galleryKey, layout } from "./gallery.js";
+import { overview } from "./overview.js";
+import { KEYS, here, moveTo, parsePlace } from "./place.js";
+import { plots } from "./plots.js";
+import { DATA, sectionElement } from "./views.js";
+
+const TABS = ["overview", "photos", "plots", "numbers", "repeat"];
+const LAST = { image: "", section: "", tab: "", scroll: 0 };
 
 function show() {
-  var place = parsePlace(location.hash);
-  var section = DATA.sections.find(function (s) { return s.key === place.section; }) || DATA.sections[0];
+  const place = here();
+  const section = DATA.sections.find((s) => s.key === place.section) || DATA.sections[0];
   place.section = section.key;
-  if (place.image && !LAST.image) { LAST.scroll = window.scrollY; }
-  document.querySelectorAll("section.task").forEach(function (s) {
-    s.hidden = s.dataset.section !== section.key;
-  });
-  document.querySelectorAll("nav a").forEach(function (a) {
-    if (a.dataset.tab === section.key) { a.setAttribute("aria-current", "page"); }
-    else { a.removeAttribute("aria-current"); }
-  });
-  applyLists(section, place);
-  document.getElementById("overview").hidden = Boolean(place.image);
+  place.tab = TABS.includes(place.tab) ? place.tab : "overview";
+  const opened = place.image && !LAST.image;
+  if (opened) { LAST.scroll = window.scrollY; }
+  document.querySelectorAll("section.task").forEach((s) => { s.hidden = s.dataset.section !== section.key; });
+  document.querySelectorAll("[data-panel]").forEach((p) => { p.hidden = p.dataset.panel !== place.tab; });
+  markHere("[data-section-link]", (a) => a.dataset.sectionLink === section.key);
+  markHere("[data-tab-link]", (a) => a.dataset.tabLink === place.tab);
+  document.querySelectorAll("[data-tab-link]").forEach((a) => { a.href = tabAddress(section, a.dataset.tabLink); });
+  document.getElementById("pages").hidden = Boolean(place.image);
   document.getElementById("detail").hidden = !place.image;
   document.body.classList.toggle("one", Boolean(place.image));
+  applyLists(section, place);
+  if (place.tab === "overview") { overview(section); }
+  if (place.tab === "plots") { plots(section); }
   if (place.image) {
     showDetail(section, place);
-    if (LAST.image !== place.image && !LAST.image) { window.scrollTo(0, 0); }
-  } else if (LAST.image) {
-    window.scrollTo(0, LAST.scroll);
-    markRow(section, LAST.image);
+    if (opened) { window.scrollTo(0, 0); }
+  } else {
+    leaveDetail();
+    if (LAST.image) {
+      window.scrollTo(0, LAST.scroll);
+      layout();
+      focusPhoto(section, LAST.image);
+    } else if (LAST.section !== section.key || LAST.tab !== place.tab) {
+      if (LAST.section) { window.scrollTo(0, 0); }
+      layout();
+    }
+    markScrollers(sectionElement(section.key));
   }
-  LAST.image = place.image;
+  Object.assign(LAST, { image: place.image, section: section.key, tab: place.tab });
 }
 
-/* The row of the photo that was open. */
-function markRow(section, image) {
-  document.querySelectorAll("tr.here").forEach(function (r) { r.classList.remove("here"); });
-  rowsOf(sectionElement(section.key).querySelector("[data-table=photos]")).forEach(function (r) {
-    r.classList.toggle("here", r.dataset.image === image);
+function tabAddress(section, tab) { return "#/" + section.key + (tab === "overview" ? "" : "?tab=" + tab); }
+
+function markHere(selector, isHere) {
+  document.querySelectorAll(selector).forEach((a) => {
+    if (isHere(a)) { a.setAttribute("aria-current", "page"); } else { a.removeAttribute("aria-current"); }
   });
 }
 
-/* A link to a kind or a category filters the list, and goes to it. */
-function followFilter(event) {
-  var link = event.target.closest("a[href^='#/']");
+/* A link into the page keeps what it does not name where it leads to a photo, and drops the filters
+   where it names its own. */
+function follow(event) {
+  const link = event.target.closest("a[href^='#/']");
   if (!link || event.metaKey || event.ctrlKey || event.shiftKey) { return; }
   event.preventDefault();
-  var wanted = parsePlace(link.getAttribute("href"));
-  var now = parsePlace(location.hash);
+  const wanted = parsePlace(link.getAttribute("href"));
   if (wanted.image) { moveTo({ section: wanted.section, image: wanted.image }); return; }
-  var changes = { section: wanted.section, image: "" };
-  if (wanted.section !== now.section) {
-    KEYS.forEach(function (key) { changes[key] = wanted[key]; });
+  const changes = { section: wanted.section, image: "", tab: wanted.tab };
+  if (wanted.section !== here().section || wanted.kind || wanted.cat || wanted.status) {
+    KEYS.forEach((key) => { changes[key] = wanted[key]; });
   }
-  if (wanted.kind) { changes.kind = wanted.kind; changes.cat = ""; }
-  if (wanted.cat) { changes.cat = wanted.cat; changes.kind = ""; }
   moveTo(changes);
-  if (wanted.kind || wanted.cat) {
-    sectionElement(wanted.section).querySelector("[data-count=photos]").scrollIntoView({ block: "center" });
-  }
 }
 
 function onKey(event) {
-  var typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "checkbox";
-  if (typing || event.metaKey || event.ctrlKey || event.altKey || !parsePlace(location.hash).image) { return; }
-  if (event.key === "ArrowLeft") { event.preventDefault(); step(-1); }
-  if (event.key === "ArrowRight") { event.preventDefault(); step(1); }
-  if (event.key === "Escape") { moveTo({ image: "" }); }
+  const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "checkbox";
+  if (typing || event.metaKey || event.ctrlKey || event.altKey) { return; }
+  const done = here().image ? detailKey(event) : galleryKey(event);
+  if (done) { event.preventDefault(); }
 }
 
 function start() {
-  DATA.sections.forEach(function (section) { if (section.sides.length) { fillChoices(section); } });
-  document.querySelectorAll("[data-filter]").forEach(function (input) {
-    var key = input.dataset.filter === "categories" ? "cq" : input.dataset.filter;
-    input.addEventListener("input", function () {
-      var change = {};
-      change[key] = input.value;
-      moveTo(change);
-    });
-  });
-  document.querySelectorAll("thead button[data-sort]").forEach(function (button) {
-    button.addEventListener("click", function () {
-      var key = button.closest("table").dataset.table === "photos" ? "sort" : "csort";
-      var now = parsePlace(location.hash)[key];
-      var change = {};
-      change[key] = now === button.dataset.sort ? "-" + now : now === "-" + button.dataset.sort ? "" : button.dataset.sort;
-      moveTo(change);
-    });
-  });
-  document.addEventListener("click", followFilter);
+  startControls();
+  document.addEventListener("click", follow);
   document.addEventListener("keydown", onKey);
-  window.addEventListener("hashchange", show);
+  window.addEventListener("legoworld-moved", show);
   window.addEventListener("popstate", show);
+  let waiting = false;
+  const again = () => {
+    if (waiting) { return; }
+    waiting = true;
+    requestAnimationFrame(() => { waiting = false; layout(); });
+  };
+  window.addEventListener("scroll", again, { passive: true });
+  window.addEventListener("resize", () => { again(); document.querySelectorAll("section.task:not([hidden])").forEach(markScrollers); });
+  window.addEventListener("beforeprint", () => DATA.sections.forEach((s) => { overview(s); plots(s); }));
   show();
 }
 

@@ -1,40 +1,52 @@
 /* Where the reader is: everything that can be linked to lives in the address after "#". */
 
-var KEYS = ["q", "status", "kind", "cat", "sort", "cq", "csort", "show"];
+export const KEYS = ["tab", "q", "status", "kind", "cat", "wins", "sort", "cq", "csort", "show", "panes"];
 
-function parsePlace(hash) {
-  var text = hash.replace(/^#\/?/, "");
-  var cut = text.indexOf("?");
-  var path = (cut < 0 ? text : text.slice(0, cut)).split("/");
-  var query = new URLSearchParams(cut < 0 ? "" : text.slice(cut + 1));
-  var place = { section: decodeText(path[0] || ""), image: decodeText(path[1] || "") };
-  KEYS.forEach(function (key) { place[key] = query.get(key) || ""; });
+/** @typedef {{section: string, image: string, [key: string]: string}} Place */
+
+/** @returns {Place} */
+export function parsePlace(hash) {
+  const text = hash.replace(/^#\/?/, "");
+  const cut = text.indexOf("?");
+  const path = (cut < 0 ? text : text.slice(0, cut)).split("/");
+  const query = new URLSearchParams(cut < 0 ? "" : text.slice(cut + 1));
+  /** @type {Place} */
+  const place = { section: decodeText(path[0] || ""), image: decodeText(path[1] || "") };
+  KEYS.forEach((key) => { place[key] = query.get(key) || ""; });
   return place;
 }
 
 function decodeText(text) {
   try {
     return decodeURIComponent(text);
-  } catch (error) {
+  } catch {
     return text;
   }
 }
 
-function formatPlace(place) {
-  var query = new URLSearchParams();
-  KEYS.forEach(function (key) { if (place[key]) { query.set(key, place[key]); } });
-  var text = query.toString();
-  var path = "#/" + encodeURIComponent(place.section);
+/** @param {Place} place */
+export function formatPlace(place) {
+  const query = new URLSearchParams();
+  KEYS.forEach((key) => { if (place[key]) { query.set(key, place[key]); } });
+  const text = query.toString();
+  let path = "#/" + encodeURIComponent(place.section);
   if (place.image) { path += "/" + encodeURIComponent(place.image); }
   return path + (text ? "?" + text : "");
 }
 
-/* Opening or leaving a photo is a step of the browser's history; a filter is not. */
-function moveTo(changes) {
-  var place = Object.assign({}, parsePlace(location.hash), changes);
-  if (!place.section) { place.section = DATA.sections[0].key; }
-  var step = changes.image !== undefined || changes.section !== undefined;
-  var hash = formatPlace(place);
+export function here() { return parsePlace(location.hash); }
+
+/* Opening or leaving a photo or a tab is a step of the browser's history; a filter is not. */
+export function moveTo(changes, section) {
+  const place = Object.assign(here(), changes);
+  if (!place.section) { place.section = section || ""; }
+  const step = ["image", "section", "tab"].some((key) => changes[key] !== undefined);
+  const hash = formatPlace(place);
   if (step) { history.pushState(null, "", hash); } else { history.replaceState(null, "", hash); }
-  show();
+  window.dispatchEvent(new Event("legoworld-moved"));
+}
+
+/* A change of what is drawn, which nothing but the address has to learn of. */
+export function noteInAddress(changes) {
+  history.replaceState(null, "", formatPlace(Object.assign(here(), changes)));
 }

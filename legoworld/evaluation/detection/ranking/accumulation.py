@@ -67,7 +67,7 @@ def accumulate(table: MatchTable, protocol: DetectionProtocol) -> Curves:
                 continue
             true = table.state[a, :, rows] == TRUE_POSITIVE
             false = table.state[a, :, rows] == FALSE_POSITIVE
-            precision[:, :, k, a] = _precision_at_recalls(true, false, int(n_truths[a, k]))
+            precision[:, :, k, a] = precision_at_recalls(true, false, int(n_truths[a, k]))
             for m, rank in enumerate(ranks):
                 within = true if rank is None else true[:, table.rank[rows] < rank]
                 recall[:, k, a, m] = within.sum(axis=1) / n_truths[a, k]
@@ -126,10 +126,10 @@ def mean_precision(n_true: Counts, n_all: Counts, steps: NDArray[np.uint8]) -> F
     return values
 
 
-def _precision_at_recalls(
+def precision_at_recalls(
     true: NDArray[np.bool_], false: NDArray[np.bool_], n_truths: int
 ) -> Floats:
-    """(T, R) interpolated precision of one category and area. true, false: (T, D)."""
+    """(T, R) interpolated precision of one category and area. true, false: (T, D), best first."""
     values = np.zeros((len(true), len(RECALL_THRESHOLDS)))
     if not true.shape[1]:
         return values

@@ -1,0 +1,74 @@
+"""A comparison in one sentence: both sides, the difference, its interval, and the denominators."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from legoworld.comparison.measures import HEADLINE
+from legoworld.pluralize import share
+from legoworld.records.comparison import ComparisonRow, Difference, Pair
+
+Standing = Literal["better", "worse", "not told apart", "no interval"]
+#: What a scene's predictions are called in a task's verdict.
+NOUNS: Final = {
+    "coco": "Scene boxes",
+    "coco-masks": "Scene masks",
+    "lvis": "Scene masks (LVIS)",
+    "eth3d": "Scene depth",
+}
+_NAMES: Final = {
+    "abs_rel.error_1": "AbsRel",
+    "abs_rel.exclude": "AbsRel without holes",
+    "delta1.error_1": "delta1",
+}
+
+
+def standing(row: ComparisonRow) -> Standing:
+    """Which side the interval of the difference is on."""
+    ends = row.difference.ends
+    if row.difference.value is None or ends is None:
+        return "no interval"
+    if ends[0] <= 0 <= ends[1]:
+        return "not told apart"
+    return "better" if (ends[0] > 0) == (row.better == "higher") else "worse"
+
+
+def headline_rows(pair: Pair) -> list[ComparisonRow]:
+    """The first metrics over the paired images; over all attempted ones where none is paired."""
+    rows = [row for row in pair.rows if row.level <= HEADLINE]
+    paired = [row for row in rows if row.images == "paired"]
+    return paired or [row for row in rows if row.images == "attempted"]
+
+
+def verdict_sentence(task: str, pair: Pair) -> str:
+    """The first headline metric of two methods as one sentence."""
+    row = headline_rows(pair)[0]
+    coverage = pair.coverage
+    images = share(coverage.paired, coverage.attempted, "image", "images")
+    return (
+        f"{noun(task, pair.scene)}: {_NAMES.get(row.metric, row.metric)} {spelt(row.scene)} "
+        f"against {pair.baseline} {spelt(row.baseline)}; difference "
+        f"{spelt(row.difference, signed=True)}, {images} paired: {_WORDS[standing(row)]}"
+    )
+
+
+def noun(task: str, name: str) -> str:
+    """The subject of a sentence: "Scene boxes", or "YOLOX-nano" for what is no scene."""
+    return NOUNS.get(task, name) if name == "scene" else name
+
+
+def spelt(side: Difference, *, signed: bool = False) -> str:
+    """A number with its interval: 0.588 [0.477, 0.708]."""
+    if side.value is None:
+        return "undefined"
+    sign = "+" if signed else ""
+    text = f"{side.value + 0.0:{sign}.3f}"
+    return f"{text} [{side.ends[0]:{sign}.3f}, {side.ends[1]:{sign}.3f}]" if side.ends else text
+
+
+_WORDS: Final = {
+    "better": "better",
+    "worse": "worse",
+    "not told apart": "not told apart",
+    "no interval": "no interval, so no verdict",
+}

@@ -1,0 +1,173 @@
+"""The boxes or masks of a page: a list of photos, a view of each, error counts and curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from msgspec.structs import replace
+
+from legoworld.evaluation.stored import Evaluated
+from legoworld.records.report_page import (
+    DetectionAnswer,
+    DetectionCell,
+    DetectionPageView,
+    PhotoRow,
+)
+from legoworld.records.report_summary import Plots
+from legoworld.records.report_tables import ErrorCounts, PageSection
+from legoworld.report.advice import detection_advice
+from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
+from legoworld.report.error_kinds import KINDS
+from legoworld.report.facts import run_facts, run_tables
+from legoworld.report.first_screen import first_screen
+from legoworld.report.page_content import PageDocument, Photos
+from legoworld.report.photo_order import in_order
+from legoworld.report.plots import IouCounts, precision_recall
+from legoworld.report.shapes import drawn_predictions, drawn_truths
+from legoworld.report.sources import Section
+from legoworld.report.tables import category_rows, headline_rows, score_free_rows
+from legoworld.report.tie_picture import tie_pictures
+
+
+@dataclass(kw_only=True)
+class _SideErrors:
+    """One side's errors, image by image."""
+
+    by_image: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
+    reached: int = 0
+    iou: IouCounts = field(default_factory=IouCounts)
+
+    def add(self, image: DetectionImage, side: SideImage) -> None:
+        self.by_image[image.image.id] = list(_errors(image, side))
+        self.reached += side.errors.truth.count("reached")
+        self.iou.add(side)
+
+    def counts(self, label: str) -> ErrorCounts:
+        kinds = [[kind for kind, _ in errors] for errors in self.by_image.values()]
+        return ErrorCounts(
+            label=label,
+            counts={k: sum(of_image.count(k) for of_image in kinds) for k in KINDS},
+            images={k: sum(k in of_image for of_image in kinds) for k in KINDS},
+            reached=self.reached,
+        )
+
+
+def detection_section(
+    section: Section, made: PageSection, document: PageDocument, places: Photos
+) -> PageSection:
+    """A section with its photos; their views go into the document."""
+    sides = section.sides
+    truth = sides[0].truth_view()
+    names = {c.id: c.name for c in truth.categories}
+    sizes_wh = {i.id: (i.width, i.height) for i in truth.images}
+    places.read([(row.file_name, sizes_wh[row.image_id]) for row in sides[0].rows])
+    rows: list[tuple[float, PhotoRow]] = []
+    used: set[int] = set()
+    errors = [_SideErrors() for _ in sides]
+    for image in detection_images(sides):
+        view = _view(section, image, names, document, places)
+        # Lowest quality of the first side first; neither truth nor a false prediction last.
+        quality = image.sides[0].quality
+        row = _row(image, view, len(document.views))
+        rows.append((math.inf if quality is None else quality, row))
+        document.views.append(view)
+        used |= view.categories
+        for found, side in zip(errors, image.sides, strict=True):
+            found.add(image, side)
+    return replace(
+        made,
+        first=first_screen(section, [e.by_image for e in errors], names),
+        head=tuple(headline_rows(sides)),
+        score_free=tuple(score_free_rows(sides)),
+        ties=tuple(picture for side in sides for picture in tie_pictures(side)),
+        categories=tuple(category_rows(sides)),
+        names={str(i): names[i] for i in sorted(used)},
+        errors=tuple(e.counts(s.name) for s, e in zip(sides, errors, strict=True)),
+        images=in_order(rows),
+        plots=Plots(
+            precision_recall=tuple(curve for side in sides for curve in precision_recall(side)),
+            iou=tuple(e.iou.histogram(s.name) for s, e in zip(sides, errors, strict=True)),
+        ),
+    )
+
+
+def _errors(image: DetectionImage, side: SideImage) -> Iterator[tuple[str, int]]:
+    """Kind and category of every false positive, and of every object that is missed."""
+    for entry, kind in zip(side.entries, side.errors.kind, strict=True):
+        if kind is not None:
+            yield kind, entry.category_id
+    for truth, state in zip(image.truths, side.errors.truth, strict=True):
+        if state == "missed":
+            yield "missed", truth.category_id
+
+
+def _view(
+    section: Section,
+    image: DetectionImage,
+    names: Mapping[int, str],
+    document: PageDocument,
+    places: Photos,
+) -> DetectionPageView:
+    size_wh = image.image.width, image.image.height
+    file_name = image.sides[0].row.file_name
+    photo, said = places.place(file_name, size_wh)
+    return DetectionPageView(
+        section=section.key,
+        id=image.image.id,
+        file_name=file_name,
+        size_wh=size_wh,
+        photo=photo,
+        said=said,
+        truths=tuple(drawn_truths(section.task, image)),
+        sides=tuple(
+            _answer(section.task, image, side, answer, names, document)
+            for side, answer in zip(section.sides, image.sides, strict=True)
+        ),
+    )
+
+
+def _answer(
+    task: str,
+    image: DetectionImage,
+    side: Evaluated,
+    answer: SideImage,
+    names: Mapping[int, str],
+    document: PageDocument,
+) -> DetectionAnswer:
+    return DetectionAnswer(
+        label=side.name,
+        status=answer.run_row["status"],
+        facts=tuple(run_facts(answer.run_row, answer.scene)),
+        tables=tuple(run_tables(answer.run_row)),
+        advice=detection_advice(task, image, answer, names, scene=side.is_scene),
+        predictions=tuple(drawn_predictions(task, image, answer)),
+        truth=answer.errors.truth,
+        scene=document.scenes.page_scene(answer.scene, answer.run_row) if side.is_scene else None,
+    )
+
+
+def _row(image: DetectionImage, view: DetectionPageView, at: int) -> PhotoRow:
+    cells = []
+    for side, drawn in zip(image.sides, view.sides, strict=True):
+        cells.append(
+            DetectionCell(
+                status=drawn.status,
+                quality=side.quality,
+                tp=side.row.greedy_50.tp,
+                fp=side.row.greedy_50.fp,
+                fn=side.missed,
+                errors=tuple(sorted(set(_errors(image, side)))),
+                advice=drawn.advice[0].what if drawn.advice else "",
+                findings=sum(a.level == "bad" for a in drawn.advice),
+            )
+        )
+    return PhotoRow(
+        id=view.id,
+        file_name=view.file_name,
+        view=at,
+        n_truth=image.sides[0].row.n_truth,
+        cells=tuple(cells),
+        categories=tuple(sorted(view.categories)),
+    )

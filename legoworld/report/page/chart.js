@@ -1,0 +1,102 @@
+/* Plots as SVG: axes, marks, and beside each its table and its files. */
+
+import { button, el, svg, table } from "./elements.js";
+
+/**
+ * A plot's frame: scales and axes to draw in.
+ * @param {{width?: number, height?: number, left?: number, x: Axis, y: Axis, label: string}} options
+ * @typedef {{from: number, to: number, ticks: number[], title: string, log?: boolean, text?: (v: number) => string}} Axis
+ */
+export function chart(options) {
+  const { width = 520, height = 300, left = 52, x, y, label } = options;
+  const box = { left, top: 12, right: width - 14, bottom: height - 40 };
+  const sx = scale(x, box.left, box.right);
+  const sy = scale(y, box.bottom, box.top);
+  const marks = svg("g", {});
+  const grid = [];
+  x.ticks.forEach((v) => grid.push(svg("line", { class: "grid", x1: sx(v), x2: sx(v), y1: box.top, y2: box.bottom }),
+    svg("text", { class: "tick", x: sx(v), y: box.bottom + 15, "text-anchor": "middle" }, [textOf(x, v)])));
+  y.ticks.forEach((v) => grid.push(svg("line", { class: "grid", x1: box.left, x2: box.right, y1: sy(v), y2: sy(v) }),
+    svg("text", { class: "tick", x: box.left - 6, y: sy(v) + 4, "text-anchor": "end" }, [textOf(y, v)])));
+  const titles = [
+    svg("text", { class: "axis", x: (box.left + box.right) / 2, y: height - 6, "text-anchor": "middle" }, [x.title]),
+    svg("text", { class: "axis", x: 0, y: 0, "text-anchor": "middle",
+      transform: "translate(12 " + (box.top + box.bottom) / 2 + ") rotate(-90)" }, [y.title])];
+  const root = svg("svg", { class: "chart", viewBox: "0 0 " + width + " " + height, role: "img", "aria-label": label },
+    [...grid, ...titles, marks]);
+  return { root, marks, sx, sy, box };
+}
+
+function scale(axis, low, high) {
+  const f = axis.log ? Math.log : (v) => v;
+  const [from, to] = [f(axis.from), f(axis.to)];
+  return (v) => Math.round((low + (f(v) - from) / Math.max(to - from, 1e-12) * (high - low)) * 100) / 100;
+}
+
+function textOf(axis, v) { return axis.text ? axis.text(v) : String(Number(v.toPrecision(6))); }
+
+/* Round values from 0 to the first that is not below the largest. */
+export function roundTicks(most, parts = 5) {
+  const raw = Math.max(most, 1e-9) / parts;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= raw);
+  const ticks = [];
+  for (let k = 0; k * step < most + step; k += 1) { ticks.push(Number((k * step).toPrecision(12))); }
+  return ticks;
+}
+
+export function pathOf(points) {
+  return points.map((p, i) => (i ? "L" : "M") + p[0] + " " + p[1]).join("");
+}
+
+/* A plot with its title, legend, explanation, table and downloads. */
+export function plotFigure({ name, title, root, keys, note, head, rows }) {
+  const legend = (keys || []).map(([cls, text]) => el("span", { class: "legend-key" }, [
+    svg("svg", { viewBox: "0 0 26 12", "aria-hidden": "true", width: 26, height: 12 }, [
+      svg("rect", { class: "swatch-box " + cls, x: 1, y: 2, width: 24, height: 8 })]), " " + text]));
+  const files = el("span", { class: "files" }, [
+    button("CSV", () => save(name + ".csv", "text/csv", csvOf([head, ...rows])), { "aria-label": title + " as CSV" }),
+    root ? button("SVG", () => save(name + ".svg", "image/svg+xml", svgText(root)), { "aria-label": title + " as SVG" }) : null]);
+  return el("figure", { class: "plot" }, [
+    el("figcaption", {}, [el("h3", {}, [title]), files]),
+    legend.length ? el("div", { class: "legend-keys" }, legend) : null,
+    root,
+    note ? el("p", { class: "sub" }, [note]) : null,
+    el("details", {}, [el("summary", {}, ["table, " + rows.length + (rows.length === 1 ? " row" : " rows")]),
+      table(head, rows, title)])]);
+}
+
+export function csvOf(rows) {
+  return rows.map((row) => row.map((cell) => {
+    const text = cell === null || cell === undefined ? "" : String(cell);
+    return /[",\n\r]/.test(text) ? '"' + text.replaceAll('"', '""') + '"' : text;
+  }).join(",")).join("\n") + "\n";
+}
+
+const KEPT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharray", "stroke-opacity",
+  "font-family", "font-size", "font-weight", "text-anchor", "opacity"];
+
+/* The drawing by itself: every element with the style it has here, on the page's ground. */
+export function svgText(root) {
+  const copy = root.cloneNode(true);
+  const [from, to] = [root.querySelectorAll("*"), copy.querySelectorAll("*")];
+  from.forEach((node, i) => {
+    const style = getComputedStyle(node);
+    KEPT.forEach((name) => to[i].setAttribute(name, style.getPropertyValue(name)));
+    to[i].removeAttribute("class");
+  });
+  const view = root.viewBox.baseVal;
+  copy.removeAttribute("class");
+  copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
+  copy.setAttribute("width", String(view.width));
+  copy.setAttribute("height", String(view.height));
+  copy.prepend(svg("rect", { width: view.width, height: view.height,
+    fill: getComputedStyle(document.body).backgroundColor }));
+  return copy.outerHTML;
+}
+
+export function save(name, type, text) {
+  const url = URL.createObjectURL(new Blob([text], { type }));
+  el("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10000);
+}

@@ -1,0 +1,247 @@
+/* Photos as cards, worst first: only those near the window exist, so 5,000 scroll like 50. */
+
+import { el, fixed, svg } from "./elements.js";
+import { areaOf, drawnItems, inDrawingOrder } from "./outcomes.js";
+import { here, moveTo } from "./place.js";
+import { shapePath } from "./shapes.js";
+import { pictureUrl, sectionElement, sectionOf, withView } from "./views.js";
+
+const CARD_WIDTH = 208;
+const GAP = 12;
+const CAPTION = 74;
+const BEYOND = 500;
+
+/** What a section's photos are, sorted and filtered as the address says.
+ * @type {{key: string, rows: PhotoRow[]}} */
+const LISTED = { key: "", rows: [] };
+
+function quality(row, k) {
+  const cell = row.cells[k];
+  if (!cell) { return null; }
+  if (cell.quality !== undefined) { return cell.quality; }
+  return cell.abs_rel ? -cell.abs_rel.error_1 : null;
+}
+
+/* Which side has the better quality: "0", "1", ... or "tie"; a side without a score loses. */
+function winner(row) {
+  const values = row.cells.map((_, k) => {
+    const q = quality(row, k);
+    return q === null ? -Infinity : q;
+  });
+  const best = Math.max(...values);
+  const first = values.indexOf(best);
+  return values.lastIndexOf(best) === first ? String(first) : "tie";
+}
+
+/* Orders by their names in the address: [title, value of a row, falling]. Rows without come last. */
+export function orders(section) {
+  const depth = section.task === "eth3d";
+  const many = section.sides.length > 1;
+  const found = [["", many ? "worst of " + section.sides[0].label : "worst first", null]];
+  section.sides.forEach((side, k) => {
+    const of = many ? " of " + side.label : "";
+    if (k) { found.push(["q" + k, "worst" + of, (r) => quality(r, k)]); }
+    found.push(["-q" + k, "best" + of, (r) => quality(r, k)]);
+    if (depth) {
+      found.push(["-hole" + k, "most holes" + of, (r) => r.cells[k].holes]);
+    } else {
+      found.push(["-fn" + k, "most missed" + of, (r) => r.cells[k].fn]);
+      found.push(["-fp" + k, "most false positives" + of, (r) => r.cells[k].fp]);
+    }
+  });
+  if (many) {
+    const gap = (r) => {
+      const [a, b] = [quality(r, 0), quality(r, 1)];
+      return a === null || b === null ? null : a - b;
+    };
+    found.push(["gap", section.sides[0].label + " loses most", gap]);
+    found.push(["-gap", section.sides[0].label + " wins most", gap]);
+  }
+  found.push(["-truth", depth ? "most valid pixels" : "most objects", (r) => r.n_truth]);
+  found.push(["file", "file name", (r) => r.file_name]);
+  return found;
+}
+
+function sorted(rows, section, name) {
+  const order = orders(section).find((o) => o[0] === name);
+  if (!order || !order[2]) { return rows; }
+  const value = order[2];
+  const sign = name[0] === "-" ? -1 : 1;
+  const keyed = rows.map((row, i) => ({ row, i, v: value(row) }));
+  keyed.sort((a, b) => {
+    if ((a.v === null) !== (b.v === null)) { return a.v === null ? 1 : -1; }
+    return (a.v < b.v ? -sign : a.v > b.v ? sign : 0) || a.i - b.i;
+  });
+  return keyed.map((one) => one.row);
+}
+
+/** @param {PhotoRow} row */
+function keeps(row, place, q) {
+  if (q && !row.file_name.toLowerCase().includes(q)) { return false; }
+  if (place.status && !row.cells.some((c) => c.status === place.status)) { return false; }
+  if (place.wins && winner(row) !== place.wins) { return false; }
+  const cat = place.cat ? Number(place.cat) : null;
+  if (place.kind) {
+    return row.cells.some((c) => (c.errors || []).some((e) => e[0] === place.kind && (cat === null || e[1] === cat)));
+  }
+  return cat === null || row.categories.includes(cat);
+}
+
+export function listed(section, place) {
+  const q = place.q.toLowerCase();
+  const rows = section.images.filter((row) => keeps(row, place, q));
+  return sorted(rows, section, place.sort);
+}
+
+/* The photos as listed now, and where the open one is among them. */
+export function neighbours() {
+  const place = here();
+  const section = sectionOf(place.section);
+  const ids = listed(section, place).map((r) => String(r.id));
+  return { ids, n: ids.length, at: ids.indexOf(place.image) };
+}
+
+export function step(by) {
+  const around = neighbours();
+  const next = around.at < 0 ? (by > 0 ? 0 : around.n - 1) : around.at + by;
+  if (next >= 0 && next < around.n) { moveTo({ image: around.ids[next] }); }
+}
+
+/* A photo with its outlines, a quality number and what became of its objects. */
+export function card(section, row, attributes) {
+  const picture = el("span", { class: "thumb" });
+  const many = section.sides.length > 1;
+  const marks = row.cells.map((cell, k) => markOf(cell, many ? section.sides[k].label : ""));
+  const first = row.cells[0];
+  const said = first.status === "ok" ? first.advice : first.status + (first.advice ? ": " + first.advice : "");
+  const made = el("a", Object.assign({ class: "card", href: "#/" + section.key + "/" + row.id,
+    "data-image": row.id }, attributes), [picture,
+    el("span", { class: "card-file" }, [row.file_name]), el("span", { class: "marks" }, marks),
+    el("span", { class: "card-said" }, [said])]);
+  withView(row.view, (view) => picture.replaceChildren(thumbnail(section, view)),
+    () => picture.append(el("span", { class: "no-thumb" }, ["left behind"])));
+  return made;
+}
+
+function markOf(cell, label) {
+  const parts = label ? [el("span", { class: "mark-side" }, [label])] : [];
+  if (cell.status !== "ok") { return el("span", { class: "mark" }, [...parts, el("b", { class: "flag" }, [cell.status])]); }
+  if (cell.quality === undefined) {
+    parts.push(el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1) : "-"]), " AbsRel");
+  } else {
+    parts.push(el("b", { title: "quality" }, [fixed(cell.quality, 2)]),
+      count("tp", cell.tp), count("fp", cell.fp), count("fn", cell.fn));
+  }
+  return el("span", { class: "mark" }, parts);
+}
+
+function count(layer, n) {
+  const words = { tp: "true positives", fp: "false positives", fn: "missed" }[layer];
+  return el("span", { class: "mark-n m-" + layer }, [n + " " + layer.toUpperCase(),
+    el("span", { class: "unseen" }, [" (" + words + ")"])]);
+}
+
+function thumbnail(section, view) {
+  const [w, h] = view.size_wh;
+  const url = pictureUrl("photo", view.photo);
+  const ground = url ? svg("image", { href: url, width: w, height: h, preserveAspectRatio: "none" })
+    : svg("rect", { class: "no-photo", width: w, height: h });
+  const items = view.truths ? drawnItems(view, section.names).filter((i) => i.side === 0) : [];
+  const shapes = inDrawingOrder(items).filter((i) => i.layer !== "other" && areaOf(i) > 0).map((item) =>
+    svg("path", { class: "thumb-line s-" + item.layer, d: shapePath(item.shape, view.size_wh) }));
+  return svg("svg", { viewBox: "0 0 " + w + " " + h, "aria-hidden": "true" }, [ground, ...shapes]);
+}
+
+/* The gallery of a section: cards placed by hand in a box as high as all of them. */
+export function gallery(section, place) {
+  const box = sectionElement(section.key).querySelector("[data-gallery]");
+  if (!box) { return; }
+  const rows = listed(section, place);
+  const same = LISTED.key === section.key && LISTED.rows.length === rows.length &&
+    rows.every((row, i) => row === LISTED.rows[i]);
+  if (!same || !box.childElementCount) {
+    LISTED.key = section.key;
+    LISTED.rows = rows;
+    box.replaceChildren();
+  }
+  const count = sectionElement(section.key).querySelector("[data-count=photos]");
+  count.textContent = rows.length + " of " + section.images.length + " photos";
+  layout();
+}
+
+function geometry(box) {
+  const width = box.clientWidth;
+  const columns = Math.max(Math.floor((width + GAP) / (CARD_WIDTH + GAP)), Math.min(2, LISTED.rows.length || 1));
+  const wide = (width - GAP * (columns - 1)) / columns;
+  return { columns, wide, high: Math.round(wide * 0.72) + CAPTION };
+}
+
+/* Adds the cards that came near the window and takes away those that left it. */
+export function layout() {
+  const box = LISTED.key && sectionElement(LISTED.key).querySelector("[data-gallery]");
+  if (!box || !box.clientWidth) { return; }
+  const { columns, wide, high } = geometry(box);
+  const lines = Math.ceil(LISTED.rows.length / columns);
+  box.style.height = lines * (high + GAP) + "px";
+  const top = -box.getBoundingClientRect().top;
+  const from = Math.max(0, Math.floor((top - BEYOND) / (high + GAP))) * columns;
+  const to = Math.min(LISTED.rows.length, Math.ceil((top + window.innerHeight + BEYOND) / (high + GAP)) * columns);
+  const held = new Map();
+  Array.from(box.children).forEach((node) => {
+    const at = Number(node.dataset.at);
+    if ((at < from || at >= to) && !node.contains(document.activeElement)) { node.remove(); } else { held.set(at, node); }
+  });
+  const section = sectionOf(LISTED.key);
+  for (let at = from; at < to; at += 1) {
+    const node = held.get(at) || el("div", { role: "listitem", "data-at": at,
+      "aria-setsize": LISTED.rows.length, "aria-posinset": at + 1 }, [card(section, LISTED.rows[at], {})]);
+    Object.assign(node.style, { left: (at % columns) * (wide + GAP) + "px", width: wide + "px",
+      top: Math.floor(at / columns) * (high + GAP) + "px", height: high + "px" });
+    if (!held.has(at)) { insert(box, node, at); }
+  }
+}
+
+/* In the order of the list, so that the Tab key walks it. */
+function insert(box, node, at) {
+  const next = Array.from(box.children).find((other) => Number(other.dataset.at) > at);
+  box.insertBefore(node, next || null);
+}
+
+/* Arrow keys among the cards; true where one was. */
+export function galleryKey(event) {
+  const node = event.target.closest && event.target.closest("[data-gallery] [data-at]");
+  if (!node) { return false; }
+  const box = node.parentElement;
+  const { columns, high } = geometry(box);
+  const moves = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -columns, ArrowDown: columns,
+    Home: -LISTED.rows.length, End: LISTED.rows.length };
+  if (!(event.key in moves)) { return false; }
+  const last = LISTED.rows.length - 1;
+  let at = Number(node.dataset.at) + moves[event.key];
+  if (event.key === "Home" || event.key === "End") { at = Math.min(Math.max(at, 0), last); }
+  if (at >= 0 && at <= last) { focusCard(box, at, columns, high); }
+  return true;
+}
+
+function focusCard(box, at, columns, high) {
+  const top = box.getBoundingClientRect().top + Math.floor(at / columns) * (high + GAP);
+  if (top < 60 || top + high > window.innerHeight) {
+    window.scrollBy({ top: top - window.innerHeight / 3, behavior: "instant" });
+    layout();
+  }
+  const node = Array.from(box.children).find((child) => Number(child.dataset.at) === at);
+  if (node) { node.querySelector("a").focus({ preventScroll: true }); }
+}
+
+/* The card of the photo that was open gets the focus back. */
+export function focusPhoto(section, image) {
+  const at = LISTED.rows.findIndex((row) => String(row.id) === image);
+  const box = sectionElement(section.key).querySelector("[data-gallery]");
+  if (at >= 0 && box && box.clientWidth) {
+    const { columns, high } = geometry(box);
+    focusCard(box, at, columns, high);
+    return;
+  }
+  const other = sectionElement(section.key).querySelector("[data-sheet] [data-image='" + Number(image) + "']");
+  if (other) { other.focus(); }
+}

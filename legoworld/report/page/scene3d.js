@@ -1,0 +1,253 @@
+/* The scene itself: scene.glb from the photo's camera, free to orbit, coloured by outcome. */
+
+import { button, el } from "./elements.js";
+import { WORDS } from "./outcomes.js";
+import { LEFT_BEHIND, withScene } from "./views.js";
+
+const COLOURS = { tp: 0x2f8fd0, fp: 0xe8641b, other: 0xb9bec4, none: 0x8d9399, hot: 0xffffff };
+
+/* A choice for every side whose scene folder is known. */
+export function sceneChoices(view, items, links) {
+  const several = view.sides.filter((s) => s.scene).length > 1;
+  return view.sides.flatMap((side, k) => {
+    if (!side.scene) { return []; }
+    const { glb, glb_said, camera } = side.scene;
+    const why = glb === null ? glb_said : camera ? "" : "the run recorded no camera";
+    let shown = null;
+    return [{ key: "scene" + k, title: "scene in 3D" + (several ? " of " + side.label : ""), why, usual: true,
+      make: () => {
+        const host = el("div", { class: "scene3d" }, [el("p", { class: "wait" }, ["loading the scene"])]);
+        host.style.setProperty("aspect-ratio", view.size_wh.join(" / "));
+        const fail = (text) => host.replaceChildren(el("p", { class: "wait" }, [text]));
+        withScene(glb, (text) => {
+          Promise.resolve().then(() => openScene(host, text, camera, items.filter((i) => i.side === k), links))
+            .then((made) => { shown = made; })
+            .catch((error) => fail("The scene cannot be shown: " + error.message));
+        }, () => fail("The scene is not here: " + LEFT_BEHIND));
+        return host;
+      },
+      close: () => { if (shown) { shown.close(); shown = null; } } }];
+  });
+}
+
+async function openScene(host, text, camera, items, links) {
+  const three = window.legoworldThree();
+  const canvas = el("canvas", { tabindex: 0, "aria-label": "the scene in 3D: drag or use the arrow keys to orbit, " +
+    "wheel or + and - to come nearer, 0 for the photo's camera" });
+  const renderer = rendererOn(three, canvas);
+  const gltf = await parsed(three, text);
+  const world = new three.Scene();
+  world.add(gltf.scene, new three.HemisphereLight(0xffffff, 0x8a8378, 2.4));
+  const eye = cameraOf(three, camera, gltf.scene);
+  const sun = new three.DirectionalLight(0xffffff, 1.6);
+  sun.position.set(0.5, 1, 1);
+  eye.add(sun);
+  world.add(eye);
+  const bodies = bodiesOf(gltf.scene, items);
+  const start = { position: eye.position.clone(), quaternion: eye.quaternion.clone(), target: ahead(three, eye, gltf.scene) };
+  // Turns the camera to the origin at once: `home` turns it back.
+  const controls = new three.OrbitControls(eye, canvas);
+  controls.enableDamping = false;
+  const state = { plain: false, lit: new Set(), free: false };
+  function draw() {
+    paint(three, bodies, state);
+    renderer.render(world, eye);
+  }
+  function home() {
+    controls.target.copy(start.target);
+    eye.position.copy(start.position);
+    eye.quaternion.copy(start.quaternion);
+    state.free = false;
+    draw();
+  }
+  controls.addEventListener("change", () => { state.free = true; draw(); });
+  controls.addEventListener("start", () => { host.classList.add("orbited"); });
+  const size = () => {
+    const box = host.getBoundingClientRect();
+    renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    renderer.setSize(Math.max(box.width, 1), Math.max(box.width * camera.size_wh[1] / camera.size_wh[0], 1), false);
+    draw();
+  };
+  const watcher = new ResizeObserver(size);
+  const colours = button("materials", () => {
+    state.plain = !state.plain;
+    colours.textContent = state.plain ? "outcomes" : "materials";
+    draw();
+  });
+  const back = button("photo's camera", home);
+  const key = el("span", { class: "scene-key" }, ["tp", "fp"].map((layer) => el("span", {}, [
+    el("span", { class: "key k-" + layer }), " " + WORDS[layer] + " "])));
+  canvas.addEventListener("keydown", (event) => { if (orbitKey(three, eye, controls, event.key, home)) { event.preventDefault(); } });
+  pickable(three, canvas, eye, bodies, links);
+  links.listen((lit) => { state.lit = lit; draw(); });
+  host.replaceChildren(canvas, el("div", { class: "scene-bar" }, [key, items.length ? colours : null, back]));
+  if (!items.length) { state.plain = true; key.hidden = true; }
+  home();
+  watcher.observe(host);
+  host.dataset.ready = "yes";
+  return { close() {
+    watcher.disconnect();
+    controls.dispose();
+    world.traverse((node) => { if (node.geometry) { node.geometry.dispose(); } });
+    renderer.dispose();
+    renderer.forceContextLoss();
+  } };
+}
+
+function rendererOn(three, canvas) {
+  try {
+    return new three.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+  } catch {
+    throw new Error("this browser gives no WebGL");
+  }
+}
+
+function parsed(three, text) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const loader = new three.GLTFLoader();
+  loader.register((parser) => ({ name: "legoworld_textures", loadTexture: (index) => textureOf(three, parser, index) }));
+  return new Promise((resolve, reject) => loader.parse(bytes.buffer, "", resolve, reject));
+}
+
+/* Pictures inside the file as data: addresses, which the page's policy allows; blob: it does not. */
+async function textureOf(three, parser, index) {
+  const wanted = parser.json.textures[index];
+  const webp = wanted.extensions && wanted.extensions.EXT_texture_webp;
+  const image = parser.json.images[webp ? webp.source : wanted.source];
+  let url = image.uri;
+  if (image.bufferView !== undefined) {
+    const bytes = new Uint8Array(await parser.getDependency("bufferView", image.bufferView));
+    let binary = "";
+    for (let i = 0; i < bytes.length; i += 8192) { binary += String.fromCharCode(...bytes.subarray(i, i + 8192)); }
+    url = "data:" + (image.mimeType || "image/png") + ";base64," + btoa(binary);
+  }
+  const element = new Image();
+  element.src = url;
+  await element.decode();
+  const texture = new three.Texture(element);
+  const sampler = (parser.json.samplers || {})[wanted.sampler] || {};
+  const wraps = { 33071: three.ClampToEdgeWrapping, 33648: three.MirroredRepeatWrapping };
+  texture.wrapS = wraps[sampler.wrapS] || three.RepeatWrapping;
+  texture.wrapT = wraps[sampler.wrapT] || three.RepeatWrapping;
+  texture.flipY = false;
+  texture.needsUpdate = true;
+  parser.associations.set(texture, { textures: index });
+  return texture;
+}
+
+/* The camera the scene was read out with. Ours: z up, camera y down and z forward; glTF's: y up,
+   camera y up and z backward. */
+function cameraOf(three, camera, scene) {
+  const [w, h] = camera.size_wh;
+  const m = camera.world_from_cam;
+  const turned = (c, sign) => [sign * m[0][c], sign * m[2][c], -sign * m[1][c]];
+  const [right, up, back, at] = [turned(0, 1), turned(1, -1), turned(2, -1), turned(3, 1)];
+  const sphere = sphereOf(three, scene);
+  const far = 4 * (sphere.radius + sphere.center.distanceTo(new three.Vector3(...at))) + 1;
+  const near = far / 20000;
+  let eye;
+  if (camera.orthographic) {
+    eye = new three.OrthographicCamera(-camera.cx / camera.fx, (w - camera.cx) / camera.fx,
+      camera.cy / camera.fy, -(h - camera.cy) / camera.fy, near, far);
+  } else {
+    eye = new three.PerspectiveCamera(2 * Math.atan(h / 2 / camera.fy) * 180 / Math.PI, w / h, near, far);
+    eye.updateProjectionMatrix();
+    eye.projectionMatrix.set(2 * camera.fx / w, 0, 1 - 2 * camera.cx / w, 0, 0, 2 * camera.fy / h,
+      2 * camera.cy / h - 1, 0, 0, 0, -(far + near) / (far - near), -2 * far * near / (far - near), 0, 0, -1, 0);
+    eye.projectionMatrixInverse.copy(eye.projectionMatrix).invert();
+  }
+  eye.position.set(...at);
+  eye.quaternion.setFromRotationMatrix(new three.Matrix4().makeBasis(
+    new three.Vector3(...right), new three.Vector3(...up), new three.Vector3(...back)));
+  eye.updateMatrixWorld();
+  return eye;
+}
+
+function sphereOf(three, scene) {
+  return new three.Box3().setFromObject(scene).getBoundingSphere(new three.Sphere());
+}
+
+/* What is turned around: what stands in the middle of the picture, else the scene's middle. */
+function ahead(three, eye, scene) {
+  const ray = new three.Raycaster();
+  ray.setFromCamera(new three.Vector2(0, 0), eye);
+  const hit = ray.intersectObject(scene, true)[0];
+  const forward = eye.getWorldDirection(new three.Vector3());
+  const middle = sphereOf(three, scene).center.sub(eye.position).dot(forward);
+  return forward.multiplyScalar(hit ? hit.distance : Math.max(middle, 1)).add(eye.position);
+}
+
+/* Every mesh with the item whose objects it is of. */
+function bodiesOf(scene, items) {
+  const byName = new Map();
+  items.forEach((item) => (item.shape.m || []).forEach((name) => byName.set(name, item)));
+  const bodies = [];
+  scene.traverse((mesh) => {
+    if (!mesh.isMesh) { return; }
+    let [node, item] = [mesh, null];
+    while (node && !item) {
+      item = byName.get(node.userData.name) || null;
+      node = node.parent;
+    }
+    bodies.push({ mesh, item, own: mesh.material });
+  });
+  return bodies;
+}
+
+const PAINTS = new Map();
+
+function paintOf(three, name, glow) {
+  const key = name + glow;
+  if (!PAINTS.has(key)) {
+    PAINTS.set(key, new three.MeshLambertMaterial({ color: COLOURS[name], side: three.DoubleSide,
+      emissive: glow ? COLOURS[name] : 0, emissiveIntensity: glow ? 0.55 : 0, transparent: name === "none",
+      opacity: name === "none" ? 0.55 : 1, depthWrite: true }));
+  }
+  return PAINTS.get(key);
+}
+
+function paint(three, bodies, state) {
+  bodies.forEach(({ mesh, item, own }) => {
+    const lit = Boolean(item && state.lit.has(item.id));
+    mesh.material = state.plain && !lit ? own : paintOf(three, item ? item.layer : "none", lit);
+  });
+}
+
+/* A click on a body keeps it, in the picture, too; the pointer over it lights it up. */
+function pickable(three, canvas, eye, bodies, links) {
+  const ray = new three.Raycaster();
+  const meshes = bodies.map((b) => b.mesh);
+  const at = (event) => {
+    const box = canvas.getBoundingClientRect();
+    ray.setFromCamera(new three.Vector2((event.clientX - box.left) / box.width * 2 - 1,
+      1 - (event.clientY - box.top) / box.height * 2), eye);
+    const hit = ray.intersectObjects(meshes, false)[0];
+    const body = hit && bodies.find((b) => b.mesh === hit.object);
+    return body && body.item ? [body.item.id] : [];
+  };
+  let down = null;
+  canvas.addEventListener("pointerdown", (event) => { down = [event.clientX, event.clientY]; });
+  canvas.addEventListener("pointerup", (event) => {
+    if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 4) { return; }
+    const ids = at(event);
+    if (ids.length) { links.pin(ids); } else { links.release(); }
+  });
+}
+
+/* Arrow keys orbit by steps, + and - come nearer, 0 goes home. */
+function orbitKey(three, eye, controls, key, home) {
+  const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  const offset = eye.position.clone().sub(controls.target);
+  if (key === "0") { home(); return true; }
+  if (key === "+" || key === "=") { offset.multiplyScalar(0.85); }
+  else if (key === "-") { offset.multiplyScalar(1.18); }
+  else if (turns[key]) {
+    const around = new three.Spherical().setFromVector3(offset);
+    around.theta += turns[key][0] * 0.12;
+    around.phi = Math.min(Math.max(around.phi + turns[key][1] * 0.12, 0.05), 3.09);
+    offset.setFromSpherical(around);
+  } else { return false; }
+  eye.position.copy(controls.target).add(offset);
+  controls.update();
+  return true;
+}
