@@ -69,15 +69,15 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
         "truth": _truth_files,
         "categories": lambda s: _short(s.run["configuration"].get("vocabulary_sha256")),
     }
-    found = []
+    differences = []
     for name, fact in facts.items():
         ours, theirs = fact(first), fact(other)
         if ours != theirs:
-            found.append(f"{name} {ours} and {theirs}")
+            differences.append(f"{name} {ours} and {theirs}")
     tracks = [s.run["configuration"].get("track_sha256") for s in (first, other)]
     if None not in tracks and tracks[0] != tracks[1]:
-        found.append(f"track {_short(tracks[0])} and {_short(tracks[1])}")
-    return found + _image_differences(first, other)
+        differences.append(f"track {_short(tracks[0])} and {_short(tracks[1])}")
+    return differences + _image_differences(first, other)
 
 
 def _truth_files(side: Evaluated) -> str:
@@ -105,14 +105,14 @@ def _depth_differences(first: Evaluated, other: Evaluated) -> list[str]:
     """Cameras and sizes that make two depths different tasks (docs/protocols/comparison.md)."""
     if first.camera_model is None:
         return []
-    found = []
+    differences = []
     if first.is_scene and other.is_scene and first.camera_model != other.camera_model:
-        found.append(f"camera model {first.camera_model} and {other.camera_model}")
+        differences.append(f"camera model {first.camera_model} and {other.camera_model}")
     if first.camera_model == other.camera_model == "dataset":
         ours, theirs = (_calibration(s) for s in (first, other))
         if ours != theirs:
-            found.append("calibration")
-    return found + _size_differences(first, other)
+            differences.append("calibration")
+    return differences + _size_differences(first, other)
 
 
 def _calibration(side: Evaluated) -> list[str]:

@@ -44,14 +44,14 @@ class GroupDraws:
 
 def depth_metrics() -> list[Metric]:
     """Every metric and hole policy, in the order it is shown."""
-    found = []
+    metrics = []
     for name, policy in metric_policies():
         level: Level = EVERYTHING if name in _DETAILS else TABLE
         if name == _WITH_MISSING or (name, policy) == ("delta1", PRIMARY_POLICY):
             level = HEADLINE
         better: Better = "higher" if name.startswith("delta") else "lower"
-        found.append(Metric(id=f"{name}.{policy}", policy=policy, better=better, level=level))
-    return found
+        metrics.append(Metric(id=f"{name}.{policy}", policy=policy, better=better, level=level))
+    return metrics
 
 
 def group_unit(rows: Sequence[DepthRow]) -> str:
@@ -76,7 +76,7 @@ def measure_depth(
     "attempted": AbsRel alone, a kept image without a score given the declared error.
     """
     rows = [row for row, keep in zip(side.depth_rows, kept, strict=True) if keep]
-    found: Measures = {}
+    measures: Measures = {}
     if images == "attempted":
         given = side.depth.all_attempted.missing_abs_rel
         for name, policy in metric_policies():
@@ -86,14 +86,14 @@ def measure_depth(
                     for row in rows
                 ]
                 over = {"images": len(rows), "missing": sum(not is_scored(r) for r in rows)}
-                found[f"{name}.{policy}"] = _mean(values, rows, shared, over, {})
-        return found
+                measures[f"{name}.{policy}"] = _mean(values, rows, shared, over, {})
+        return measures
     scored = [row for row in rows if isinstance(row, ScoredDepthRow)]
     for name, policy in metric_policies():
         values = [row.metrics[name][policy] for row in scored]
         extra = {"constant": _constant(scored, name, policy)}
-        found[f"{name}.{policy}"] = _mean(values, scored, shared, {"images": len(scored)}, extra)
-    return found
+        measures[f"{name}.{policy}"] = _mean(values, scored, shared, {"images": len(scored)}, extra)
+    return measures
 
 
 def with_truth(side: Evaluated) -> NDArray[np.bool_]:

@@ -58,25 +58,25 @@ def shared_draws(n_images: int, draws: int, seed: int) -> Draws:
 
 def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
     """Every metric of a comparison of boxes or masks, in the order it is shown."""
-    found = []
+    metrics = []
     for prefix, policy in (("", "own_scores"), (EQUAL, "equal_confidence")):
         for official in protocol.metrics:
             level: Level = HEADLINE if official.name in _HEADLINE else TABLE
             if official.name in _SMALL_CAPS or (prefix and official.name != "AP"):
                 level = EVERYTHING
-            found.append(
+            metrics.append(
                 Metric(id=prefix + official.name, policy=policy, better="higher", level=level)
             )
-    found.append(Metric(id=TIES, policy="tie_orders", better="higher", level=TABLE))
+    metrics.append(Metric(id=TIES, policy="tie_orders", better="higher", level=TABLE))
     for kind in _KINDS:
         for name in _SCORE_FREE:
             if (kind, name) != ("class_aware", "label_accuracy"):  # right by construction
                 shown = kind == "class_aware" and name in _SCORE_FREE_TABLE
                 level = TABLE if shown else EVERYTHING
-                found.append(
+                metrics.append(
                     Metric(id=f"{kind}.{name}", policy="score_free", better="higher", level=level)
                 )
-    return found
+    return metrics
 
 
 def frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
@@ -91,20 +91,20 @@ def measure_detections(
     """Every metric of `detection_metrics` over the kept images, from the matches on record."""
     arrays = side.matches
     frequencies = frequencies_of_side(side, arrays["category_ids"])
-    found: Measures = {}
+    measures: Measures = {}
     table = table_of_images(matches_file.table_from(arrays, matches_file.OWN), kept)
     own = equal = _official(table, protocol, frequencies, shared)
     if side.ranked:
         table = table_of_images(matches_file.table_from(arrays, matches_file.EQUAL), kept)
         equal = _official(table, protocol, frequencies, shared)
-    found |= own | {EQUAL + name: measure for name, measure in equal.items()}
-    found[TIES] = _ties(table, shared, equal["AP"].over)
+    measures |= own | {EQUAL + name: measure for name, measure in equal.items()}
+    measures[TIES] = _ties(table, shared, equal["AP"].over)
     images_with_truth = len(np.unique(table.truth_image))
     for kind, aware in zip(_KINDS, (True, False), strict=True):
         counts = counts_of_images(matches_file.counts_from(arrays, class_aware=aware), kept)
         for name, measure in _score_free(counts, shared, spread=images_with_truth > 1).items():
-            found[f"{kind}.{name}"] = measure
-    return found
+            measures[f"{kind}.{name}"] = measure
+    return measures
 
 
 def _official(
@@ -115,17 +115,17 @@ def _official(
     samples = resampled_metrics(table, protocol, shared.counts, frequencies)
     lone = metrics_of_one_image(table, protocol, frequencies)
     n_truths = truths_per_category(table)
-    found = {}
+    measures = {}
     for metric in protocol.metrics:
         value = metric_value(metric, curves, frequencies)
         defined = value != -1 and metric.name not in lone
-        found[metric.name] = Measure(
+        measures[metric.name] = Measure(
             value=np.nan if value == -1 else value,
             samples=samples[metric.name] if defined else None,
             over=_over(table, metric, n_truths, frequencies),
             extra={},
         )
-    return found
+    return measures
 
 
 def _over(
@@ -163,13 +163,13 @@ def _score_free(counts: MatchedCounts, shared: Draws, *, spread: bool) -> Measur
         "miou_matched": {"pairs": int(point["n_matched"][0])},
         "label_accuracy": {"pairs": int(point["n_hits_50"][0])},
     }
-    found = {}
+    measures = {}
     for name in _SCORE_FREE:
         value = float(point[name][0])
-        found[name] = Measure(
+        measures[name] = Measure(
             value=value,
             samples=samples[name] if spread and np.isfinite(value) else None,
             over={**over, **more.get(name, {})},
             extra={},
         )
-    return found
+    return measures

@@ -119,12 +119,12 @@ def write_comparison(
 def rendered_tables(document: Comparison | JoinedComparison) -> dict[str, str]:
     """The tables by file name. The CSV has every row, unrounded; the others what people read."""
     headline, coverage = headline_table(document), coverage_table(document)
-    found = {}
+    files = {}
     for suffix, render in FORMATS.items():
         shown = csv_table(document) if suffix == "csv" else headline
-        found[f"table.{suffix}"] = render(shown)
-        found[f"coverage.{suffix}"] = render(coverage)
-    return found
+        files[f"table.{suffix}"] = render(shown)
+        files[f"coverage.{suffix}"] = render(coverage)
+    return files
 
 
 def read_document(folder: Path) -> Comparison | JoinedComparison:
@@ -183,13 +183,13 @@ def _side_inputs(folder: Path, side: Evaluated, place: int) -> list[Input]:
 
 def input_entry(folder: Path, role: str, path: Path) -> Input:
     """An input as evidence.json lists it."""
-    found = input_file(role, path)
+    file = input_file(role, path)
     relative = os.path.relpath(path.resolve(), folder.resolve())
     return Input(
         role=role,
         path=Path(relative).as_posix(),
-        sha256=found.sha256,
-        bytes=found.size_bytes,
+        sha256=file.sha256,
+        bytes=file.size_bytes,
     )
 
 

@@ -61,11 +61,11 @@ def _depth(sides: Sequence[Evaluated]) -> list[str]:
 def _versions(sides: Sequence[Evaluated]) -> list[str]:
     """Packages of other versions: numbers are held to 1e-12 within one, not between two."""
     versions = [s.evidence.versions for s in sides]
-    names = sorted({name for found in versions for name in found})
+    names = sorted({name for packages in versions for name in packages})
     notes = []
     for name in names:
-        found = [v.get(name, "absent") for v in versions]
-        if len(set(found)) > 1:
-            listed = ", ".join(f"{s.name} {v}" for s, v in zip(sides, found, strict=True))
+        of_sides = [v.get(name, "absent") for v in versions]
+        if len(set(of_sides)) > 1:
+            listed = ", ".join(f"{s.name} {v}" for s, v in zip(sides, of_sides, strict=True))
             notes.append(f"Evaluated with other versions of {name}: {listed}.")
     return notes

@@ -33,11 +33,11 @@ def recorded_provenance(side: Evaluated) -> list[MadeBy]:
     """
     scenes = side.run.get("scenes") or {}
     if side.is_scene:
-        found = [(scene or {}).get("provenance", NOT_RECORDED) for scene in scenes.values()]
+        provenances = [(scene or {}).get("provenance", NOT_RECORDED) for scene in scenes.values()]
     else:
         recorded = side.run["configuration"].get("provenance", NOT_RECORDED)
-        found = [recorded] * side.summary.coverage.attempted
-    counted = Counter(canonical_json(one) for one in found)
+        provenances = [recorded] * side.summary.coverage.attempted
+    counted = Counter(canonical_json(one) for one in provenances)
     ordered = sorted(counted.items(), key=lambda item: (-item[1], item[0]))
     return [MadeBy(provenance=json.loads(text), images=n) for text, n in ordered]
 
@@ -45,12 +45,12 @@ def recorded_provenance(side: Evaluated) -> list[MadeBy]:
 def provenance_by_field(sides: Sequence[Evaluated]) -> ByField:
     """How scenes were made: of the fields that any recorded. What a baseline is, is its own."""
     by_method = {side.name: recorded_provenance(side) for side in sides if side.is_scene}
-    found = {}
+    by_field = {}
     for field in FIELDS:
         values = {name: _values(groups, field) for name, groups in by_method.items()}
         if any(set(counts) - {NOT_RECORDED} for counts in values.values()):
-            found[field] = values
-    return found
+            by_field[field] = values
+    return by_field
 
 
 def provenance_notes(by_field: ByField) -> list[str]:

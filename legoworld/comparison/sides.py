@@ -27,13 +27,13 @@ def read_sides(
             found=f"{len(folders)}",
             expected="EVAL_SCENE and at least one EVAL_BASELINE",
         )
-    found = [read_evaluation(folder) for folder in folders]
+    sides = [read_evaluation(folder) for folder in folders]
     if names is not None:
-        return tuple(replace(s, name=name) for s, name in zip(found, names, strict=True))
-    names = distinct_names([(s.name, s.folder.resolve().name) for s in found])
+        return tuple(replace(s, name=name) for s, name in zip(sides, names, strict=True))
+    names = distinct_names([(s.name, s.folder.resolve().name) for s in sides])
     return tuple(
         replace(side, name=f"{name} (prompted with truth)" if side.used_truth else name)
-        for side, name in zip(found, names, strict=True)
+        for side, name in zip(sides, names, strict=True)
     )
 
 

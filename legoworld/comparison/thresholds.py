@@ -77,17 +77,17 @@ def _parse(text: str, known: Sequence[str]) -> Threshold:
 
 def tripped(document: Comparison, thresholds: Sequence[Threshold]) -> list[Tripped]:
     """The thresholds that do not hold, against every baseline of a comparison."""
-    found = []
+    failed = []
     for threshold in thresholds:
         for pair in document.pairs:
             row = _row(pair.rows, threshold)
             gain = None if row is None else _gain(row)
             if gain is None or gain < threshold.least_gain:
                 images = "paired" if row is None else row.images
-                found.append(
+                failed.append(
                     Tripped(threshold=threshold, baseline=pair.baseline, images=images, gain=gain)
                 )
-    return found
+    return failed
 
 
 def _row(rows: Sequence[ComparisonRow], threshold: Threshold) -> ComparisonRow | None:

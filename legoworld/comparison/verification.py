@@ -87,32 +87,32 @@ def _json(path: Path) -> Any:
 def _inputs_named(folder: Path, evidence: AnyEvidence, name: str, root: Path | None) -> list[Path]:
     """Where the inputs of that file name lie, in their recorded order."""
     entries = [e.path for e in evidence.inputs if Path(e.path).name == name]
-    found = [located(folder, path, root) for path in entries]
-    return [path for path in found if path is not None]
+    paths = [located(folder, path, root) for path in entries]
+    return [path for path in paths if path is not None]
 
 
-def _agrees(what: str, found: object, recorded: object) -> Check:
+def _agrees(what: str, computed: object, recorded: object) -> Check:
     """Equal but for summation order: another machine's numpy may add in another one."""
-    worst, where = _largest_difference(json.loads(json.dumps(as_json(found))), recorded, "")
+    worst, where = _largest_difference(json.loads(json.dumps(as_json(computed))), recorded, "")
     status = "ok" if worst <= AGREEMENT else "DIFFERS"
     return Check(status, what, f"largest difference {worst:.1e}{where and ' at ' + where}")
 
 
-def _largest_difference(found: object, recorded: object, where: str) -> tuple[float, str]:
+def _largest_difference(value: object, recorded: object, where: str) -> tuple[float, str]:
     """The largest difference of two numbers; infinite where anything else differs."""
-    numbers = type(found) in (int, float) and type(recorded) in (int, float)
-    if numbers and isinstance(found, int | float) and isinstance(recorded, int | float):
-        difference = abs(found - recorded)
+    numbers = type(value) in (int, float) and type(recorded) in (int, float)
+    if numbers and isinstance(value, int | float) and isinstance(recorded, int | float):
+        difference = abs(value - recorded)
         if math.isnan(difference):  # which no comparison below would find the largest
             return float("inf"), where
-        return difference, where if found != recorded else ""
+        return difference, where if value != recorded else ""
     pairs: list[tuple[object, object, str]] = []
-    if isinstance(found, dict) and isinstance(recorded, dict) and found.keys() == recorded.keys():
-        pairs = [(found[k], recorded[k], f"{where}.{k}") for k in found]
-    elif isinstance(found, list) and isinstance(recorded, list) and len(found) == len(recorded):
-        both = zip(found, recorded, strict=True)
+    if isinstance(value, dict) and isinstance(recorded, dict) and value.keys() == recorded.keys():
+        pairs = [(value[k], recorded[k], f"{where}.{k}") for k in value]
+    elif isinstance(value, list) and isinstance(recorded, list) and len(value) == len(recorded):
+        both = zip(value, recorded, strict=True)
         pairs = [(a, b, f"{where}[{k}]") for k, (a, b) in enumerate(both)]
-    elif found != recorded:
+    elif value != recorded:
         return float("inf"), where
     differences = (_largest_difference(*pair) for pair in pairs)
     return max(differences, key=lambda one: one[0], default=(0.0, ""))

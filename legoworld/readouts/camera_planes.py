@@ -34,21 +34,21 @@ def facing_planes(
     """
     area = np.bincount(seen.shown[seen.shown >= 0], minlength=len(snapshot.surface_mesh))
     large = np.flatnonzero(area >= max(1.0, min_share * seen.shown.size))
-    found: list[tuple[int, float]] = []
+    facing: list[tuple[int, float]] = []
     for surface in large.tolist():
         tilt = _tilt_deg(snapshot, surface)
         if tilt is not None and tilt <= max_tilt_deg:
-            found.append((surface, tilt))
-    found.sort(key=lambda item: (-int(area[item[0]]), item[0]))
+            facing.append((surface, tilt))
+    facing.sort(key=lambda item: (-int(area[item[0]]), item[0]))
     number = np.full(len(area) + 1, -1, np.int16)  # the last one: -1 stays -1
-    number[[surface for surface, _ in found]] = np.arange(len(found), dtype=np.int16)
+    number[[surface for surface, _ in facing]] = np.arange(len(facing), dtype=np.int16)
     planes = [
         FacingPlane(
             object=_name(snapshot, surface),
             tilt_deg=tilt,
             share=int(area[surface]) / seen.shown.size,
         )
-        for surface, tilt in found
+        for surface, tilt in facing
     ]
     return planes, number[np.where(seen.shown >= 0, seen.shown, -1)]
 

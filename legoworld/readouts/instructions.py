@@ -74,13 +74,13 @@ def instructions(protocol: Protocol) -> Instructions:
 def accepted_synonyms(vocabulary: Vocabulary) -> dict[str, str]:
     """Accepted labels other than the category names, with the category of each."""
     names = {normal_name(c.name) for c in vocabulary.categories}
-    found = {}
+    category_of = {}
     for category in vocabulary.categories:
         for synonym in (*category.synonyms, *vocabulary.bare_words_of(category)):
             matched = vocabulary.match(synonym)
             if normal_name(synonym) not in names and matched is not None:
-                found[synonym] = matched.name
-    return dict(sorted(found.items()))
+                category_of[synonym] = matched.name
+    return dict(sorted(category_of.items()))
 
 
 class _Renderer:

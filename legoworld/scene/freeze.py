@@ -90,8 +90,8 @@ def hash_files(folder: Path, names: Iterable[str]) -> dict[str, FileHash | None]
 
 def _file_hash(folder: Path, name: str) -> FileHash | None:
     if name in SIZE_LIMITS:
-        found = hash_side_file(folder, name)
-        return FileHash(sha256=found[0], bytes=found[1]) if found else None
+        hashed = hash_side_file(folder, name)
+        return FileHash(sha256=hashed[0], bytes=hashed[1]) if hashed else None
     try:
         with open_regular(folder / name) as stream:
             status = os.fstat(stream.fileno())
@@ -181,9 +181,9 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
     Raises SceneChangedError when a file differs, appeared or went, NotFrozenError when a record
     is required and missing. Without a record the dependencies are not known yet: empty.
     """
-    found = read_side_file(scene.path, FROZEN, FrozenFile)
+    side_file = read_side_file(scene.path, FROZEN, FrozenFile)
     now = hash_files(scene.path, scene.artefacts())
-    if found is None:
+    if side_file is None:
         if require_frozen:
             raise NotFrozenError(
                 "the scene is not frozen",
@@ -194,7 +194,7 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
         return FrozenFiles(
             artefacts=now, dependencies={}, frozen="at_readout", warnings=_execution(scene, now)
         )
-    record = found.value
+    record = side_file.value
     if require_frozen and record.status != "ok":
         raise NotFrozenError(
             "the scene was frozen with a complaint",
@@ -286,13 +286,13 @@ def _refuse_changes(recorded: Hashes, now: Hashes) -> None:
 
 def _plain(hashes: Hashes) -> dict[str, HashedFile | None]:
     return {
-        name: HashedFile(sha256=found.sha256, bytes=found.bytes) if found else None
-        for name, found in hashes.items()
+        name: HashedFile(sha256=hashed.sha256, bytes=hashed.bytes) if hashed else None
+        for name, hashed in hashes.items()
     }
 
 
 def _hashes(recorded: Mapping[str, HashedFile | None]) -> dict[str, FileHash | None]:
     return {
-        name: FileHash(sha256=found.sha256, bytes=found.bytes) if found else None
-        for name, found in recorded.items()
+        name: FileHash(sha256=file.sha256, bytes=file.bytes) if file else None
+        for name, file in recorded.items()
     }

@@ -85,14 +85,14 @@ class _Resolver:
         snapshot = self.snapshot
         ids: dict[_Key, int] = {}
         parts: list[set[str]] = []
-        found: list[_Owner] = []
+        owners: list[_Owner] = []
         surface_instance = np.empty(len(snapshot.surface_mesh), np.int32)
         for s, occurrence in enumerate(snapshot.surface_occurrence.tolist()):
             owner = self._labelled_owner(occurrence) or (("occurrence", -1, occurrence, -1), None)
-            instance = ids.setdefault(owner[0], len(found))
-            if instance == len(found):
+            instance = ids.setdefault(owner[0], len(owners))
+            if instance == len(owners):
                 parts.append(set())
-                found.append(owner)
+                owners.append(owner)
             surface_instance[s] = instance
             parts[instance].add(snapshot.objects[self._object[occurrence]].name)
         instances = tuple(
@@ -103,15 +103,15 @@ class _Resolver:
                 category=label.category if label else None,
                 label_text=label.text if label else None,
             )
-            for i, (key, label) in enumerate(found)
+            for i, (key, label) in enumerate(owners)
         )
-        nested = self._nested(ids, found)
+        nested = self._nested(ids, owners)
         return Grouping(
             instances=instances,
             surface_instance=surface_instance,
             nested=nested,
             outside_vocabulary=self._outside_vocabulary(),
-            unseen_owners=self._unseen_owners(found),
+            unseen_owners=self._unseen_owners(owners),
             warnings=self._warnings(),
         )
 
@@ -203,19 +203,19 @@ class _Resolver:
     def _collections_of(self, shown: int) -> frozenset[int]:
         """The collections that hold an object, directly or not."""
         if shown not in self._holding:
-            todo, found = list(self.snapshot.objects[shown].collections), set()
+            todo, holders = list(self.snapshot.objects[shown].collections), set()
             while todo:
                 collection = todo.pop()
-                if collection not in found:
-                    found.add(collection)
+                if collection not in holders:
+                    holders.add(collection)
                     todo.extend(self.snapshot.collections[collection].parents)
-            self._holding[shown] = frozenset(found)
+            self._holding[shown] = frozenset(holders)
         return self._holding[shown]
 
-    def _nested(self, ids: dict[_Key, int], found: list[_Owner]) -> dict[int, int]:
+    def _nested(self, ids: dict[_Key, int], owners: list[_Owner]) -> dict[int, int]:
         """Labelled instances that are cut out of another labelled one, with that one's id."""
         nested = {}
-        for key, label in found:
+        for key, label in owners:
             outer = self._owner_outside(key) if label else None
             if outer is not None and outer[0] in ids:
                 nested[ids[key]] = ids[outer[0]]
@@ -248,8 +248,8 @@ class _Resolver:
                 counts[label.text] = counts.get(label.text, 0) + 1
         return dict(sorted(counts.items()))
 
-    def _unseen_owners(self, found: list[_Owner]) -> tuple[tuple[str, str], ...]:
-        owners = {(key[0], key[1]) for key, label in found if label}
+    def _unseen_owners(self, resolved: list[_Owner]) -> tuple[tuple[str, str], ...]:
+        owners = {(key[0], key[1]) for key, label in resolved if label}
         unseen = [
             (self.snapshot.objects[i].name, label.text)
             for i, label in self.labels.objects.items()

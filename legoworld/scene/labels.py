@@ -53,9 +53,9 @@ def read_labels_file(path: Path) -> tuple[OutsideLabel, ...]:
     return labels_in(read_side_file(path.parent, path.name, LabelsFile))
 
 
-def labels_in(found: SideFile[LabelsFile] | None) -> tuple[OutsideLabel, ...]:
+def labels_in(file: SideFile[LabelsFile] | None) -> tuple[OutsideLabel, ...]:
     """The entries of a labels.json; none when there is no such file. Raises LabelsInvalidError."""
-    entries = found.value.labels if found else ()
+    entries = file.value.labels if file else ()
     labels = tuple(_outside_label(entry, place) for place, entry in enumerate(entries))
     _refuse_contradictions(labels)
     return labels
@@ -126,7 +126,7 @@ def _matched(
     vocabulary: Vocabulary | None,
     override_property: str | None,
 ) -> dict[int, Label]:
-    found = {}
+    labels = {}
     for i, (_, properties) in enumerate(owners):
         text = properties.get(override_property) if override_property else None
         if text is None:
@@ -137,8 +137,8 @@ def _matched(
             category: Category | None = Category(id=-1, name=text)
         else:
             category = vocabulary.match(text)
-        found[i] = Label(text=text, category=category)
-    return found
+        labels[i] = Label(text=text, category=category)
+    return labels
 
 
 def _outside_label(entry: Mapping[str, Any], place: int) -> OutsideLabel:

@@ -174,10 +174,10 @@ def read_hashed_side_file(
 
     Raises as `read_side_file` does, and SceneInvalidError when it is no longer what was hashed.
     """
-    found, hashed = read_side_file(scene.path, name, kind), files.artefacts.get(name)
-    if (found and found.sha256) != (hashed and hashed.sha256):
+    side_file, hashed = read_side_file(scene.path, name, kind), files.artefacts.get(name)
+    if (side_file and side_file.sha256) != (hashed and hashed.sha256):
         raise _changed(scene, name)
-    return found
+    return side_file
 
 
 def _changed(scene: SceneFolder, name: str) -> SceneInvalidError:

@@ -54,9 +54,9 @@ def compiler() -> list[str]:
             raise CompilationError(f"$CXX is {chosen!r}, which is not a command here")
         return command
     for name in ("c++", "g++", "clang++"):
-        found = shutil.which(name)
-        if found is not None:
-            return [found]
+        path = shutil.which(name)
+        if path is not None:
+            return [path]
     if importlib.util.find_spec("ziglang") is not None:
         return [sys.executable, "-m", "ziglang", "c++"]
     raise CompilationError(NO_COMPILER)

@@ -157,7 +157,7 @@ def _array(name: str, array: Any, dtype: DTypeLike, shape: tuple[int | None, ...
             expected=_described(dtype, shape),
         )
     fits = array.ndim == len(shape) and all(
-        n is None or n == found for n, found in zip(shape, array.shape, strict=True)
+        n is None or n == actual for n, actual in zip(shape, array.shape, strict=True)
     )
     if array.dtype != dtype or not fits:
         raise ShapeError(

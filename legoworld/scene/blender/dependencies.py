@@ -29,11 +29,11 @@ def dependencies(blend: Path) -> list[str]:
     # and so does what is packed: Blender lists both. The others are the libraries below.
     read = {(p, raw) for p, raw in zip(absolute, written, strict=True) if not _BLEND.search(p)}
     read |= {(str(library_path(library)), library.filepath) for library in libraries}
-    found = {_name(Path(p), raw, folder) for p, raw in read if p and own_copy(p) is None}
+    names = {_name(Path(p), raw, folder) for p, raw in read if p and own_copy(p) is None}
     for cache in _cache_folders(blend):
-        found |= {_name(p, "//", folder) for p in cache.rglob("*") if p.is_file()}
-    found.discard(blend.name)
-    return sorted(found)
+        names |= {_name(p, "//", folder) for p in cache.rglob("*") if p.is_file()}
+    names.discard(blend.name)
+    return sorted(names)
 
 
 def watched_folders(blend: Path) -> list[str]:

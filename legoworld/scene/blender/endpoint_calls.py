@@ -83,25 +83,25 @@ def get_scene_info() -> dict[str, Any]:
 
 def get_object_info(name: str) -> dict[str, Any]:
     """One object: where it is, what it is made of, and its bounds."""
-    found = bpy.data.objects.get(name)
-    if found is None:
+    thing = bpy.data.objects.get(name)
+    if thing is None:
         raise ValueError(f"Object not found: {name}")
     about: dict[str, Any] = {
-        "name": found.name,
-        "type": found.type,
-        "location": list(found.location),
-        "rotation": list(found.rotation_euler),
-        "scale": list(found.scale),
-        "visible": found.visible_get(),
-        "materials": [slot.material.name for slot in found.material_slots if slot.material],
+        "name": thing.name,
+        "type": thing.type,
+        "location": list(thing.location),
+        "rotation": list(thing.rotation_euler),
+        "scale": list(thing.scale),
+        "visible": thing.visible_get(),
+        "materials": [slot.material.name for slot in thing.material_slots if slot.material],
     }
-    if found.type == "MESH":
-        corners = [found.matrix_world @ mathutils.Vector(corner) for corner in found.bound_box]
+    if thing.type == "MESH":
+        corners = [thing.matrix_world @ mathutils.Vector(corner) for corner in thing.bound_box]
         about["world_bounding_box"] = [
             [min(c[axis] for c in corners) for axis in range(3)],
             [max(c[axis] for c in corners) for axis in range(3)],
         ]
-        mesh = found.data
+        mesh = thing.data
         about["mesh"] = {
             "vertices": len(mesh.vertices),
             "edges": len(mesh.edges),
@@ -118,13 +118,13 @@ def list_scene_items(query: str = "", limit: int = 30) -> dict[str, Any]:
         *(("material", m.name, f"Material, {m.users} users") for m in bpy.data.materials),
         *(("collection", c.name, "Collection") for c in bpy.data.collections),
     ]
-    found = sorted(
+    matching = sorted(
         (entry for entry in named if needle in entry[1].lower()),
         key=lambda entry: not entry[1].lower().startswith(needle),
     )
-    kept = found[: max(1, min(int(limit), 100))]
+    kept = matching[: max(1, min(int(limit), 100))]
     items = [{"kind": kind, "name": name, "detail": detail} for kind, name, detail in kept]
-    return {"items": items, "total": len(found)}
+    return {"items": items, "total": len(matching)}
 
 
 def get_addon_info() -> dict[str, Any]:

@@ -138,13 +138,13 @@ def _image_users(scene: bpy.types.Scene) -> dict[str, set[str]]:
 def _images_of_objects() -> dict[str, list[str]]:
     """The images that an object's materials show, for objects that show any."""
     shown = {m.name: _images_in(m.node_tree) for m in bpy.data.materials}
-    found: dict[str, list[str]] = {}
+    images_of: dict[str, list[str]] = {}
     for thing in sorted(bpy.data.objects, key=lambda o: o.name):
         slots = (slot.material for slot in thing.material_slots)
         names = sorted(set().union(*(shown.get(m.name, set()) for m in slots if m is not None)))
         if names:
-            found[thing.name] = names
-    return found
+            images_of[thing.name] = names
+    return images_of
 
 
 def _drivers() -> int:

@@ -74,22 +74,22 @@ def open_blend(path: Path) -> OpenFile:
 
 
 def _refuse_missing_libraries() -> None:
-    found = sorted(
+    missing = sorted(
         f"{Path(library.filepath).name!r} does not exist"
         for library in bpy.data.libraries
         if is_needed(library) and not library_path(library).exists()
     )
-    found += sorted(
+    missing += sorted(
         f"{type(block).__name__.lower()} {block.name!r} is not in "
         f"{Path(block.library.filepath).name!r}"
         for kind in _SHAPING
         for block in getattr(bpy.data, kind)
         if block.is_missing and block.library
     )
-    if found:
+    if missing:
         raise MissingLibraryError(
             "scene.blend links data that is not there",
-            found=", ".join(found[:5]) + (f" and {len(found) - 5} more" if found[5:] else ""),
+            found=", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if missing[5:] else ""),
             expected="every linked library beside the scene, at its relative path",
             next_step="deliver the libraries too, or make the data local before saving",
         )

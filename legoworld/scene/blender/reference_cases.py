@@ -64,15 +64,15 @@ def write_case(blend: Path, output: Path, wanted: dict[str, Any]) -> None:
 
 def _things(scene: bpy.types.Scene) -> list[Any]:
     """The objects of a scene and those of collections that it instances."""
-    found = {o.name_full: o for o in scene.objects}
-    todo = list(found.values())
+    things = {o.name_full: o for o in scene.objects}
+    todo = list(things.values())
     while todo:
         collection = todo.pop().instance_collection
         for member in collection.all_objects if collection is not None else ():
-            if member.name_full not in found:
-                found[member.name_full] = member
+            if member.name_full not in things:
+                things[member.name_full] = member
                 todo.append(member)
-    return [found[name] for name in sorted(found)]
+    return [things[name] for name in sorted(things)]
 
 
 def _views(scene: bpy.types.Scene) -> list[str]:

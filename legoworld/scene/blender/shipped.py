@@ -21,10 +21,10 @@ _INSTALLED: Final = re.compile(r"[\\/]\d+\.\d+[\\/]((?:datafiles|scripts)[\\/].+
 def own_copy(path: str) -> Path | None:
     """The file of this Blender that a path to the same file of any Blender means; else None."""
     root = Path(bpy.utils.resource_path("LOCAL"))
-    found = _INSTALLED.search(path)
-    if found is None:
+    installed = _INSTALLED.search(path)
+    if installed is None:
         return None
-    own = root / found[1].replace("\\", "/")
+    own = root / installed[1].replace("\\", "/")
     return own if ".." not in own.parts and own.is_file() else None
 
 

@@ -107,8 +107,8 @@ class Pictures:
     def _bytes(self, image: Fields) -> bytes | None:
         if "bufferView" in image:
             return bytes(self._buffers.view(image.index("bufferView", len(self._buffers)))[0])
-        found = self._buffers.uri(image) if "uri" in image else None
-        return None if found is None else bytes(found)
+        content = self._buffers.uri(image) if "uri" in image else None
+        return None if content is None else bytes(content)
 
 
 def threshold_at_half(alpha: NDArray[np.uint8], cutoff: float) -> NDArray[np.uint8]:

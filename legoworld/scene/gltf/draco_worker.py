@@ -48,9 +48,9 @@ def _decoded(data: bytes, attributes: list[int]) -> list[Any]:
     if faces is None:
         raise ValueError("a point cloud")
     arrays = [np.ascontiguousarray(faces, np.uint32).reshape(-1, 3)]
-    found = {a["unique_id"]: a["data"] for a in mesh.attributes}
+    data_of = {a["unique_id"]: a["data"] for a in mesh.attributes}
     for unique_id in attributes:
-        values = np.ascontiguousarray(found[unique_id])
+        values = np.ascontiguousarray(data_of[unique_id])
         arrays.append(values.reshape(len(values), -1))
     return arrays
 

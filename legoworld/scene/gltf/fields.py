@@ -32,8 +32,8 @@ class Fields:
 
     def wrong(self, name: str, expected: str) -> UnreadableGltfError:
         """The verdict for a value, as an exception to raise."""
-        found = _shown(self.values[name]) if name in self.values else "nothing"
-        return unreadable(f"{self.at(name)} is {one_line(found, 80)}", expected)
+        value = _shown(self.values[name]) if name in self.values else "nothing"
+        return unreadable(f"{self.at(name)} is {one_line(value, 80)}", expected)
 
     def integer(self, name: str, default: int | None = None) -> int:
         """An integer in 0..2^53; `default` where it is absent, which None forbids."""

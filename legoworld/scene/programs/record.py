@@ -17,14 +17,14 @@ def execution_warnings(folder: Path, blend_sha256: str | None) -> tuple[str, ...
     it. The file is no part of the frozen scene: one that cannot be used is a warning, too.
     """
     try:
-        found = read_side_file(folder, EXECUTION, ExecutionFile)
+        record = read_side_file(folder, EXECUTION, ExecutionFile)
     except SideFileInvalidError as error:
         return (f"{error.what}; found: {error.found}",)
-    if found is None or found.value.status != "stopped":
+    if record is None or record.value.status != "stopped":
         return ()
-    if found.value.files.get(BLEND) != blend_sha256:
+    if record.value.files.get(BLEND) != blend_sha256:
         return ()
-    by = found.value.error
+    by = record.value.error
     where = f" at line {by.line}" if by and by.line is not None else ""
     kind = one_line(by.type, 100) if by else "an error"
     return (

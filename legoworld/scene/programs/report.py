@@ -31,18 +31,18 @@ def read_report(path: Path | None) -> ProgramReport:
         return ProgramReport()
     try:
         with path.open("rb") as stream:
-            found = decode(ProgramReport, stream.read(_MOST_BYTES))
+            report = decode(ProgramReport, stream.read(_MOST_BYTES))
     except (OSError, RecordError):
         return _DAMAGED
-    if found.ok is None:
-        return ProgramReport(at=found.at or "program")
+    if report.ok is None:
+        return ProgramReport(at=report.at or "program")
     return ProgramReport(
         at="export",
-        ok=found.ok,
-        reason=None if found.ok else _flat(found.reason or Reason()),
-        error=found.error and _error(found.error),
-        skipped=_lines(found.skipped),
-        warnings=_lines(found.warnings),
+        ok=report.ok,
+        reason=None if report.ok else _flat(report.reason or Reason()),
+        error=report.error and _error(report.error),
+        skipped=_lines(report.skipped),
+        warnings=_lines(report.warnings),
     )
 
 
