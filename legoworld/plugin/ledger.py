@@ -1,0 +1,112 @@
+"""ledger.jsonl: append-only, each line hashed together with the line before it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from legoworld.errors import LegoWorldError
+from legoworld.files import sha256_of_text
+from legoworld.records.base import RecordError, canonical, decode
+from legoworld.records.plugin_ledger import Entry, Phase
+
+LEDGER: Final = "ledger.jsonl"
+_FIRST: Final = "0" * 64
+
+
+class LedgerBrokenError(LegoWorldError):
+    """A line of a ledger is not what was written, or not where it was written."""
+
+    code = "ledger_broken"
+
+
+class Ledger:
+    """A ledger that is open for writing: every entry is on disk before its call is answered."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / LEDGER
+        self.entries, whole = _read(self.path)
+        if self.path.exists() and whole < self.path.stat().st_size:
+            # A line that was being written when the process was killed: its call was not answered.
+            with self.path.open("rb+") as stream:
+                stream.truncate(whole)
+
+    def append(
+        self,
+        *,
+        tool: str,
+        request: dict[str, Any],
+        answer: Any,
+        error: str | None,
+        phase: Phase,
+        transaction: int | None,
+        signatures: tuple[str | None, str | None],
+        base_sha256: str | None,
+    ) -> Entry:
+        """Write an entry and have it on disk."""
+        unsigned = Entry(
+            seq=len(self.entries) + 1,
+            previous=self.entries[-1].sha256 if self.entries else _FIRST,
+            tool=tool,
+            request=request,
+            answer=answer,
+            error=error,
+            phase=phase,
+            transaction=transaction,
+            geometry_signature=signatures[0],
+            scene_signature=signatures[1],
+            base_sha256=base_sha256,
+        )
+        entry = msgspec.structs.replace(unsigned, sha256=_sha256(unsigned))
+        with self.path.open("ab") as stream:
+            stream.write((canonical(entry) + "\n").encode())
+            stream.flush()
+            os.fsync(stream.fileno())
+        self.entries.append(entry)
+        return entry
+
+
+def read_ledger(folder: Path) -> list[Entry]:
+    """All entries of a ledger, held to their hashes. LedgerBrokenError names the first bad line.
+
+    A last line without its end was being written when the process was killed, and is left out.
+    """
+    return _read(folder / LEDGER)[0]
+
+
+def _read(path: Path) -> tuple[list[Entry], int]:
+    """The entries, and how many bytes of the file they take."""
+    data = path.read_bytes() if path.exists() else b""
+    whole = data.rfind(b"\n") + 1
+    entries: list[Entry] = []
+    for number, line in enumerate(data[:whole].splitlines(), start=1):
+        try:
+            entry = decode(Entry, line)
+        except RecordError as error:
+            raise _broken(number, str(error)) from error
+        previous = entries[-1].sha256 if entries else _FIRST
+        if entry.seq != number:
+            raise _broken(number, f"entry {entry.seq}")
+        if entry.previous != previous:
+            raise _broken(number, "it does not follow the line before")
+        if _sha256(entry) != entry.sha256 or canonical(entry).encode() != line:
+            raise _broken(number, "it was changed after it was written")
+        entries.append(entry)
+    return entries, whole
+
+
+def _sha256(entry: Entry) -> str:
+    return sha256_of_text(canonical(msgspec.structs.replace(entry, sha256="")))
+
+
+def _broken(number: int, found: str) -> LedgerBrokenError:
+    return LedgerBrokenError(
+        f"line {number} of {LEDGER} cannot be trusted",
+        found=found,
+        expected="the lines as they were written",
+        next_step="keep the ledger as it is, and begin another case with another --ledger",
+    )

@@ -1,0 +1,119 @@
+"""The live scene: copied, read and restored over Blender MCP's socket."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Final
+
+from legoworld.errors import LegoWorldError
+from legoworld.files import atomic_path, sha256_of_file
+from legoworld.plugin.connection import BlenderConnection, BlenderRefusedError
+from legoworld.plugin.state import LiveScene, read_live
+from legoworld.records.plugin_state import SceneState
+from legoworld.scene.blender_process import BlenderProcess
+
+#: Beside the scene, so that what it names by relative paths is found from the copy, too.
+_COPY: Final = ".legoworld-live.blend"
+_SAVE: Final = """
+import bpy, json, os
+folder = os.path.dirname(bpy.data.filepath) or os.getcwd()
+path = os.path.join(folder, {name!r})
+bpy.ops.wm.save_as_mainfile(filepath=path, copy=True, compress=False, relative_remap=False)
+print(json.dumps({{"copy": path, "filepath": bpy.data.filepath}}))
+"""
+_RESTORE: Final = """
+import bpy, os
+kept = {filepath!r}
+aside = kept + ".legoworld-kept"
+bpy.ops.wm.open_mainfile(filepath={copy!r}, load_ui=False, use_scripts=False)
+if kept:
+    # Saving is the only way to give the open file its name back; the user's file itself stays.
+    held = os.path.exists(kept)
+    if held:
+        os.replace(kept, aside)
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=kept, check_existing=False, relative_remap=False)
+    finally:
+        if held:
+            os.replace(aside, kept)
+print("restored")
+"""
+
+
+class NotRestoredError(LegoWorldError):
+    """After a rollback the scene is not what it was: the signatures differ."""
+
+    code = "not_restored"
+
+
+class LiveBlender:
+    """One Blender, seen by copies of its scene.
+
+    store: a folder of copies named by their sha256, of the states that a rollback may return to.
+    """
+
+    def __init__(self, blender: BlenderConnection, reader: BlenderProcess, store: Path) -> None:
+        self._blender = blender
+        self._reader = reader
+        self._store = store
+
+    def read(self, *, keep: bool = False) -> tuple[LiveScene, str | None]:
+        """The scene as it is now; with `keep` also the sha256 of the copy that `restore` takes."""
+        copy, _ = self._save()
+        try:
+            scene = read_live(copy, self._reader)
+            return scene, self._keep(copy) if keep else None
+        finally:
+            copy.unlink(missing_ok=True)
+
+    def restore(self, sha256: str, state: SceneState) -> None:
+        """Make the scene again what it was in a kept copy, and prove it.
+
+        The open file keeps its name, and the file of that name its bytes. NotRestoredError where
+        the signature of the restored scene is another.
+        """
+        copy, filepath = self._save()  # where the open file is, and a place Blender can read
+        try:
+            shutil.copyfile(self._store / f"{sha256}.blend", copy)
+            self._blender.run(_RESTORE.format(copy=str(copy), filepath=filepath))
+        finally:
+            copy.unlink(missing_ok=True)
+        now = self.read()[0].state
+        if now.scene_signature != state.scene_signature:
+            raise NotRestoredError(
+                "the scene is not what it was before the transaction",
+                found=now.scene_signature,
+                expected=state.scene_signature,
+                next_step=f"open {sha256}.blend of the ledger's folder by hand",
+            )
+
+    def _save(self) -> tuple[Path, str]:
+        """A copy of the live scene that this process can read, and the open file's own path."""
+        said = self._blender.run(_SAVE.format(name=_COPY))
+        try:
+            answer = json.loads(said.strip().splitlines()[-1])
+            copy, filepath = Path(answer["copy"]), str(answer["filepath"])
+        except (ValueError, LookupError, TypeError) as error:
+            raise BlenderRefusedError(
+                "Blender did not say where it saved the copy",
+                found=said[-200:],
+                expected="one line of JSON",
+            ) from error
+        if copy.name != _COPY or not copy.is_file():
+            raise BlenderRefusedError(
+                "the copy of the live scene cannot be read from here",
+                found=str(copy),
+                expected="a folder that both Blender and this process see",
+                next_step="run the plugin on Blender's machine, and save the scene there once",
+            )
+        return copy, filepath
+
+    def _keep(self, copy: Path) -> str:
+        sha256 = sha256_of_file(copy)
+        stored = self._store / f"{sha256}.blend"
+        if not stored.exists():
+            with atomic_path(stored) as temporary:
+                shutil.copyfile(copy, temporary)
+        return sha256
