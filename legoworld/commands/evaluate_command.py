@@ -120,6 +120,8 @@ def command(
         click.echo(f"{_text(found.summary)}\n\n-> {found.folder}")
     else:
         click.echo(f"{_short(found.summary)}\n-> {found.folder}")
+    if not as_json and isinstance(found.folder, Path):
+        click.echo(options.report_hint(found.folder))
     return exit_codes.DONE
 
 
