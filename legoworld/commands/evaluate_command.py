@@ -117,7 +117,7 @@ def command(
     if as_json:
         options.print_json(found.to_dict())
     elif verbose:
-        click.echo(f"{_text(found.summary)}\n\n-> {found.folder}")
+        click.echo(f"{options.within_width(_text(found.summary))}\n\n-> {found.folder}")
     else:
         click.echo(f"{_short(found.summary)}\n-> {found.folder}")
     if not as_json and isinstance(found.folder, Path):

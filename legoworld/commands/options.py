@@ -203,6 +203,16 @@ def _wrapped(header: Sequence[str], cells: list[list[str]]) -> list[list[str]]:
     return lines
 
 
+def within_width(text: str) -> str:
+    """Lines that are wider than a table may be, wrapped."""
+    return "\n".join(
+        textwrap.fill(line, TABLE_WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+        if len(line) > TABLE_WIDTH
+        else line
+        for line in text.split("\n")
+    )
+
+
 def report_hint(folder: object) -> str:
     """The last line of what evaluate and compare print: how to look at the result."""
     return f"look at it: legoworld report {shlex.quote(str(folder))} --photos PHOTOS -o report.html"
