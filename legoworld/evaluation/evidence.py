@@ -80,7 +80,7 @@ def _made_again(folder: Path, root: Path | None, *, inputs_hold: bool) -> Iterat
         if inputs_hold:
             yield from depth_rows(folder, evidence, summary, scored, root)
     else:
-        yield check_equal("task", summary.task, evidence.task)
+        yield _check_equal("task", summary.task, evidence.task)
 
 
 def check_files(folder: Path, evidence: AnyEvidence) -> Iterator[Check]:
@@ -132,8 +132,8 @@ def _hashed(what: str, path: Path | None, sha256: str, without: Sequence[str] = 
 def _coverage(summary: Summary, rows: Sequence[ImageRow]) -> Iterator[Check]:
     coverage = summary.coverage
     statuses = dict(sorted(Counter(row.status for row in rows).items()))
-    yield check_equal("images attempted", len(rows), coverage.attempted)
-    yield check_equal("images by status", statuses, coverage.by_status)
+    yield _check_equal("images attempted", len(rows), coverage.attempted)
+    yield _check_equal("images by status", statuses, coverage.by_status)
 
 
 def _numbers(
@@ -160,16 +160,18 @@ def _numbers(
         worst = float(np.abs(ours - official).max())
         status = "ok" if worst <= AGREEMENT else "DIFFERS"
         yield Check(status, f"metrics from matches, {name}", f"largest difference {worst:.1e}")
-        yield check_equal(f"summary against raw metrics, {name}", list(again), list(official))
+        yield _check_equal(f"summary against raw metrics, {name}", list(again), list(official))
     for kind, aware in (("class_aware", True), ("class_agnostic", False)):
         counts = matches_file.counts_from(arrays, class_aware=aware)
         document = as_json(matched_document(counts, class_aware=aware))
-        yield check_equal(f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind)))
+        yield _check_equal(
+            f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind))
+        )
     predictions = decode(list[Result], (folder / VIEW / "predictions.json").read_bytes())
     recorded = evidence.raw.canonical_predictions_sha256
-    yield check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
+    yield _check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
     recorded = evidence.equal_confidence.predictions_sha256
-    yield check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
+    yield _check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
 
 
 def _export_sha256(predictions: list[Result], *, equal: bool) -> str:
@@ -180,7 +182,7 @@ def _export_sha256(predictions: list[Result], *, equal: bool) -> str:
     return sha256_of_entries(in_order(alike, "canonical"))
 
 
-def check_equal(what: str, found: object, recorded: object) -> Check:
+def _check_equal(what: str, found: object, recorded: object) -> Check:
     """What was found against what is on record."""
     if found == recorded:
         return Check("ok", what, str(found)[:60])

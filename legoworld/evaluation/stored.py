@@ -36,9 +36,9 @@ from legoworld.records.folders.evaluation_reading import (
 )
 
 T = TypeVar("T")
-RUN_VIEW: Final = f"{VIEW}/run.json"
+_RUN_VIEW: Final = f"{VIEW}/run.json"
 #: What is read besides evidence.json, in the order it is listed; absent files are none of the task.
-READ: Final = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, RUN_VIEW)
+READ: Final = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, _RUN_VIEW)
 
 
 class EvaluationChangedError(LegoWorldError):
@@ -166,7 +166,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     require_finished(folder)
     evidence = read_evaluation_evidence(folder)
     found = [name for name in READ if name in evidence.files]
-    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
+    needed = {SUMMARY, PER_IMAGE, _RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
     if missing := sorted(needed - {*found}):
         raise EvaluationChangedError(
             f"{folder.name} is not of this version",
@@ -177,7 +177,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     for name in found:
         checked(folder, evidence, name)
     summary = read_summary(folder)
-    run = json.loads((folder / RUN_VIEW).read_text(encoding="utf-8"))
+    run = json.loads((folder / _RUN_VIEW).read_text(encoding="utf-8"))
     name = "scene"
     if summary.kind != "scene":
         name = str(run["configuration"].get("baseline") or unnamed or folder.resolve().name)

@@ -9,7 +9,7 @@ import os
 import sys
 
 #: Where the keeper listens.
-ENDING = 3
+_ENDING = 3
 
 
 def main() -> int:
@@ -18,14 +18,14 @@ def main() -> int:
     if child == 0:
         try:
             os.setpgid(0, 0)  # a program that kills its group leaves its witness
-            os.close(ENDING)
+            os.close(_ENDING)
             os.execv(sys.argv[1], sys.argv[1:])
         except OSError as error:
             os.write(2, f"{sys.argv[1]}: {error}\n".encode())
         finally:
             os._exit(127)
     _, status = os.waitpid(child, 0)
-    os.write(ENDING, b"%d\n" % os.waitstatus_to_exitcode(status))
+    os.write(_ENDING, b"%d\n" % os.waitstatus_to_exitcode(status))
     return 0
 
 

@@ -23,7 +23,7 @@ from legoworld.records.evidence import DepthEvidence
 from legoworld.records.folders.evaluation_reading import SUMMARY
 
 #: Images scored again, spread evenly over the track: a full-size one takes seconds.
-SCORED_AGAIN: Final = 10
+_SCORED_AGAIN: Final = 10
 #: Logarithms differ in the last bits between machines.
 _RELATIVE: Final = 1e-9
 _LISTS: Final = (tuple, list)
@@ -54,7 +54,7 @@ def depth_rows(
     rows: Sequence[DepthRow],
     root: Path | None,
 ) -> Iterator[Check]:
-    """Rows of up to `SCORED_AGAIN` images, scored again from run and truth, which are all there."""
+    """Rows of up to ten images, scored again from the run and the truth, which are all there."""
     paths = {
         role: [located(folder, i.path, root) for i in evidence.inputs if i.role == role]
         for role in ("run", "truth")
@@ -63,7 +63,7 @@ def depth_rows(
     run = read_depth_run(_known(paths["run"][0]).parent)
     files = _truth_files(_known(paths["truth"][0]), [image.image for image in run.images])
     recorded = {row.image_id: as_json(row) for row in rows}
-    step = max(1, math.ceil(len(run.images) / SCORED_AGAIN))
+    step = max(1, math.ceil(len(run.images) / _SCORED_AGAIN))
     for image, file in list(zip(run.images, files, strict=True))[::step]:
         row = score_row(image, file, file.camera if warped else None, protocol).row
         again = as_json(row)
