@@ -21,11 +21,13 @@ from legoworld.records.evaluation_rows import (
     UnscoredDepthRow,
 )
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
-from legoworld.records.evidence import DepthEvidence, DetectionEvidence
+from legoworld.records.evidence import BenchEvidence, DepthEvidence, DetectionEvidence
 from legoworld.records.execution import ExecutionFile
 from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
 from legoworld.records.labels import LabelsFile
+from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.track import TrackFile
 
 FOLDER = Path(__file__).with_name("schemas")
@@ -39,12 +41,15 @@ FORMATS: dict[str, Any] = {
     "comparison": Comparison,
     "comparison-joined": JoinedComparison,
     "execution": ExecutionFile,
+    "evaluation-evidence-bench": BenchEvidence,
     "evaluation-evidence-depth": DepthEvidence,
     "evaluation-evidence-detection": DetectionEvidence,
     "evaluation-per-category": CategoryRow,
+    "evaluation-per-image-bench": ReconstructionRow,
     "evaluation-per-image-depth": UnscoredDepthRow,
     "evaluation-per-image-depth-scored": ScoredDepthRow,
     "evaluation-per-image-detection": DetectionRow,
+    "evaluation-summary-bench": ReconstructionSummary,
     "evaluation-summary-depth": DepthSummary,
     "evaluation-summary-detection": DetectionSummary,
     "frozen": FrozenFile,

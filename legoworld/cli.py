@@ -46,7 +46,7 @@ _AFTER_CTRL_C = {
 }
 
 
-class _LazyGroup(click.Group):
+class LazyGroup(click.Group):
     """Subcommands, each in its own module, imported on first use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -75,7 +75,7 @@ class _LazyGroup(click.Group):
             formatter.write_dl(list(_COMMANDS.items()))
 
 
-@click.command(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="legoworld")
 def main() -> None:
     """Read vision labels out of frozen Blender scenes, and score them.

@@ -217,7 +217,7 @@ class WorkerTimeoutError(LegoWorldError):
 
 
 #: Errors a Blender worker may report by code; their type survives the process boundary.
-_BY_CODE: dict[str, type[LegoWorldError]] = {
+BY_CODE: dict[str, type[LegoWorldError]] = {
     cls.code: cls
     for cls in (
         LegoWorldError,
@@ -236,7 +236,7 @@ _BY_CODE: dict[str, type[LegoWorldError]] = {
 
 def from_reason(reason: dict[str, str]) -> LegoWorldError:
     """The inverse of `reason()`; the error has its original type where the code is known."""
-    cls = _BY_CODE.get(reason["code"], LegoWorldError)
+    cls = BY_CODE.get(reason["code"], LegoWorldError)
     return cls(
         reason["what"],
         found=reason["found"],

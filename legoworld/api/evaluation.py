@@ -14,15 +14,16 @@ from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.input_paths import Origins
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
+from legoworld.records.evaluation_kinds import TaskSummary
 from legoworld.records.evaluation_summary import (
     Coverage,
     DepthSummary,
-    DetectionSummary,
     Interval,
     Means,
     Values,
 )
 from legoworld.records.folders.evaluation_reading import EVIDENCE, read_image_rows, read_summary
+from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.remote import Place
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.tasks import Crew
@@ -33,7 +34,7 @@ class Evaluation:
     """An evaluation folder. summary: summary.json; undefined numbers are None."""
 
     folder: Place
-    summary: DetectionSummary | DepthSummary
+    summary: TaskSummary
 
     @classmethod
     def open(cls, folder: str | Path) -> Evaluation:
@@ -50,6 +51,8 @@ class Evaluation:
     @property
     def metrics(self) -> Values | Means:
         """Metric values as fractions; for depth a dict by hole policy."""
+        if isinstance(self.summary, ReconstructionSummary):
+            return {name: mean.value for name, mean in self.summary.metrics.items()}
         return self.summary.metrics
 
     @property
@@ -88,18 +91,15 @@ class Evaluation:
         """The document that `legoworld evaluate --json` prints."""
         return {"evaluation": str(self.folder), "summary": as_json(self.summary)}
 
-    def _repr_html_(self) -> str:
-        """What a notebook shows: the main metrics with their intervals."""
-        from legoworld.report.notebook import evaluation_html
-
-        return evaluation_html(self.summary)
-
     def _values(self) -> Iterator[tuple[str, str | None, float | None, Interval | None]]:
         summary = self.summary
         if isinstance(summary, DepthSummary):
             for name, by_policy in summary.metrics.items():
                 for policy, value in by_policy.items():
                     yield name, policy, value, summary.intervals[name][policy]
+        elif isinstance(summary, ReconstructionSummary):
+            for name, mean in summary.metrics.items():
+                yield name, mean.over, mean.value, mean.interval
         else:
             for name, value in summary.metrics.items():
                 yield name, None, value, summary.intervals.get(name)
@@ -112,7 +112,9 @@ def evaluate(
     truth: str | Path,
     evaluator: EvaluatorKind | None = None,
     camera_model: Literal["none", "dataset"] | None = None,
-    draws: int = 2000,
+    reference_sampling: str | None = None,
+    diagnostics: bool = True,
+    draws: int | None = None,
     seed: int = 0,
     workers: int | None = None,
     engine: EngineName = "local",
@@ -121,12 +123,14 @@ def evaluate(
 ) -> Evaluation:
     """Score a run against ground truth and write the evaluation folder, which holds ground truth.
 
-    run, output: folders or their URLs. truth: the dataset's own annotations, COCO or LVIS JSON, or
-    ETH3D's folder. evaluator: "official" (pycocotools, lvis) or "fast" (hotcoco); None selects the
-    official one where it is installed. camera_model: depth only; "dataset" warps a scene's pinhole
-    depth through the dataset's camera. draws, seed: number of tie orders and bootstrap samples, and
-    their RNG seed. workers, engine: where the work runs; they change no byte of the result.
-    overwrite: replace an existing evaluation in the folder.
+    run, output: folders or their URLs. truth: the dataset's own annotations, COCO or LVIS JSON,
+    ETH3D's folder, or a bench's DATASET/private. evaluator: "official" (pycocotools, lvis) or
+    "fast" (hotcoco); None selects the official one where it is installed. camera_model: depth only;
+    "dataset" warps a scene's pinhole depth through the dataset's camera. reference_sampling: bench
+    only, "raster", "all" or "random:SEED"; diagnostics: bench only, whether the numbers beside R
+    are computed. draws, seed: number of tie orders and bootstrap samples, None for 2000 (bench:
+    10,000), and their RNG seed. workers, engine: where the work runs; they change no byte of the
+    result. overwrite: replace an existing evaluation in the folder.
 
     Raises a LegoWorldError before anything is written: UsageError, TruthInvalidError,
     PredictionsInvalidError, RunUnusableError and others.
@@ -140,12 +144,32 @@ def evaluate(
     with read_from(source) as here, written_whole(written, last=EVIDENCE) as folder:
         found = read_run(here)
         listener.total(len(found.images))
-        if found.task == "eth3d":
-            if evaluator is not None:
-                raise UsageError("--evaluator is for boxes and masks: depth has one evaluator")
+        _refuse_others_options(
+            found.task, evaluator=evaluator, camera_model=camera_model,
+            reference_sampling=reference_sampling, diagnostics=diagnostics,
+        )  # fmt: skip
+        draws = draws or (10_000 if found.task == "bench" else 2000)
+        summary: TaskSummary
+        if found.task == "bench":
+            from legoworld.evaluation.reconstruction.choices import Choices
+            from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+
+            summary = evaluate_bench(
+                here,
+                Path(truth),
+                folder,
+                choices=Choices(sampling=reference_sampling or "raster", diagnostics=diagnostics),
+                draws=draws,
+                seed=seed,
+                overwrite=overwrite,
+                progress=listener.scored,
+                crew=crew,
+                origins=origins,
+            )
+        elif found.task == "eth3d":
             from legoworld.evaluation.depth.evaluate import evaluate_depth
 
-            summary: DetectionSummary | DepthSummary = evaluate_depth(
+            summary = evaluate_depth(
                 here,
                 Path(truth),
                 folder,
@@ -158,8 +182,6 @@ def evaluate(
                 origins=origins,
             )
         else:
-            if camera_model is not None:
-                raise UsageError("--camera-model is for depth: boxes and masks are not warped")
             from legoworld.evaluation.detection.evaluate import evaluate_detections
 
             summary = evaluate_detections(
@@ -176,3 +198,20 @@ def evaluate(
                 origins=origins,
             ).summary
     return Evaluation(folder=written, summary=summary)
+
+
+def _refuse_others_options(
+    task: str,
+    *,
+    evaluator: EvaluatorKind | None,
+    camera_model: str | None,
+    reference_sampling: str | None,
+    diagnostics: bool,
+) -> None:
+    """UsageError for an option of another task."""
+    if evaluator is not None and task in ("eth3d", "bench"):
+        raise UsageError("--evaluator is for boxes and masks: depth and bench have one evaluator")
+    if camera_model is not None and task != "eth3d":
+        raise UsageError("--camera-model is for depth: nothing else is warped")
+    if task != "bench" and (reference_sampling is not None or not diagnostics):
+        raise UsageError("--reference-sampling and --no-diagnostics are for a bench")

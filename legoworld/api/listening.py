@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from legoworld.records.evaluation_rows import DepthRow
+from legoworld.records.reconstruction_rows import ReconstructionRow
 
 
 def _nothing(_told: object) -> None:
@@ -18,14 +19,15 @@ class Listener:
     """Callbacks for progress; each is optional.
 
     total: the number of images, before the first; kept: the number of images kept from an earlier
-    run; row: the row of a finished image; scored: an evaluated depth image; notice: the current
-    step; warn: a caveat for readers of the results; trace: the traceback of an unexpected error.
+    run; row: the row of a finished image; scored: an evaluated depth image or bench case;
+    notice: the current step; warn: a caveat for readers of the results; trace: the traceback of an
+    unexpected error.
     """
 
     total: Callable[[int], None] = _nothing
     kept: Callable[[int], None] = _nothing
     row: Callable[[dict[str, Any]], None] = _nothing
-    scored: Callable[[DepthRow], None] = _nothing
+    scored: Callable[[DepthRow | ReconstructionRow], None] = _nothing
     notice: Callable[[str], None] = _nothing
     warn: Callable[[str], None] = _nothing
     trace: Callable[[str], None] = _nothing

@@ -13,7 +13,7 @@ from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError
 from legoworld.pluralize import counted
 
 BoxFormat = Literal["xywh", "xyxy", "cxcywh"]
-_BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
+BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
 
 #: A box of a detector that does not clip may leave its image by this much.
 _TOLERANCE_PX: Final = 2.0
@@ -86,7 +86,7 @@ def _shares_outside(
     a, b = given[:, :2], given[:, 2:]
     low_and_size = {"xywh": (a, b), "xyxy": (a, b - a), "cxcywh": (a - b / 2, b)}
     found: dict[BoxFormat, float] = {}
-    for box_format in _BOX_FORMATS:
+    for box_format in BOX_FORMATS:
         low, size = low_and_size[box_format]
         tolerance = _TOLERANCE_PX + _TOLERANCE_SHARE * np.maximum(size, 0)
         outside = (low < -tolerance) | (low + size > sizes + tolerance) | (size < 0)

@@ -15,7 +15,7 @@ from legoworld.records.base import UnsetType, to_record
 from legoworld.records.cards import BaselineCardFile, BaselineOption, Dtype, OptionValue
 from legoworld.shipped import catalog
 
-_CARD: Final = "card.toml"
+CARD: Final = "card.toml"
 PROJECT: Final = "pyproject.toml"
 PROGRAM: Final = "run.py"
 SHARED: Final = "shared"
@@ -75,7 +75,7 @@ class BaselineCard:
 
 def baseline_cards() -> list[BaselineCard]:
     """Every baseline there is, by name. CatalogError for a card that cannot be used."""
-    return [read_card(p) for p in sorted(catalog.folder("baselines").glob(f"*/{_CARD}"))]
+    return [read_card(p) for p in sorted(catalog.folder("baselines").glob(f"*/{CARD}"))]
 
 
 def load_baseline(name: str) -> BaselineCard:
@@ -84,14 +84,14 @@ def load_baseline(name: str) -> BaselineCard:
     UsageError lists the nearest names where there is none.
     """
     folder = Path(name) if "/" in name else catalog.folder("baselines") / name
-    if (folder / _CARD).is_file():
-        return read_card(folder.resolve() / _CARD)
-    names = sorted(p.parent.name for p in catalog.folder("baselines").glob(f"*/{_CARD}"))
+    if (folder / CARD).is_file():
+        return read_card(folder.resolve() / CARD)
+    names = sorted(p.parent.name for p in catalog.folder("baselines").glob(f"*/{CARD}"))
     near = difflib.get_close_matches(name, names, n=3)
     raise UsageError(
         "there is no such baseline",
         found=repr(name),
-        expected=" or ".join([*(near or names), f"a folder's path, with a /, that has a {_CARD}"]),
+        expected=" or ".join([*(near or names), f"a folder's path, with a /, that has a {CARD}"]),
         next_step="`legoworld list baselines` shows them all",
     )
 
@@ -170,5 +170,5 @@ def _option(key: str, entry: BaselineOption, path: Path) -> Option:
 
 def _error(path: Path, found: str, expected: str) -> CatalogError:
     return CatalogError(
-        f"baselines/{path.parent.name}/{_CARD} cannot be used", found=found, expected=expected
+        f"baselines/{path.parent.name}/{CARD} cannot be used", found=found, expected=expected
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from legoworld.baselines.foreign_results import Entry
 from legoworld.errors import UsageError
@@ -19,6 +19,7 @@ from legoworld.tracks.dataset_versions import dataset_of, dataset_version
 from legoworld.tracks.vocabulary import Vocabulary, normal_name
 
 CategoryIds = Literal["dataset", "coco80-0", "coco80-1", "lvis-0"]
+CATEGORY_IDS: Final[tuple[CategoryIds, ...]] = get_args(CategoryIds)
 
 #: Contiguous numberings: the dataset they are of, and the number of its first category.
 _CONTIGUOUS: Final[Mapping[CategoryIds, tuple[str, int]]] = {

@@ -71,7 +71,7 @@ def requirements(card: BaselineCard) -> Requirements:
     )
 
 
-def _environment_folder(card: BaselineCard) -> Path:
+def environment_folder(card: BaselineCard) -> Path:
     """Where `legoworld baseline install` makes a baseline's environment."""
     from platformdirs import user_data_path
 
@@ -80,7 +80,7 @@ def _environment_folder(card: BaselineCard) -> Path:
 
 def installed_python(card: BaselineCard) -> Path | None:
     """The Python of the baseline's own environment; None where none was made, or not to its end."""
-    folder = _environment_folder(card)
+    folder = environment_folder(card)
     return _python_in(folder) if (folder / _STAMP).is_file() else None
 
 
@@ -90,7 +90,7 @@ def chosen_python(card: BaselineCard, given: Path | None) -> Path:
     if python is None:
         raise UsageError(
             f"the baseline {card.name} has no environment yet",
-            found=f"nothing in {_environment_folder(card)}",
+            found=f"nothing in {environment_folder(card)}",
             expected="an environment with its own requirements",
             next_step=f"`legoworld baseline install {card.name}`, or pass --python of one you have",
         )
@@ -130,7 +130,7 @@ def install(
     CPU-only wheels; everything else comes from where packages usually do. extra: packages besides
     the baseline's own.
     """
-    folder, needed = _environment_folder(card), requirements(card)
+    folder, needed = environment_folder(card), requirements(card)
     uv = shutil.which("uv")
     notice(f"making {folder} with {'uv' if uv else 'venv and pip'}")
     if folder.exists():
@@ -181,7 +181,7 @@ def _name(requirement: str) -> str | None:
 
 
 def _stamp(card: BaselineCard) -> str:
-    return (_environment_folder(card) / _STAMP).read_text(encoding="utf-8").strip()
+    return (environment_folder(card) / _STAMP).read_text(encoding="utf-8").strip()
 
 
 def _python_in(folder: Path) -> Path:

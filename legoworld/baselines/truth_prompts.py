@@ -13,7 +13,7 @@ from legoworld.records.base import RecordError, decode
 from legoworld.records.lvis import VerifiedTruth
 from legoworld.tracks.track import TrackImage
 
-_WHAT = "each image's positive and negative categories, as prompts"
+WHAT = "each image's positive and negative categories, as prompts"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ def read_truth_prompts(
         ) from error
     return TruthPrompts(
         category_ids={i: sorted(ids) for i, ids in verified.items()},
-        document={"sha256": sha256_of_file(path), "what": _WHAT},
+        document={"sha256": sha256_of_file(path), "what": WHAT},
     )
 
 

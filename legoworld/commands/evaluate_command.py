@@ -13,6 +13,7 @@ import click
 from legoworld import exit_codes
 from legoworld.api.listening import Listener
 from legoworld.commands import options
+from legoworld.commands.evaluation_bench import bench_text, short_bench
 from legoworld.commands.evaluation_short import of_eth3d, short_depth, short_detections
 from legoworld.commands.remote import PlaceType
 from legoworld.pluralize import counted
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
 
     from legoworld.evaluation.detection.evaluators import EvaluatorKind
+    from legoworld.records.evaluation_kinds import TaskSummary
     from legoworld.records.evaluation_rows import DepthRow
-    from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+    from legoworld.records.evaluation_summary import DepthSummary
+    from legoworld.records.reconstruction_rows import ReconstructionRow
 
 
 @click.command("evaluate", context_settings={"help_option_names": ["-h", "--help"]})
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
     "--truth",
     required=True,
     type=click.Path(path_type=Path, exists=True),
-    help="Ground truth: COCO or LVIS JSON, or ETH3D's folder.",
+    help="Ground truth: COCO or LVIS JSON, ETH3D's folder, or a bench's DATASET/private.",
 )
 @click.option(
     "-o",
@@ -52,11 +55,17 @@ if TYPE_CHECKING:
     help="Depth only: warp a scene's pinhole depth through the dataset's camera [default: none].",
 )
 @click.option(
+    "--reference-sampling",
+    metavar="SAMPLING",
+    help="Bench only: raster, all full-size pixels, or random:SEED of them [default: raster].",
+)
+@click.option(
+    "--no-diagnostics", is_flag=True, help="Bench only: V, R, A, S without the numbers beside R."
+)
+@click.option(
     "--draws",
     type=click.IntRange(min=1),
-    default=2000,
-    show_default=True,
-    help="Number of tie orders and of bootstrap samples.",
+    help="Number of tie orders and of bootstrap samples [default: 2000, bench 10000].",
 )
 @click.option(
     "--seed",
@@ -75,7 +84,9 @@ def command(
     output: Place,
     evaluator: EvaluatorKind | None,
     camera_model: Literal["none", "dataset"] | None,
-    draws: int,
+    reference_sampling: str | None,
+    no_diagnostics: bool,
+    draws: int | None,
     seed: int,
     workers: int | None,
     engine: Literal["local", "ray"],
@@ -96,6 +107,7 @@ def command(
       legoworld evaluate runs/coco --truth instances_val2017.json -o evals/coco
       legoworld evaluate runs/lvis --truth lvis_v1_val.json -o evals/lvis --evaluator fast
       legoworld evaluate runs/depth --truth eth3d -o evals/depth
+      legoworld evaluate runs/mine --truth bench/private -o evals/mine
       legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
     """
     from legoworld.api.evaluation import evaluate
@@ -107,6 +119,8 @@ def command(
             truth=truth,
             evaluator=evaluator,
             camera_model=camera_model,
+            reference_sampling=reference_sampling,
+            diagnostics=not no_diagnostics,
             draws=draws,
             seed=seed,
             workers=workers,
@@ -117,28 +131,32 @@ def command(
     if as_json:
         options.print_json(found.to_dict())
     elif verbose:
-        click.echo(f"{options.within_width(_text(found.summary))}\n\n-> {found.folder}")
+        click.echo(f"{_text(found.summary)}\n\n-> {found.folder}")
     else:
         click.echo(f"{_short(found.summary)}\n-> {found.folder}")
-    if not as_json and isinstance(found.folder, Path):
-        click.echo(options.report_hint(found.folder))
     return exit_codes.DONE
 
 
-def _short(summary: DetectionSummary | DepthSummary) -> str:
+def _short(summary: TaskSummary) -> str:
     from legoworld.records.evaluation_summary import DepthSummary
+    from legoworld.records.reconstruction_summary import ReconstructionSummary
 
+    if isinstance(summary, ReconstructionSummary):
+        return short_bench(summary)
     if isinstance(summary, DepthSummary):
         return short_depth(summary)
     return short_detections(summary)
 
 
-def _text(summary: DetectionSummary | DepthSummary) -> str:
-    """Every metric with its interval and denominator."""
+def _text(summary: TaskSummary) -> str:
+    """Every metric with its interval and what it is over."""
     from legoworld.evaluation.detection.protocols import detection_protocol
     from legoworld.evaluation.detection.text import evaluation_text
     from legoworld.records.evaluation_summary import DepthSummary
+    from legoworld.records.reconstruction_summary import ReconstructionSummary
 
+    if isinstance(summary, ReconstructionSummary):
+        return bench_text(summary)
     if isinstance(summary, DepthSummary):
         return _depth_text(summary)
     return evaluation_text(summary, detection_protocol(summary.task), options.table)
@@ -148,6 +166,7 @@ def _text(summary: DetectionSummary | DepthSummary) -> str:
 def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
     """Notices on a terminal or with -v; a progress bar there if images are scored one by one."""
     from legoworld.records.evaluation_rows import ScoredDepthRow
+    from legoworld.records.reconstruction_rows import COMPARED
 
     on_terminal = options.on_terminal()
     notice, warn = options.notifier(quiet or not (verbose or on_terminal)), options.notifier(quiet)
@@ -162,15 +181,15 @@ def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
             nonlocal images
             images = n
 
-        def scored(row: DepthRow) -> None:
+        def scored(row: DepthRow | ReconstructionRow) -> None:
             nonlocal bar, failed
-            if bar is None:  # only depth scores image by image
+            if bar is None:  # only depth and bench score image by image
                 bar = stack.enter_context(
                     click.progressbar(
                         length=images, label="scoring", file=sys.stderr, show_pos=True
                     )
                 )
-            failed += not isinstance(row, ScoredDepthRow)
+            failed += not (isinstance(row, ScoredDepthRow) or row.status == COMPARED)
             bar.label = f"scoring, {failed} without a score" if failed else "scoring"
             bar.update(1)
 

@@ -34,7 +34,7 @@ def show_run(
         click.echo(line)
     _limited(stranger_lines(result.strangers, verbose=verbose), "folders", verbose=True)
     _limited(_label_lines(result), "labels outside the vocabulary", verbose=verbose)
-    for line in _unlabelled_lines(result):
+    for line in unlabelled_lines(result):
         click.echo(line)
     if not quiet:
         for line in warning_lines(result.rows, verbose=verbose):
@@ -100,7 +100,7 @@ def stranger_lines(found: Sequence[Stranger], *, verbose: bool) -> list[str]:
     return [f"{folders} no image of the track: {', '.join(names)}{more}"]
 
 
-def _unlabelled_lines(result: Run) -> list[str]:
+def unlabelled_lines(result: Run) -> list[str]:
     """The number of scenes without any label, from which nothing can be exported."""
     bare = [
         row

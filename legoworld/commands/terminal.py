@@ -17,7 +17,7 @@ from legoworld.errors import printable
 _RETURN: Final = "\r"
 
 
-class _PrintableStream:
+class PrintableStream:
     """A text stream that writes only `printable` text and otherwise delegates to the stream."""
 
     def __init__(self, stream: TextIO, *, keep_returns: bool) -> None:
@@ -43,11 +43,11 @@ class _PrintableStream:
 
 @contextmanager
 def printable_streams() -> Iterator[None]:
-    """Replace standard output and standard error by `_PrintableStream`s within the block."""
+    """Replace standard output and standard error by `PrintableStream`s within the block."""
     streams: tuple[Any, Any] = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (
-        _PrintableStream(streams[0], keep_returns=False),
-        _PrintableStream(streams[1], keep_returns=True),
+        PrintableStream(streams[0], keep_returns=False),
+        PrintableStream(streams[1], keep_returns=True),
     )
     try:
         yield

@@ -67,6 +67,7 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
         "evaluator": lambda s: f"{s.summary.evaluator.name} {s.summary.evaluator.version}",
         "card": lambda s: _short(s.evidence.configuration.card_sha256),
         "truth": _truth_files,
+        "reference sampling": lambda s: s.reference_sampling,
         "categories": lambda s: _short(s.run["configuration"].get("vocabulary_sha256")),
     }
     differences = []

@@ -30,7 +30,7 @@ from legoworld.evaluation.stored import Evaluated
 from legoworld.records.comparison import Level
 
 EQUAL: Final = "equal_confidence."
-_TIES: Final = "tie_orders.AP"
+TIES: Final = "tie_orders.AP"
 _KINDS: Final = ("class_aware", "class_agnostic")
 _HEADLINE: Final = ("AP", "AP50", "AP75")
 #: COCO's recalls at fewer than its 100 detections are in every row, not in every table.
@@ -67,7 +67,7 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
             metrics.append(
                 Metric(id=prefix + official.name, policy=policy, better="higher", level=level)
             )
-    metrics.append(Metric(id=_TIES, policy="tie_orders", better="higher", level=TABLE))
+    metrics.append(Metric(id=TIES, policy="tie_orders", better="higher", level=TABLE))
     for kind in _KINDS:
         for name in _SCORE_FREE:
             if (kind, name) != ("class_aware", "label_accuracy"):  # right by construction
@@ -79,7 +79,7 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
     return metrics
 
 
-def _frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
+def frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
     """(K,) LVIS's frequency letters; empty for categories with neither truth nor predictions."""
     letters = {row.category_id: row.frequency or "" for row in side.categories}
     return np.array([letters.get(int(i), "") for i in category_ids])
@@ -90,7 +90,7 @@ def measure_detections(
 ) -> Measures:
     """Every metric of `detection_metrics` over the kept images, from the matches on record."""
     arrays = side.matches
-    frequencies = _frequencies_of_side(side, arrays["category_ids"])
+    frequencies = frequencies_of_side(side, arrays["category_ids"])
     measures: Measures = {}
     table = table_of_images(matches_file.table_from(arrays, matches_file.OWN), kept)
     own = equal = _official(table, protocol, frequencies, shared)
@@ -98,7 +98,7 @@ def measure_detections(
         table = table_of_images(matches_file.table_from(arrays, matches_file.EQUAL), kept)
         equal = _official(table, protocol, frequencies, shared)
     measures |= own | {EQUAL + name: measure for name, measure in equal.items()}
-    measures[_TIES] = _ties(table, shared, equal["AP"].over)
+    measures[TIES] = _ties(table, shared, equal["AP"].over)
     images_with_truth = len(np.unique(table.truth_image))
     for kind, aware in zip(_KINDS, (True, False), strict=True):
         counts = counts_of_images(matches_file.counts_from(arrays, class_aware=aware), kept)

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.comparison import bench
 from legoworld.comparison.depth import (
     depth_metrics,
     group_unit,
@@ -52,9 +53,7 @@ def compare(
     settings enters, so equal inputs give equal documents.
     """
     rows = sides[0].rows
-    unit = "image"
-    if sides[0].task not in PROTOCOLS:
-        unit = group_unit([row for row in sides[0].depth_rows if has_truth(row)])
+    unit = _unit(sides[0])
     by_field = provenance_by_field(sides)
     pairs = []
     for baseline in sides[1:]:
@@ -76,9 +75,16 @@ def compare(
     )
 
 
+def _unit(side: Evaluated) -> str:
+    """What the bootstrap draws."""
+    if side.is_depth:
+        return group_unit([row for row in side.depth_rows if has_truth(row)])
+    return "image" if side.task in PROTOCOLS else bench.UNIT
+
+
 def _protocol(side: Evaluated) -> DepthRules | None:
     """Depth's declared choices; the camera model is each method's own."""
-    if side.task in PROTOCOLS:
+    if not side.is_depth:
         return None
     return to_record(DepthRules, as_json(side.depth.protocol))
 
@@ -105,7 +111,9 @@ def _method(side: Evaluated, *, first: bool) -> Method:
 def _pair(scene: Evaluated, baseline: Evaluated, settings: ComparisonSettings, unit: str) -> Pair:
     pairing = pair_images(scene, baseline)
     ids = [row.image_id for row in scene.rows]
-    measured = _measured_detections if scene.task in PROTOCOLS else _measured_depth
+    measured = _measured_depth if scene.is_depth else _measured_bench
+    if scene.task in PROTOCOLS:
+        measured = _measured_detections
     return Pair(
         scene=scene.name,
         baseline=baseline.name,
@@ -160,6 +168,26 @@ def _measured_depth(
         shared = shared_group_draws(drawn, settings.draws, settings.seed)
         ours, theirs = (measure_depth(s, images, kept, shared) for s in (scene, baseline))
         rows += _rows(depth_metrics(), images, ours, theirs, rule)
+    return rows
+
+
+def _measured_bench(
+    scene: Evaluated,
+    baseline: Evaluated,
+    paired: NDArray[np.bool_],
+    settings: ComparisonSettings,
+    unit: str,
+) -> list[ComparisonRow]:
+    rule = IntervalRule(centred=False, unit=unit)
+    rows: list[ComparisonRow] = []
+    selections: tuple[tuple[Images, NDArray[np.bool_]], ...]
+    selections = (("attempted", np.ones(len(paired), bool)), ("paired", paired))
+    for images, kept in selections:
+        if not kept.any():
+            continue
+        shared = bench.family_draws(scene, kept, settings.draws, settings.seed)
+        ours, theirs = (bench.measure_bench(s, images, kept, shared) for s in (scene, baseline))
+        rows += _rows(bench.bench_metrics(scene), images, ours, theirs, rule)
     return rows
 
 

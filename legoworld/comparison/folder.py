@@ -26,6 +26,8 @@ from legoworld.records.comparison import (
 )
 from legoworld.records.evidence import (
     AnyEvidence,
+    BenchComparison,
+    BenchMethod,
     ComparisonEvidence,
     ComparisonSettings,
     DepthComparison,
@@ -167,6 +169,8 @@ def evidence_of(
     }
     if sides[0].task in PROTOCOLS:
         return DetectionComparison(**common, methods=_raw(sides, DetectionMethod))
+    if not sides[0].is_depth:
+        return BenchComparison(**common, methods=_raw(sides, BenchMethod))
     return DepthComparison(**common, methods=_raw(sides, DepthMethod))
 
 

@@ -21,7 +21,7 @@ from legoworld.records.folders.evaluation_folder import installed_versions
 from legoworld.records.folders.evaluation_reading import EVIDENCE
 
 #: The tasks in the order tables have them.
-_ORDER: Final = (*PROTOCOLS, "eth3d")
+_ORDER: Final = (*PROTOCOLS, "eth3d", "bench")
 
 
 def join(documents: Sequence[Comparison | JoinedComparison]) -> JoinedComparison:

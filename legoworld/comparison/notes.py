@@ -15,7 +15,12 @@ def notes_of(sides: Sequence[Evaluated], by_field: ByField) -> list[str]:
     """Everything that is not the same on all sides and is not a reason to refuse."""
     notes = [f"Differences are {sides[0].name} minus the other method."]
     notes += [_truth_prompts(side) for side in sides if side.used_truth]
-    notes += _scores(sides) if sides[0].task in PROTOCOLS else _depth(sides)
+    if sides[0].is_depth:
+        notes += _depth(sides)
+    elif sides[0].task in PROTOCOLS:
+        notes += _scores(sides)
+    else:
+        notes += _bench(sides)
     made = provenance_notes(by_field) if any(s.is_scene for s in sides) else []
     return [*notes, *_versions(sides), *made]
 
@@ -55,6 +60,19 @@ def _depth(sides: Sequence[Evaluated]) -> list[str]:
         for s in sides
         if s.resampled
     ]
+    return notes
+
+
+def _bench(sides: Sequence[Evaluated]) -> list[str]:
+    """What A's noise and unequal attempts mean for a difference."""
+    notes = ["Attempted: a submission that is not valid counts 0. Paired: valid on both sides."]
+    for side in sides:
+        noise = side.bench.noise
+        if noise.reference_sd is not None:
+            notes.append(
+                f"{side.name}: A of the reference's own renders has a standard deviation of "
+                f"{noise.reference_sd:.4f} between seeds ({noise.n_reference} cases)."
+            )
     return notes
 
 

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.comparison import Dropped
+from legoworld.records.evaluation_kinds import TaskRow
 from legoworld.records.evaluation_rows import DepthRow, DetectionRow, ScoredDepthRow
+from legoworld.records.reconstruction_rows import ReconstructionRow
 
-AnyRow = DetectionRow | DepthRow
+AnyRow = TaskRow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +28,7 @@ def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
     """Images that both sides scored and that have something to be right or wrong about.
 
     That is at least one truth instance that is neither crowd nor ignored; for depth, enough valid
-    truth pixels.
+    truth pixels. A bench's case is scored where the submission is valid.
     """
     dropped: list[Dropped] = []
     kept = np.ones(len(scene.rows), bool)
@@ -45,17 +47,23 @@ def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
 
 def is_scored(row: AnyRow) -> bool:
     """Whether an evaluation's row of an image counts as scored."""
+    if isinstance(row, ReconstructionRow):
+        return row.valid
     return row.scored if isinstance(row, DetectionRow) else isinstance(row, ScoredDepthRow)
 
 
 def has_truth(row: AnyRow) -> bool:
     """Whether an image has truth that a prediction can be right or wrong about."""
+    if isinstance(row, ReconstructionRow):
+        return True  # a case without an eligible object is refused when it is made
     return row.n_truth > 0 if isinstance(row, DetectionRow) else row.status != "no_gt"
 
 
 def _without_score(name: str, row: AnyRow) -> list[str]:
     """Why a side has no score, beyond having no truth: what became of its own output."""
     status = row.status
+    if isinstance(row, ReconstructionRow) and not row.valid:
+        return [f"{name}: {'not valid' if status == 'ok' else status}"]
     if isinstance(row, DepthRow) and status == "no_gt":
         status = row.run_status
     return [] if is_scored(row) or status == "ok" else [f"{name}: {status}"]
@@ -66,5 +74,5 @@ def _without_truth(row: AnyRow) -> list[str]:
         return []
     if isinstance(row, DepthRow):
         return [f"no truth: {row.n_valid} valid pixels"]
-    ignored = row.n_ignored_truth
+    ignored = row.n_ignored_truth if isinstance(row, DetectionRow) else 0
     return [f"no truth: {ignored} crowd or ignored instances" if ignored else "no truth"]

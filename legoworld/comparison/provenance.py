@@ -14,7 +14,7 @@ from legoworld.records.comparison import ByField, MadeBy
 NOT_RECORDED: Final = "not recorded"
 
 #: What provenance.json of a scene may say, and so what runs are held against each other by.
-_FIELDS: Final = (
+FIELDS: Final = (
     "agent",
     "model",
     "plugin",
@@ -46,7 +46,7 @@ def provenance_by_field(sides: Sequence[Evaluated]) -> ByField:
     """How scenes were made: of the fields that any recorded. What a baseline is, is its own."""
     by_method = {side.name: recorded_provenance(side) for side in sides if side.is_scene}
     by_field = {}
-    for field in _FIELDS:
+    for field in FIELDS:
         values = {name: _values(groups, field) for name, groups in by_method.items()}
         if any(set(counts) - {NOT_RECORDED} for counts in values.values()):
             by_field[field] = values

@@ -21,6 +21,7 @@ Document = Comparison | JoinedComparison
 _OVER: Final = {
     "images": ("image", "images"),
     "missing": ("missing as 1.0", "missing as 1.0"),
+    "not valid": ("not valid as 0", "not valid as 0"),
     "categories": ("category", "categories"),
     "truths": ("truth", "truths"),
     "predictions": ("prediction", "predictions"),

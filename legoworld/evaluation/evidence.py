@@ -23,7 +23,12 @@ from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_rows import DepthRow, ImageRow
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, Summary
 from legoworld.records.evaluation_view import Result, TruthCategories
-from legoworld.records.evidence import AnyEvidence, DepthEvidence, DetectionEvidence
+from legoworld.records.evidence import (
+    AnyEvidence,
+    BenchEvidence,
+    DepthEvidence,
+    DetectionEvidence,
+)
 from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
     MATCHES,
@@ -34,6 +39,8 @@ from legoworld.records.folders.evaluation_reading import (
     read_summary,
 )
 from legoworld.records.folders.input_hash import hash_and_size, without_of
+from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction_summary import ReconstructionSummary
 
 
 @dataclass(frozen=True)
@@ -79,8 +86,15 @@ def _made_again(folder: Path, root: Path | None, *, inputs_hold: bool) -> Iterat
         yield from depth_checks(folder, evidence, summary, scored)
         if inputs_hold:
             yield from depth_rows(folder, evidence, summary, scored, root)
+    elif isinstance(evidence, BenchEvidence) and isinstance(summary, ReconstructionSummary):
+        from legoworld.evaluation.reconstruction.verification import bench_checks, bench_rows
+
+        cases = [row for row in rows if isinstance(row, ReconstructionRow)]
+        yield from bench_checks(folder, evidence, summary, cases)
+        if inputs_hold:
+            yield from bench_rows(folder, evidence, cases, root)
     else:
-        yield _check_equal("task", summary.task, evidence.task)
+        yield check_equal("task", summary.task, evidence.task)
 
 
 def check_files(folder: Path, evidence: AnyEvidence) -> Iterator[Check]:
@@ -132,8 +146,8 @@ def _hashed(what: str, path: Path | None, sha256: str, without: Sequence[str] = 
 def _coverage(summary: Summary, rows: Sequence[ImageRow]) -> Iterator[Check]:
     coverage = summary.coverage
     statuses = dict(sorted(Counter(row.status for row in rows).items()))
-    yield _check_equal("images attempted", len(rows), coverage.attempted)
-    yield _check_equal("images by status", statuses, coverage.by_status)
+    yield check_equal("images attempted", len(rows), coverage.attempted)
+    yield check_equal("images by status", statuses, coverage.by_status)
 
 
 def _numbers(
@@ -160,18 +174,16 @@ def _numbers(
         worst = float(np.abs(ours - official).max())
         status = "ok" if worst <= AGREEMENT else "DIFFERS"
         yield Check(status, f"metrics from matches, {name}", f"largest difference {worst:.1e}")
-        yield _check_equal(f"summary against raw metrics, {name}", list(again), list(official))
+        yield check_equal(f"summary against raw metrics, {name}", list(again), list(official))
     for kind, aware in (("class_aware", True), ("class_agnostic", False)):
         counts = matches_file.counts_from(arrays, class_aware=aware)
         document = as_json(matched_document(counts, class_aware=aware))
-        yield _check_equal(
-            f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind))
-        )
+        yield check_equal(f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind)))
     predictions = decode(list[Result], (folder / VIEW / "predictions.json").read_bytes())
     recorded = evidence.raw.canonical_predictions_sha256
-    yield _check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
+    yield check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
     recorded = evidence.equal_confidence.predictions_sha256
-    yield _check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
+    yield check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
 
 
 def _export_sha256(predictions: list[Result], *, equal: bool) -> str:
@@ -182,7 +194,7 @@ def _export_sha256(predictions: list[Result], *, equal: bool) -> str:
     return sha256_of_entries(in_order(alike, "canonical"))
 
 
-def _check_equal(what: str, found: object, recorded: object) -> Check:
+def check_equal(what: str, found: object, recorded: object) -> Check:
     """What was found against what is on record."""
     if found == recorded:
         return Check("ok", what, str(found)[:60])

@@ -15,10 +15,11 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode
+from legoworld.records.evaluation_kinds import TaskRow, TaskSummary
 from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
-from legoworld.records.evidence import DepthEvidence, DetectionEvidence, Evidence
+from legoworld.records.evidence import Evidence, TaskEvidence
 from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
     MATCHES,
@@ -34,11 +35,13 @@ from legoworld.records.folders.evaluation_reading import (
     reading,
     require_finished,
 )
+from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction_summary import ReconstructionSummary
 
 T = TypeVar("T")
-_RUN_VIEW: Final = f"{VIEW}/run.json"
+RUN_VIEW: Final = f"{VIEW}/run.json"
 #: What is read besides evidence.json, in the order it is listed; absent files are none of the task.
-READ: Final = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, _RUN_VIEW)
+READ: Final = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, RUN_VIEW)
 
 
 class EvaluationChangedError(LegoWorldError):
@@ -57,21 +60,26 @@ class Evaluated:
 
     folder: Path
     name: str
-    summary: DetectionSummary | DepthSummary
-    evidence: DetectionEvidence | DepthEvidence
+    summary: TaskSummary
+    evidence: TaskEvidence
     run: dict[str, Any]
-    rows: tuple[DetectionRow | DepthRow, ...]
+    rows: tuple[TaskRow, ...]
     categories: tuple[CategoryRow, ...]
 
     @property
     def task(self) -> str:
-        """Coco, coco-masks, lvis or eth3d."""
+        """Coco, coco-masks, lvis, eth3d or bench."""
         return self.summary.task
 
     @property
     def is_scene(self) -> bool:
         """Whether the run read scenes; a baseline otherwise."""
         return self.summary.kind == "scene"
+
+    @property
+    def is_depth(self) -> bool:
+        """Whether it is an evaluation of depth."""
+        return isinstance(self.summary, DepthSummary)
 
     @property
     def detection(self) -> DetectionSummary:
@@ -86,6 +94,17 @@ class Evaluated:
         return self.summary
 
     @property
+    def bench(self) -> ReconstructionSummary:
+        """The summary, of a bench."""
+        assert isinstance(self.summary, ReconstructionSummary)
+        return self.summary
+
+    @property
+    def bench_rows(self) -> list[ReconstructionRow]:
+        """The rows, of a bench."""
+        return [row for row in self.rows if isinstance(row, ReconstructionRow)]
+
+    @property
     def detection_rows(self) -> list[DetectionRow]:
         """The rows, of boxes or masks."""
         return [row for row in self.rows if isinstance(row, DetectionRow)]
@@ -98,12 +117,19 @@ class Evaluated:
     @property
     def camera_model(self) -> str | None:
         """Depth only: none or dataset."""
-        return None if self.task in PROTOCOLS else self.depth.protocol.camera_model
+        return self.depth.protocol.camera_model if self.is_depth else None
 
     @property
     def resampled(self) -> int | None:
         """Depth only: images that are smaller than the truth."""
-        return None if self.task in PROTOCOLS else self.depth.resampled
+        return self.depth.resampled if self.is_depth else None
+
+    @property
+    def reference_sampling(self) -> str | None:
+        """Bench only: where the reference's points were taken."""
+        if not isinstance(self.summary, ReconstructionSummary):
+            return None
+        return self.summary.protocol.reference_sampling
 
     @property
     def max_side(self) -> int | None:
@@ -166,7 +192,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     require_finished(folder)
     evidence = read_evaluation_evidence(folder)
     found = [name for name in READ if name in evidence.files]
-    needed = {SUMMARY, PER_IMAGE, _RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
+    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
     if missing := sorted(needed - {*found}):
         raise EvaluationChangedError(
             f"{folder.name} is not of this version",
@@ -177,7 +203,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     for name in found:
         checked(folder, evidence, name)
     summary = read_summary(folder)
-    run = json.loads((folder / _RUN_VIEW).read_text(encoding="utf-8"))
+    run = json.loads((folder / RUN_VIEW).read_text(encoding="utf-8"))
     name = "scene"
     if summary.kind != "scene":
         name = str(run["configuration"].get("baseline") or unnamed or folder.resolve().name)

@@ -21,7 +21,7 @@ from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
 from legoworld.shipped import catalog
 from legoworld.tracks.vocabulary import Vocabulary, normal_name
 
-_WORDING: Final = "instructions/scene.toml"
+WORDING: Final = "instructions/scene.toml"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ def instructions(protocol: Protocol) -> Instructions:
 
     Raises InstallationError when the wording has no sentence for a value of the card.
     """
-    path = catalog.folder("readouts") / _WORDING
+    path = catalog.folder("readouts") / WORDING
     with path.open("rb") as stream:
         wording = tomllib.load(stream)
     example = _example(protocol, wording["examples"].get(protocol.task.name))
@@ -128,7 +128,7 @@ class _Renderer:
                 f"the instructions have no sentence for the card of {self._card.task}",
                 found=f"{key} = {value!r}",
                 expected=" or ".join(map(repr, sentences)) or f"a rule for {key}",
-                next_step=f"add the sentence to {Path('readouts') / _WORDING}",
+                next_step=f"add the sentence to {Path('readouts') / WORDING}",
             )
         return self.text(sentences[said])
 

@@ -101,12 +101,15 @@ class BenchCamera(Record, frozen=True, kw_only=True):
 
 
 class BenchHashes(Record, frozen=True, kw_only=True):
-    """sha256 of a case's files: public/images/<file_name>, and those of private/."""
+    """sha256 of a case's files: public/images/<file_name>, and those of private/.
+
+    raster: null for an imported reference that was never sampled at the scoring raster.
+    """
 
     reference: Sha256
     depth: Sha256
     instances: Sha256
-    raster: Sha256
+    raster: Sha256 | None
 
 
 class ScoredObject(Record, frozen=True, kw_only=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.records.base import UNSET, Record, UnsetType, decode
+from legoworld.records.base import UNSET, Record, UnsetType
 
 #: Metric -> value; None where the metric is undefined.
 Values = dict[str, float | None]
@@ -266,14 +266,3 @@ class DepthSummary(Summary, frozen=True, kw_only=True):
     worse_than_constant: int
     not_scored: tuple[NotScored, ...]
     warnings: int
-
-
-class _Task(Record, frozen=True, kw_only=True):
-    task: str
-
-
-def summary_of(data: bytes) -> DetectionSummary | DepthSummary:
-    """The content of a summary.json, by its task. RecordError."""
-    if decode(_Task, data).task == "eth3d":
-        return decode(DepthSummary, data)
-    return decode(DetectionSummary, data)

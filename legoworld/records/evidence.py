@@ -12,6 +12,11 @@ from legoworld.records.evaluation_summary import (
     DetectionCoverage,
     Evaluator,
     Means,
+    Values,
+)
+from legoworld.records.reconstruction_summary import (
+    ReconstructionCoverage,
+    ReconstructionRules,
 )
 
 
@@ -74,6 +79,18 @@ class DepthConfiguration(Record, frozen=True, kw_only=True):
     card_version: str
     card_sha256: str
     camera_model: str
+    draws: int
+    seed: int
+
+
+class BenchConfiguration(Record, frozen=True, kw_only=True):
+    """What the numbers of a bench depend on besides the inputs."""
+
+    task: str
+    card_version: str
+    card_sha256: str
+    reference_sampling: str
+    diagnostics: bool
     draws: int
     seed: int
 
@@ -141,6 +158,15 @@ class DepthEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     metrics: Means
 
 
+class BenchEvidence(EvaluationEvidence, frozen=True, kw_only=True):
+    """Of a bench."""
+
+    coverage: ReconstructionCoverage
+    configuration: BenchConfiguration
+    protocol: ReconstructionRules
+    metrics: Values
+
+
 class MethodEvidence(Record, frozen=True, kw_only=True):
     """One side of a comparison: its own evidence, of which files."""
 
@@ -165,6 +191,14 @@ class DepthMethod(MethodEvidence, frozen=True, kw_only=True):
     configuration: DepthConfiguration
     protocol: DepthChoices
     metrics: Means
+
+
+class BenchMethod(MethodEvidence, frozen=True, kw_only=True):
+    """A side of a bench."""
+
+    configuration: BenchConfiguration
+    protocol: ReconstructionRules
+    metrics: Values
 
 
 class ComparisonSettings(Record, frozen=True, kw_only=True):
@@ -211,12 +245,26 @@ class DepthComparison(ComparisonEvidence, frozen=True, kw_only=True):
     methods: tuple[DepthMethod, ...]
 
 
+class BenchComparison(ComparisonEvidence, frozen=True, kw_only=True):
+    """Of a comparison of bench runs."""
+
+    methods: tuple[BenchMethod, ...]
+
+
 class _Task(Record, frozen=True, kw_only=True):
     task: str
 
 
-def evaluation_evidence(data: bytes) -> DetectionEvidence | DepthEvidence:
+#: What the numbers of any task depend on, and the evidence of its evaluation.
+TaskConfiguration = DetectionConfiguration | DepthConfiguration | BenchConfiguration
+TaskEvidence = DetectionEvidence | DepthEvidence | BenchEvidence
+
+
+def evaluation_evidence(data: bytes) -> TaskEvidence:
     """The content of an evaluation's evidence.json, by its task. RecordError."""
-    if decode(_Task, data).task == "eth3d":
+    task = decode(_Task, data).task
+    if task == "eth3d":
         return decode(DepthEvidence, data)
+    if task == "bench":
+        return decode(BenchEvidence, data)
     return decode(DetectionEvidence, data)

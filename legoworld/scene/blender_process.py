@@ -36,7 +36,7 @@ _REAP_EVERY_S: Final = 0.002
 _RECYCLE_AFTER: Final = 200
 _RECYCLE_SHARE: Final = 0.5  # of the memory limit
 #: A worker's answer when the disk it writes to is full or read-only.
-_DISK: Final = "disk"
+DISK: Final = "disk"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +185,7 @@ class BlenderProcess:
             return answer
         if answer["reason"]["code"] == WorkerMemoryError.code:
             raise self._out_of_memory()
-        if answer["reason"]["code"] == _DISK:
+        if answer["reason"]["code"] == DISK:
             # No verdict on the scene: every other one would meet it, too.
             number = answer["reason"]["errno"]
             place = next(p for p in Path(message["output"]).parents if not p.name.startswith("."))

@@ -30,7 +30,7 @@ class SnapshotCache:
 
     def dependencies(self, scene_file_sha256: str, scene: Path) -> list[str] | None:
         """The files a scene file with this content reads in a folder; None: it was never opened."""
-        path = self._entry(_scene_file_key(scene_file_sha256), ".json")
+        path = self._entry(scene_file_key(scene_file_sha256), ".json")
         try:
             entry = json.loads(path.read_text(encoding="utf-8"))
             files, watched = map(str, entry["files"]), map(str, entry["watched"])
@@ -43,14 +43,14 @@ class SnapshotCache:
     ) -> None:
         """Remember what a scene file reads: files, and folders with whatever is in them."""
         text = canonical_json({"files": files, "watched": watched})
-        write_text(self._entry(_scene_file_key(scene_file_sha256), ".json"), text)
+        write_text(self._entry(scene_file_key(scene_file_sha256), ".json"), text)
 
     def snapshot_path(self, scene_file_sha256: str, dependencies: Hashes) -> Path:
         """Where the snapshot of that scene file and those dependencies is or belongs."""
         content = {
             name: None if found is None else found.sha256 for name, found in dependencies.items()
         }
-        key = sha256_of_text(canonical_json([_scene_file_key(scene_file_sha256), content]))
+        key = sha256_of_text(canonical_json([scene_file_key(scene_file_sha256), content]))
         return self._entry(key, ".snapshot")
 
     def entry_of(self, content_sha256: str, suffix: str) -> Path:
@@ -83,7 +83,7 @@ def default_cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("legoworld")) / "snapshots"
 
 
-def _scene_file_key(scene_file_sha256: str) -> str:
+def scene_file_key(scene_file_sha256: str) -> str:
     """The key of a scene file under this program: its content and everything that reads it."""
     return sha256_of_text(
         canonical_json([scene_file_sha256, SNAPSHOT_SCHEMA, reader_sha256(), bpy_version()])

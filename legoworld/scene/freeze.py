@@ -40,7 +40,7 @@ from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, read_side_fi
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.
 Hashes = Mapping[str, "FileHash | None"]
 #: A file without blocks on the disk may claim any size, and hashing it would not end.
-_LARGEST_BYTES: Final = 64 << 30
+LARGEST_BYTES: Final = 64 << 30
 _COVERED_AT_FIRST: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS)
 
 
@@ -96,8 +96,8 @@ def _file_hash(folder: Path, name: str) -> FileHash | None:
         with open_regular(folder / name) as stream:
             status = os.fstat(stream.fileno())
             size = status.st_size
-            if size > _LARGEST_BYTES:
-                raise _unusable(name, f"{size:,} bytes, and {_LARGEST_BYTES:,} are the most")
+            if size > LARGEST_BYTES:
+                raise _unusable(name, f"{size:,} bytes, and {LARGEST_BYTES:,} are the most")
             settled = time.time_ns() - max(status.st_ctime_ns, status.st_mtime_ns) > _SETTLED_NS
             return FileHash(
                 sha256=hashlib.file_digest(stream, "sha256").hexdigest(),

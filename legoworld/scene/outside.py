@@ -13,12 +13,12 @@ from legoworld.files import sha256_of_text
 from legoworld.scene.folder import SceneFolder
 
 #: No relative path begins like this: a folder's name is not empty.
-_OUTSIDE: Final = "outside://"
+OUTSIDE: Final = "outside://"
 
 
 def leaves_scenes(name: str, scene: SceneFolder) -> bool:
     """Whether a dependency, relative to the scene folder or absolute, lies outside of SCENES."""
-    if name.startswith((_OUTSIDE, "/")) or PureWindowsPath(name).drive:
+    if name.startswith((OUTSIDE, "/")) or PureWindowsPath(name).drive:
         return True
     upwards = sum(part == ".." for part in PurePath(name).parts)
     return upwards > len(PurePosixPath(scene.name).parts)
@@ -26,11 +26,11 @@ def leaves_scenes(name: str, scene: SceneFolder) -> bool:
 
 def recorded_name(name: str, scene: SceneFolder) -> str:
     """What records call a dependency: its relative path, or what says no path."""
-    if name.startswith(_OUTSIDE) or not leaves_scenes(name, scene):
+    if name.startswith(OUTSIDE) or not leaves_scenes(name, scene):
         return name
     return outside_name(name)
 
 
 def outside_name(name: str) -> str:
     """A path's hash and the file's own name."""
-    return f"{_OUTSIDE}{sha256_of_text(ascii(name))[:16]}/{PureWindowsPath(name).name}"
+    return f"{OUTSIDE}{sha256_of_text(ascii(name))[:16]}/{PureWindowsPath(name).name}"

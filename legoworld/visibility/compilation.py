@@ -19,7 +19,7 @@ LIBRARY_NAME = {"darwin": "_kernel.dylib", "win32": "_kernel.dll"}.get(sys.platf
 # Contraction off: shared edges are watertight only while a*b - c*d negates exactly.
 FLAGS = ("-std=c++17", "-O3", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-Wno-psabi")
 
-_NO_COMPILER = (
+NO_COMPILER = (
     "legoworld needs a C++17 compiler and none was found: looked for $CXX, c++, g++, "
     "clang++ and the ziglang package. Install a system compiler (Debian: apt install g++; macOS: "
     "xcode-select --install) or `pip install ziglang`, then install again"
@@ -59,7 +59,7 @@ def compiler() -> list[str]:
             return [path]
     if importlib.util.find_spec("ziglang") is not None:
         return [sys.executable, "-m", "ziglang", "c++"]
-    raise CompilationError(_NO_COMPILER)
+    raise CompilationError(NO_COMPILER)
 
 
 def compile_kernel(folder: Path, output: Path) -> list[str]:

@@ -31,18 +31,18 @@ from legoworld.visibility.surfaces import (
 )
 from legoworld.workers.processors import usable_cores
 
-__all__ = ["HOLDOUT", "Buffers", "Cutouts", "Surfaces", "coverage", "render"]
+__all__ = ["HOLDOUT", "MAX_SIDE", "Buffers", "Cutouts", "Surfaces", "coverage", "render"]
 
 #: Largest width and height of a picture, pixels.
-_MAX_SIDE = 8192
+MAX_SIDE = 8192
 
 #: Set to "baseline" to keep the kernel from using the CPU's wider vectors; the bytes are the same.
 LEVEL_VARIABLE = "LEGOWORLD_KERNEL_LEVEL"
 
 #: More threads than this cost more than they bring.
-_MAX_THREADS = 64
+MAX_THREADS = 64
 
-_STATUS_MESSAGES = {
+STATUS_MESSAGES = {
     1: "the visibility kernel ran out of memory",
     2: "a vertex is NaN or infinite",
     3: "a triangle's vertex index is outside its mesh",
@@ -142,9 +142,7 @@ def _prepare(
         orthographic=int(projection.orthographic),
     )
     struct, keep_alive = _surfaces_struct(surfaces)
-    return _Call(
-        surfaces=struct, view=view, threads=min(count, _MAX_THREADS), keep_alive=keep_alive
-    )
+    return _Call(surfaces=struct, view=view, threads=min(count, MAX_THREADS), keep_alive=keep_alive)
 
 
 def _surfaces_struct(surfaces: Surfaces) -> tuple[SurfacesStruct, Any]:
@@ -192,11 +190,11 @@ def _surfaces_struct(surfaces: Surfaces) -> tuple[SurfacesStruct, Any]:
 
 
 def _check_view(projection: Projection, size_wh: tuple[int, int], depth_scale: float) -> None:
-    if not all(1 <= side <= _MAX_SIDE for side in size_wh):
+    if not all(1 <= side <= MAX_SIDE for side in size_wh):
         raise ShapeError(
             "the picture size is out of range",
             found=f"{size_wh[0]}x{size_wh[1]}",
-            expected=f"1..{_MAX_SIDE} pixels each way",
+            expected=f"1..{MAX_SIDE} pixels each way",
         )
     p = projection
     numbers = (p.fx, p.fy, p.cx, p.cy, p.z_near, p.z_far, depth_scale)
@@ -238,8 +236,6 @@ def _level() -> int:
 
 def _raise_for(status: int) -> None:
     if status == 1:
-        raise LegoWorldError(
-            _STATUS_MESSAGES[1], next_step="use a smaller picture or fewer workers"
-        )
+        raise LegoWorldError(STATUS_MESSAGES[1], next_step="use a smaller picture or fewer workers")
     if status != 0:
-        raise ShapeError(_STATUS_MESSAGES[status])
+        raise ShapeError(STATUS_MESSAGES[status])

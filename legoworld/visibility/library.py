@@ -10,7 +10,7 @@ from typing import ClassVar
 from legoworld.errors import KernelBuildError
 from legoworld.visibility.compilation import LIBRARY_NAME, source_hash, sources
 
-_REBUILD = "in a checkout: pip install -e . ; otherwise install legoworld again"
+REBUILD = "in a checkout: pip install -e . ; otherwise install legoworld again"
 
 
 class AlphaStruct(ctypes.Structure):
@@ -87,13 +87,13 @@ def open_library(folder: Path, what: str) -> ctypes.CDLL:
     path = folder / LIBRARY_NAME
     if not path.is_file():
         raise KernelBuildError(
-            f"the {what} was not compiled", expected=path.name, next_step=_REBUILD
+            f"the {what} was not compiled", expected=path.name, next_step=REBUILD
         )
     try:
         loaded = ctypes.CDLL(str(path))
     except OSError as error:
         raise KernelBuildError(
-            f"the {what} cannot be loaded", found=str(error), next_step=_REBUILD
+            f"the {what} cannot be loaded", found=str(error), next_step=REBUILD
         ) from error
     loaded.lw_source_hash.restype = ctypes.c_char_p
     built_from = loaded.lw_source_hash().decode()
@@ -102,6 +102,6 @@ def open_library(folder: Path, what: str) -> ctypes.CDLL:
             f"the {what} is older than its sources",
             found=f"built from {built_from[:12]}",
             expected=source_hash(folder)[:12],
-            next_step=_REBUILD,
+            next_step=REBUILD,
         )
     return loaded

@@ -14,11 +14,11 @@ from legoworld.errors import ShapeError
 HOLDOUT = -2
 
 WRAPS = ("repeat", "extend", "clip", "mirror")
-_INTERPOLATIONS = ("closest", "linear")
+INTERPOLATIONS = ("closest", "linear")
 SIDES = ("both", "front", "back")
 
 #: Above this a product of three coordinates could overflow.
-_LARGEST_ENTRY = 1e30
+LARGEST_ENTRY = 1e30
 
 _LARGEST_INT32: Final = 2**31 - 1
 
@@ -97,7 +97,7 @@ def check_surfaces(surfaces: Surfaces) -> None:
     matrix = _array("cam_from_mesh", surfaces.cam_from_mesh, np.float64, (placements, 3, 4))
     ident = _array("placement_id", surfaces.placement_id, np.int32, (placements,))
     _range("placement_mesh", mesh, 0, meshes - 1)
-    if not np.all(np.abs(matrix) <= _LARGEST_ENTRY):
+    if not np.all(np.abs(matrix) <= LARGEST_ENTRY):
         raise ShapeError(
             "cam_from_mesh holds a number the kernel cannot work with",
             found="NaN, infinite, or larger than 1e30",
@@ -131,7 +131,7 @@ def _check_cutouts(cutouts: Cutouts, triangles: int) -> None:
         raise ShapeError("the alpha threshold is not finite", found=str(cutouts.threshold))
     for name, given, known in (
         ("wrap", cutouts.wrap, WRAPS),
-        ("interpolation", cutouts.interpolation, _INTERPOLATIONS),
+        ("interpolation", cutouts.interpolation, INTERPOLATIONS),
         ("sides", cutouts.sides, SIDES),
     ):
         if len(given) != len(cutouts.alphas):

@@ -9,7 +9,7 @@ import os
 import sys
 
 #: Where the keeper listens.
-_ENDING = 3
+ENDING = 3
 
 
 def main() -> int:
@@ -18,14 +18,14 @@ def main() -> int:
     if child == 0:
         try:
             os.setpgid(0, 0)  # a program that kills its group leaves its witness
-            os.close(_ENDING)
+            os.close(ENDING)
             os.execv(sys.argv[1], sys.argv[1:])
         except OSError as error:
             os.write(2, f"{sys.argv[1]}: {error}\n".encode())
         finally:
             os._exit(127)
     _, status = os.waitpid(child, 0)
-    os.write(_ENDING, b"%d\n" % os.waitstatus_to_exitcode(status))
+    os.write(ENDING, b"%d\n" % os.waitstatus_to_exitcode(status))
     return 0
 
 

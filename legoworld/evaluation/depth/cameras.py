@@ -13,7 +13,7 @@ from legoworld.tracks.colmap import Camera
 
 #: Number of parameters by model, in the order of cameras.txt.
 #: PINHOLE: fx fy cx cy; THIN_PRISM_FISHEYE: fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1.
-_PARAMETERS: Final = {"PINHOLE": 4, "THIN_PRISM_FISHEYE": 12}
+PARAMETERS: Final = {"PINHOLE": 4, "THIN_PRISM_FISHEYE": 12}
 
 _MAX_STEPS: Final = 50
 #: In normalised image coordinates: 1e-12 is some 4e-9 pixels of a 6048 px wide photo.
@@ -26,11 +26,11 @@ def pinhole_from_distorted(camera: Camera, distorted_xy_px: F64) -> F64:
     distorted_xy_px and the result: (n, 2), x and y from the top left corner of the picture.
     CameraModelError when the model is unknown or a pixel has no ray in front of the camera.
     """
-    if camera.model not in _PARAMETERS or len(camera.params) != _PARAMETERS[camera.model]:
+    if camera.model not in PARAMETERS or len(camera.params) != PARAMETERS[camera.model]:
         raise CameraModelError(
             "this camera model is not known",
             found=f"{camera.model} with {len(camera.params)} parameters",
-            expected=", ".join(f"{name} with {n}" for name, n in _PARAMETERS.items()),
+            expected=", ".join(f"{name} with {n}" for name, n in PARAMETERS.items()),
             next_step="score with --camera-model none",
         )
     if camera.model == "PINHOLE":

@@ -56,10 +56,10 @@ def scored_images(tasks: Sequence[ImageTask], crew: Crew) -> Iterator[ImageResul
     """Every image's result, in the order of the tasks."""
     truth_bytes = sum(task.sizes_bytes.get(task.file.path, 0) for task in tasks)
     much = len(tasks) > 1 and truth_bytes > _FEW_BYTES
-    return results_of(_score_task, tasks, crew.for_work(worth_a_process=much))
+    return results_of(score_task, tasks, crew.for_work(worth_a_process=much))
 
 
-def _score_task(task: ImageTask) -> ImageResult:
+def score_task(task: ImageTask) -> ImageResult:
     """Score one image. DepthUnseenError where the command's files are not to be seen.
 
     A file that only this machine lacks would otherwise be taken for a missing prediction.

@@ -24,7 +24,7 @@ from legoworld.evaluation.depth.pictures import (
 from legoworld.readouts.depth import FORMAT_VERSION
 
 #: A readout's array: planar z in metres by its name.
-_DEPTH_Z_M: Final = "depth_z_m"
+DEPTH_Z_M: Final = "depth_z_m"
 VALUES: Final = "values"
 _LABELS: Final = ("space", "unit", "intrinsics_px", "format_version")
 
@@ -94,7 +94,7 @@ def _read_npz(
     _check_version(own, path)
     space = _agreed("space", _text(own, "space", path), declared.space, path)
     unit = _agreed("unit", _text(own, "unit", path), declared.unit, path)
-    if name == _DEPTH_Z_M:
+    if name == DEPTH_Z_M:
         _agreed("space", space or None, "depth" if space else None, path)
         unit = _agreed("unit", unit, "m", path)
     intrinsics = _intrinsics(own, path) or declared.intrinsics_px
@@ -105,7 +105,7 @@ def _read_npz(
 
 def _picture_name(path: Path, contents: Npz, declared: str | None) -> str:
     """The depth array's name: the declared one, else depth_z_m or values, else the only one."""
-    candidates = (declared,) if declared else (_DEPTH_Z_M, VALUES)
+    candidates = (declared,) if declared else (DEPTH_Z_M, VALUES)
     found = [name for name in candidates if name in contents.names]
     if not found and not declared and len(contents.pictures) == 1:
         return contents.pictures[0]

@@ -91,7 +91,7 @@ def evaluate_detections(
     """
     run = read_run(run_folder)
     protocol = detection_protocol(run.task)
-    kind = evaluator or _default_evaluator(protocol, warn)
+    kind = evaluator or default_evaluator(protocol, warn)
     truth = read_truth(truth_path, run, protocol)
     inputs = _inputs(run, truth_path, origins)
     configuration = DetectionConfiguration(
@@ -122,7 +122,7 @@ def evaluate_detections(
     return evaluation
 
 
-def _default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKind:
+def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKind:
     """The official evaluator; hotcoco, with a word about it, where lvis is not installed."""
     if protocol.federated and not lvis_package.installed():
         warn(

@@ -19,6 +19,7 @@ _FUNCTIONS: Final = (
     "lw_lanes",
     "lw_match",
     "lw_measure_masks",
+    "lw_nearest",
     "lw_ordered",
     "lw_overlap_masks",
     "lw_pair",

@@ -40,11 +40,9 @@ from legoworld.records.evaluation_summary import (
     Summary,
 )
 from legoworld.records.evidence import (
-    DepthConfiguration,
-    DepthEvidence,
-    DetectionConfiguration,
-    DetectionEvidence,
     Input,
+    TaskConfiguration,
+    TaskEvidence,
 )
 from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
@@ -91,7 +89,7 @@ class Evaluation(Generic[S]):
     """
 
     summary: S
-    evidence: DetectionEvidence | DepthEvidence
+    evidence: TaskEvidence
     inputs: Sequence[InputFile]
     per_image: Sequence[ImageRow]
     per_category: Sequence[CategoryRow] = ()
@@ -117,7 +115,7 @@ def input_file(role: str, path: Path) -> InputFile:
 def prepare_folder(
     folder: Path,
     *,
-    configuration: DetectionConfiguration | DepthConfiguration,
+    configuration: TaskConfiguration,
     inputs: Sequence[InputFile],
     overwrite: bool,
 ) -> None:
@@ -201,10 +199,13 @@ def _write(folder: Path, evaluation: Evaluation[S]) -> None:
     write_text(folder / EVIDENCE, readable(evidence))
 
 
-def installed_versions() -> dict[str, str]:
-    """Versions of everything a score can depend on; packages that are absent are left out."""
+def installed_versions(*more: str) -> dict[str, str]:
+    """Versions of everything a score can depend on; packages that are absent are left out.
+
+    more: packages that only the caller's task depends on.
+    """
     versions = {"legoworld": __version__, "python": platform.python_version()}
-    for name in _PACKAGES:
+    for name in (*_PACKAGES, *more):
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

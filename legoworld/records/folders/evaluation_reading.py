@@ -10,13 +10,12 @@ from typing import Any, Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.records.base import RecordError, decode, decode_lines
-from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow, depth_rows
-from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, summary_of
+from legoworld.records.evaluation_kinds import TaskRow, TaskSummary, rows_of, summary_of
+from legoworld.records.evaluation_rows import CategoryRow
 from legoworld.records.evidence import (
     AnyEvidence,
-    DepthEvidence,
-    DetectionEvidence,
     OfKind,
+    TaskEvidence,
     evaluation_evidence,
 )
 
@@ -46,7 +45,7 @@ def require_finished(folder: Path) -> None:
         )
 
 
-def read_summary(folder: Path) -> DetectionSummary | DepthSummary:
+def read_summary(folder: Path) -> TaskSummary:
     """summary.json of a finished evaluation. EvaluationFolderError."""
     require_finished(folder)
     with reading(folder, SUMMARY) as path:
@@ -67,7 +66,7 @@ def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> AnyEv
     )
 
 
-def read_evaluation_evidence(folder: Path) -> DetectionEvidence | DepthEvidence:
+def read_evaluation_evidence(folder: Path) -> TaskEvidence:
     """evidence.json of an evaluation. EvaluationFolderError."""
     with _evidence_reading(folder):
         return evaluation_evidence(_evidence_bytes(folder))
@@ -97,14 +96,10 @@ def _evidence_reading(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def read_image_rows(
-    folder: Path, summary: DetectionSummary | DepthSummary
-) -> Sequence[DetectionRow | DepthRow]:
+def read_image_rows(folder: Path, summary: TaskSummary) -> Sequence[TaskRow]:
     """per_image.jsonl: a row of each image, ascending id. EvaluationFolderError."""
     with reading(folder, PER_IMAGE) as path:
-        if isinstance(summary, DepthSummary):
-            return depth_rows(path.read_bytes())
-        return decode_lines(DetectionRow, path.read_bytes())
+        return rows_of(path.read_bytes(), summary)
 
 
 def read_category_rows(folder: Path) -> list[CategoryRow]:

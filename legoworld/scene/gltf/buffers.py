@@ -14,7 +14,7 @@ from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.verdicts import Budget, UnsupportedGltfError, unreadable
 
 _DATA: Final = "data:"
-_MESHOPT: Final = "EXT_meshopt_compression"
+MESHOPT: Final = "EXT_meshopt_compression"
 
 
 def external_files(document: Fields, folder: Path) -> list[str]:
@@ -72,12 +72,12 @@ class Buffers:
             raise unreadable(f"{owner.place}: {uri!r} cannot be read: {error.strerror}") from error
 
     def _refuse_meshopt(self, view: Fields, number: int) -> None:
-        packed = view.extension(_MESHOPT)
-        placeholder = self._buffers[number].extension(_MESHOPT)
+        packed = view.extension(MESHOPT)
+        placeholder = self._buffers[number].extension(MESHOPT)
         if packed is not None and placeholder is not None:
             raise UnsupportedGltfError(
                 "scene.glb is compressed with meshopt, which is not read",
-                found=f"{_MESHOPT} in {view.place} without an uncompressed copy",
+                found=f"{MESHOPT} in {view.place} without an uncompressed copy",
                 expected="plain or Draco-compressed buffers",
                 next_step="export without meshopt compression, or use --source blend",
             )

@@ -29,7 +29,7 @@ from legoworld.pluralize import counted, share
 from legoworld.records.track import LARGEST_ID
 
 Entry = dict[str, Any]
-_Fault = Callable[[Entry], str | None]
+Fault = Callable[[Entry], str | None]
 
 _FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
 _CORRECT = "correct the file, or use the dataset's own"
@@ -152,7 +152,7 @@ def check_boxes(
 
 def _check_values(name: str, own: Sequence[Entry], category_ids: frozenset[int]) -> None:
     """What both kinds of scoring read of an annotation, besides its mask."""
-    rules: list[tuple[_Fault, str, str]] = [
+    rules: list[tuple[Fault, str, str]] = [
         (_key_fault("category_id"), "the integer id of its category", _CORRECT),
         (
             lambda a: None if a["category_id"] in category_ids else _shown(a, "category_id"),
@@ -208,7 +208,7 @@ def _refuse(
     name: str,
     kind: str,
     entries: Iterable[Entry],
-    fault: _Fault,
+    fault: Fault,
     expected: str = "an object",
     next_step: str = _CORRECT,
 ) -> None:
@@ -254,7 +254,7 @@ def _object_fault(entry: object) -> str | None:
     return None if isinstance(entry, dict) else repr(entry)[:60]
 
 
-def _key_fault(key: str) -> _Fault:
+def _key_fault(key: str) -> Fault:
     """No integer under the key; a float of a whole number is one, as it is to pycocotools."""
 
     def fault(entry: Entry) -> str | None:

@@ -43,7 +43,7 @@ def match_chunk(chunk: Chunk) -> Matches:
     )
 
 
-def _match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
+def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
     """The state alone: what another ranking of the same predictions changes."""
     return states_of_chunk(chunk, overlaps_of(chunk))
 
@@ -67,7 +67,7 @@ def states_of(
     """Match every image of a problem, without what is free of scores."""
     chunks = Chunks(problem, truth, predictions)
     crew = crew.for_work(worth_a_process=chunks.many)
-    return np.concatenate(list(results_of(_match_chunk_by_score, chunks, crew)), axis=2)
+    return np.concatenate(list(results_of(match_chunk_by_score, chunks, crew)), axis=2)
 
 
 def _joined(parts: list[Pairs], chunks: Chunks) -> Pairs:

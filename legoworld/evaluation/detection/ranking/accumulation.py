@@ -49,14 +49,14 @@ def truths_per_category(table: MatchTable) -> Ints:
     ).astype(np.int64)
 
 
-def _ranks_of(protocol: DetectionProtocol) -> tuple[int | None, ...]:
+def ranks_of(protocol: DetectionProtocol) -> tuple[int | None, ...]:
     """The distinct maxDets that a protocol's metrics ask for."""
     return tuple(dict.fromkeys(m.max_rank for m in protocol.metrics if m.kind == "AR"))
 
 
 def accumulate(table: MatchTable, protocol: DetectionProtocol) -> Curves:
     """The curves of every category and area."""
-    ranks = _ranks_of(protocol)
+    ranks = ranks_of(protocol)
     shape = len(IOU_THRESHOLDS), len(table.category_ids), len(AREA_NAMES)
     precision = np.full((shape[0], len(RECALL_THRESHOLDS), *shape[1:]), -1.0)
     recall = np.full((*shape, len(ranks)), -1.0)

@@ -113,11 +113,11 @@ def _category(
     values = {}
     for m in metrics:
         which = slice(None) if m.iou is None else m.iou == IOU_THRESHOLDS
-        values[m.name] = _mean_of_rows((precision if m.kind == "AP" else recall[m.max_rank])[which])
+        values[m.name] = mean_of_rows((precision if m.kind == "AP" else recall[m.max_rank])[which])
     return values
 
 
-def _mean_of_rows(values: Floats) -> Floats:
+def mean_of_rows(values: Floats) -> Floats:
     """(n,) mean over thresholds of (T, n), added one after the other whatever n is."""
     mean: Floats = np.add.accumulate(values, axis=0)[-1] / len(values)
     return mean

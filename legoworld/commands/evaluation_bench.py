@@ -1,0 +1,121 @@
+"""What `legoworld evaluate` prints of a bench."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from legoworld.commands import options
+from legoworld.pluralize import counted
+
+if TYPE_CHECKING:
+    from legoworld.records.reconstruction_summary import (
+        Group,
+        Mean,
+        Means,
+        ReconstructionSummary,
+    )
+
+_SHORT: Final = 3
+_SCORES: Final = ("V", "R", "A", "S")
+_VALID: Final = ("R_valid", "A_valid", "S_valid")
+
+
+def short_bench(summary: ReconstructionSummary) -> str:
+    """V, R, A, S with both averages and their denominators, A's noise, flags, what counts 0."""
+    lines = [_title(summary), *_averages(summary.metrics), *_noise(summary)]
+    if summary.flags:
+        cases = counted(len({flag.image_id for flag in summary.flags}), "case", "cases")
+        lines.append(
+            f"{counted(len(summary.flags), 'flag', 'flags')} in {cases}; no score was changed "
+            "(-v lists all)"
+        )
+    rows = summary.not_scored
+    lines += [f"0: {r.status}: {r.file_name}: {r.reason}" for r in rows[:_SHORT]]
+    if len(rows) > _SHORT:
+        more = counted(len(rows) - _SHORT, "more case", "more cases")
+        lines.append(f"... and {more} that count 0 (-v lists all)")
+    return "\n".join(lines)
+
+
+def bench_text(summary: ReconstructionSummary) -> str:
+    """Every mean with its interval and denominator, groups, diagnostics, flags and zeros."""
+    header = ("metric", "mean", "95 % interval", "over")
+    main = [_row(name, mean) for name, mean in summary.metrics.items()]
+    groups = [
+        (f"{kind} {name}", *(_value(group.metrics[m]) for m in (*_SCORES, *_VALID)), _size(group))
+        for kind in ("tier", "split", "environment", "theme")
+        for name, group in getattr(summary.groups, kind).items()
+    ]
+    beside = [_row(name, mean) for name, mean in summary.diagnostics.items()]
+    parts = [
+        _title(summary),
+        options.table(header, main),
+        options.table(("group", *_SCORES, *_VALID, "over"), groups),
+    ]
+    if beside:
+        parts.append("diagnostics, in no score:\n" + options.table(header, beside))
+    ends = _noise(summary)
+    ends += [
+        f"flag: {f.kind}: {f.file_name}: {f.what}: {f.measured:.3f} (from {f.threshold:g})"
+        for f in summary.flags
+    ]
+    ends += [f"0: {r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
+    return "\n\n".join([*parts, "\n".join(ends)] if ends else parts)
+
+
+def _title(summary: ReconstructionSummary) -> str:
+    coverage, rules = summary.coverage, summary.protocol
+    sampling = "" if rules.reference_sampling == "raster" else f", {rules.reference_sampling}"
+    partial = "; partial run" if summary.partial else ""
+    return (
+        f"{summary.evaluator.name} {summary.evaluator.version}, bench{sampling}: "
+        f"{counted(coverage.attempted, 'case', 'cases')} attempted, {coverage.scored} compared, "
+        f"{coverage.valid} valid; intervals over "
+        f"{counted(summary.bootstrap.groups, 'family', 'families')}{partial}"
+    )
+
+
+def _averages(metrics: Means) -> list[str]:
+    all_cases = (f"{m} {_value(metrics[m])}{_interval(metrics[m])}" for m in _SCORES)
+    valid = (f"{m[0]} {_value(metrics[m])}" for m in _VALID)
+    return [
+        f"over all {metrics['S'].n} attempted, zeros included: {', '.join(all_cases)}",
+        f"over the {metrics['S_valid'].n} valid: {', '.join(valid)}",
+    ]
+
+
+def _noise(summary: ReconstructionSummary) -> list[str]:
+    noise = summary.noise
+    lines = []
+    if noise.reference_mean is not None and noise.reference_sd is not None:
+        cases = counted(noise.n_reference, "case", "cases")
+        lines.append(
+            f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}, "
+            f"sd {noise.reference_sd:.4f} between seeds ({cases})"
+        )
+    elif summary.metrics["A"].value is not None:
+        lines.append("A's noise floor was not measured when the dataset was made")
+    if noise.two_seeds is not None:
+        lines.append(
+            f"two seeds of a submission's render differ at {noise.two_seeds:.2%} of the pixels "
+            f"({counted(noise.n_two_seeds, 'case', 'cases')})"
+        )
+    return lines
+
+
+def _row(name: str, mean: Mean) -> tuple[str, str, str, str]:
+    return name, _value(mean), _interval(mean).strip() or "-", f"{mean.n} {mean.over}"
+
+
+def _size(group: Group) -> str:
+    families = counted(group.families, "family", "families")
+    return f"{counted(group.cases, 'case', 'cases')}, {families}"
+
+
+def _value(mean: Mean) -> str:
+    return "-" if mean.value is None else f"{mean.value:.4f}"
+
+
+def _interval(mean: Mean) -> str:
+    ends = mean.interval.ends if mean.interval else None
+    return " [{:.4f}, {:.4f}]".format(*ends) if ends else ""

@@ -1,0 +1,70 @@
+"""Bench: the means of a side over all attempted cases, zeros included, and over the paired ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.comparison.measures import EVERYTHING, HEADLINE, Measure, Measures, Metric
+from legoworld.evaluation.reconstruction import means
+from legoworld.evaluation.stored import Evaluated
+from legoworld.records.comparison import Images, Level
+from legoworld.records.reconstruction_rows import ReconstructionRow
+
+UNIT: Final = "family"
+_HEADLINE: Final = ("V", "R", "A", "S")
+
+
+def bench_metrics(side: Evaluated) -> list[Metric]:
+    """V, R, A, S, then F at the other tolerances."""
+    found = []
+    for measure in _measures(side):
+        level: Level = HEADLINE if measure.name in _HEADLINE else EVERYTHING
+        found.append(Metric(id=measure.name, policy="-", better="higher", level=level))
+    return found
+
+
+def family_draws(side: Evaluated, kept: NDArray[np.bool_], draws: int, seed: int) -> means.Draws:
+    """Draws over the families of the kept cases, shared by both sides."""
+    return means.family_draws(_kept(side, kept), draws, seed)
+
+
+def measure_bench(
+    side: Evaluated, images: Images, kept: NDArray[np.bool_], shared: means.Draws
+) -> Measures:
+    """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out."""
+    rows = _kept(side, kept)
+    return {
+        measure.name: _mean(measure, rows, shared)
+        for measure in _measures(side)
+        if images == "attempted" or measure.name != "V"
+    }
+
+
+def _measures(side: Evaluated) -> list[means.Measure]:
+    """Those over all attempted cases; what a conditional mean says, the paired images say."""
+    rules = side.bench.metrics
+    names = [name for name, mean in rules.items() if mean.over == "attempted"]
+    known = means.headline([name for name in names if name not in _HEADLINE])
+    return [measure for measure in known if measure.over == "attempted"]
+
+
+def _mean(
+    measure: means.Measure, rows: Sequence[ReconstructionRow], shared: means.Draws
+) -> Measure:
+    values = [measure.value(row) for row in rows]
+    defined = [value for value in values if value is not None]
+    zeros = sum(not row.valid for row in rows)
+    over = {"images": len(rows), "not valid": zeros} if zeros else {"images": len(rows)}
+    if len(defined) < len(rows):
+        return Measure(value=float("nan"), samples=None, over=over, extra={})
+    numbers = np.array(defined, np.float64)
+    samples = means.family_means(numbers, rows, shared) if len(shared.column) > 1 else None
+    return Measure(value=float(np.mean(numbers)), samples=samples, over=over, extra={})
+
+
+def _kept(side: Evaluated, kept: NDArray[np.bool_]) -> list[ReconstructionRow]:
+    return [row for row, keep in zip(side.bench_rows, kept, strict=True) if keep]

@@ -1,0 +1,1 @@
+"""Scoring reconstructed scenes against reference scenes (docs/protocols/bench.md)."""

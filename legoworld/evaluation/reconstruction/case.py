@@ -1,0 +1,215 @@
+"""One case: a submission's surface and render against the reference, as a row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+
+from legoworld.evaluation.reconstruction import appearance, integrity
+from legoworld.evaluation.reconstruction.appearance import Agreement, Picture
+from legoworld.evaluation.reconstruction.camera_error import camera_error
+from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
+from legoworld.evaluation.reconstruction.errors import BenchTruthError, SubmissionFileError
+from legoworld.evaluation.reconstruction.geometry import geometry_score
+from legoworld.evaluation.reconstruction.points import Flags, finite_points, points_m
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.reference import Reference, load_reference
+from legoworld.evaluation.reconstruction.submission import Surface, load_render, load_surface
+from legoworld.files import sha256_of_file
+from legoworld.records.base import UNSET
+from legoworld.records.bench_run import BenchRow, Check, RenderFile, Validity
+from legoworld.records.reconstruction_rows import (
+    COMPARED,
+    Appearance,
+    Flag,
+    NoiseBeside,
+    ReconstructionRow,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseTask:
+    """One case to score. run: the run's folder."""
+
+    run: Path
+    row: BenchRow
+    case: BenchCase
+    folders: BenchFolders
+    protocol: BenchProtocol
+    choices: Choices
+
+
+def score_case(task: CaseTask) -> ReconstructionRow:
+    """The case's row. BenchTruthError for the private half; a run's bad file is a row of zeros."""
+    row, zeros = task.row, zero_row(task)
+    if row.status != COMPARED:
+        return zeros
+    reference = load_reference(task.folders, task.case, task.protocol.depth_limit_m)
+    try:
+        if row.surface is UNSET:
+            raise SubmissionFileError(
+                "the run made no surface", found="none", expected="surface/<name>.npz"
+            )
+        surface = load_surface(task.run, row.surface, reference.raster)
+        render = None if row.render is UNSET else load_render(task.run, row.render)
+    except SubmissionFileError as error:
+        return replace(zeros, status="changed", code=error.code, reason=str(error))
+    return _compared(task, zeros, reference, surface, render)
+
+
+def zero_row(task: CaseTask) -> ReconstructionRow:
+    """The case with V = R = A = S = 0 and everything that is known without comparing."""
+    row, image = task.row, task.case.image
+    validity = None if row.validity is UNSET else row.validity
+    return ReconstructionRow(
+        image_id=row.image_id,
+        file_name=row.file_name,
+        status=row.status,
+        code=row.code if row.status != COMPARED else None,
+        reason=row.reason,
+        run_status=row.status,
+        warnings=row.warnings,
+        family=image.family,
+        environment=image.environment,
+        theme=image.theme,
+        split=image.split,
+        tier=image.tier,
+        view=image.view,
+        valid=False,
+        validity=_checks(validity) if validity else None,
+        R=0.0,
+        A=0.0,
+        S=0.0,
+        R_at={},
+        objects=(),
+        fov_error_deg=None,
+        camera=None,
+        diagnostics=None,
+        appearance=None,
+        flags=(),
+    )
+
+
+def _checks(validity: Validity) -> dict[str, Check]:
+    return {name: getattr(validity, name) for name in validity.__struct_fields__}
+
+
+def _compared(
+    task: CaseTask,
+    row: ReconstructionRow,
+    reference: Reference,
+    surface: Surface,
+    render: Picture | None,
+) -> ReconstructionRow:
+    score = geometry_score(task.folders, task.case, reference, surface, task.protocol, task.choices)
+    valid = bool(task.row.valid)
+    picture = None
+    seen: tuple[Agreement, Appearance] | None = None
+    if render is not None and task.row.render is not UNSET:
+        picture = _reference_picture(task)
+        seen = _appearance(task, task.row.render, render, picture, reference, surface)
+    r = score.r if valid else 0.0
+    a = None if seen is None else seen[1].n_hits / seen[1].n_px if valid else 0.0
+    camera = camera_error(task.row, task.case, score.registration)
+    return replace(
+        row,
+        valid=valid,
+        R=r,
+        A=a,
+        S=None if a is None else (r + a) / 2,
+        R_at=score.r_at,
+        objects=score.objects,
+        fov_error_deg=camera.fov_deg if camera else None,
+        camera=camera,
+        diagnostics=score.diagnostics,
+        appearance=seen[1] if seen else None,
+        flags=tuple(_flags(task, surface, picture, seen, score.r)),
+    )
+
+
+def _reference_picture(task: CaseTask) -> Picture:
+    path = task.folders.reference(task.case)
+    try:
+        if sha256_of_file(path) == task.case.truth.sha256.reference:
+            return appearance.decoded(path.read_bytes())
+        found = "another sha256"
+    except (OSError, appearance.PictureError) as error:
+        found = str(error)
+    raise BenchTruthError(
+        f"the reference picture {path.name} is not the one truth.json has on record",
+        found=found,
+        expected=task.case.truth.sha256.reference[:12],
+        next_step="restore public/images",
+    )
+
+
+def _appearance(
+    task: CaseTask,
+    file: RenderFile,
+    render: Picture,
+    picture: Picture,
+    reference: Reference,
+    surface: Surface,
+) -> tuple[Agreement, Appearance]:
+    small = appearance.resized(picture, file.size_wh)
+    found = appearance.agreement(render, small)
+    hits = found.hits(task.protocol.delta)
+    agrees = _same_ray(reference, surface, task.protocol.headline.relative)
+    agrees = agrees[appearance.raster_pixel_of(hits.shape, agrees.shape)]
+    floor = task.case.truth.noise_floor
+    return found, Appearance(
+        n_px=hits.size,
+        n_hits=int(np.count_nonzero(hits)),
+        curve=appearance.curve(found, task.protocol.delta),
+        where_geometry_agrees=_share(hits, agrees),
+        n_geometry_agrees_px=int(np.count_nonzero(agrees)),
+        where_geometry_differs=_share(hits, ~agrees),
+        n_geometry_differs_px=int(np.count_nonzero(~agrees)),
+        noise=NoiseBeside(
+            reference_mean=float(np.mean(floor.a_self)) if floor and floor.a_self else None,
+            reference_sd=floor.sd if floor else None,
+            two_seeds=file.noise.share_over_delta if file.noise else None,
+        ),
+    )
+
+
+def _same_ray(reference: Reference, surface: Surface, relative: float) -> Flags:
+    """(H, W) where both points of a raster pixel are within tau, or neither is there."""
+    g, q = finite_points(reference.depth_z_m), finite_points(surface.depth_z_m)
+    apart = points_m(surface.depth_z_m, reference.raster)
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart -= points_m(reference.depth_z_m, reference.raster)
+        distance = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
+        near: Flags = distance <= relative * reference.depth_z_m.astype(np.float64)
+    return np.where(g & q, near, g == q)
+
+
+def _share(hits: Flags, where: Flags) -> float | None:
+    n = int(np.count_nonzero(where))
+    return int(np.count_nonzero(hits & where)) / n if n else None
+
+
+def _flags(
+    task: CaseTask,
+    surface: Surface,
+    picture: Picture | None,
+    seen: tuple[Agreement, Appearance] | None,
+    r: float,
+) -> list[Flag]:
+    facts = task.row.integrity
+    flags: list[Flag] = []
+    if facts is not UNSET:
+        shown = _reference_picture(task) if picture is None and len(surface.textures) else picture
+        thumbnails = surface.textures if shown is not None else surface.textures[:0]
+        flags += integrity.scene_flags(facts, thumbnails, shown)
+        if seen is not None and surface.plane is not None:
+            hits = seen[0].hits(task.protocol.delta)
+            rows = appearance.raster_pixel_of(hits.shape, surface.plane.shape)
+            flags += integrity.plane_flags(facts, surface.plane[rows], hits)
+    if seen is not None:
+        flags += integrity.score_flags(r, seen[1].n_hits / seen[1].n_px)
+    return flags

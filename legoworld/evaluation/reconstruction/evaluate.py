@@ -1,0 +1,175 @@
+"""`legoworld evaluate` of a bench run: its files and the private half in, an evaluation out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from legoworld.errors import UsageError
+from legoworld.evaluation.input_paths import HERE, Origins, recorded_inputs
+from legoworld.evaluation.reconstruction.case import CaseTask
+from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
+from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.reconstruction.dataset import (
+    TRUTH,
+    BenchDataset,
+    check_run,
+    read_dataset,
+)
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
+from legoworld.evaluation.reconstruction.reference import check_sampling
+from legoworld.evaluation.reconstruction.submission import BenchRun, files_of, read_bench_run
+from legoworld.evaluation.reconstruction.summary import Settings, summarise
+from legoworld.evaluation.run import run_view
+from legoworld.pluralize import counted
+from legoworld.records.evidence import BenchConfiguration, BenchEvidence
+from legoworld.records.folders.evaluation_folder import (
+    Evaluation,
+    InputFile,
+    input_file,
+    installed_versions,
+    prepare_folder,
+    write_evaluation,
+)
+from legoworld.records.folders.run_folder import ROWS, RUN
+from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.workers.tasks import ALONE, Crew
+
+
+def evaluate_bench(
+    run: Path,
+    truth: Path,
+    output: Path,
+    *,
+    choices: Choices | None = None,
+    draws: int = 10_000,
+    seed: int = 0,
+    overwrite: bool = False,
+    progress: Callable[[ReconstructionRow], None] | None = None,
+    crew: Crew = ALONE,
+    origins: Origins = HERE,
+) -> ReconstructionSummary:
+    """Score a bench run and write the evaluation folder; returns its summary.
+
+    truth: DATASET/private, beside DATASET/public. crew: works on the cases, any gives the same
+    bytes. progress: told of each row in the cases' order. Raises before scoring when run, dataset,
+    options and output do not go together; what is wrong with one submission is that case's row.
+    """
+    protocol, choices = bench_protocol(), choices or Choices()
+    _check(choices, draws, seed)
+    run, truth = run.absolute(), truth.absolute()
+    dataset, bench_run = read_dataset(truth), read_bench_run(run)
+    ids = [row.image_id for row in bench_run.rows]
+    check_run(dataset, run.name, bench_run.run.configuration.get("track_sha256"), ids)
+    inputs = recorded_inputs(_inputs(bench_run, dataset, choices), run, origins)
+    configuration = _configuration(protocol, choices, draws, seed)
+    prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
+    rows: list[ReconstructionRow] = []
+    tasks = case_tasks(bench_run, dataset, protocol, choices)
+    for row in scored_cases(seen_tasks(tasks), crew):
+        rows.append(row)
+        if progress is not None:
+            progress(row)
+    summary = summarise(
+        rows,
+        kind=bench_run.kind,
+        partial=bench_run.run.partial,
+        protocol=protocol,
+        settings=settings_of(bench_run, dataset, choices, draws, seed),
+    )
+    evidence = BenchEvidence(
+        versions=installed_versions("pillow"),
+        inputs=(),
+        files={},
+        task=summary.task,
+        evaluator=summary.evaluator,
+        coverage=summary.coverage,
+        configuration=configuration,
+        protocol=summary.protocol,
+        metrics={name: mean.value for name, mean in summary.metrics.items()},
+    )
+    evaluation = Evaluation(
+        summary=summary,
+        evidence=evidence,
+        inputs=inputs,
+        per_image=rows,
+        view={"run.json": run_view(bench_run.run)},
+    )
+    write_evaluation(output, evaluation, overwrite=overwrite)
+    return summary
+
+
+def case_tasks(
+    run: BenchRun, dataset: BenchDataset, protocol: BenchProtocol, choices: Choices
+) -> list[CaseTask]:
+    """One task for each case of the run, ascending image id."""
+    return [
+        CaseTask(
+            run=run.run.folder,
+            row=row,
+            case=dataset.cases[row.image_id],
+            folders=dataset.folders,
+            protocol=protocol,
+            choices=choices,
+        )
+        for row in run.rows
+    ]
+
+
+def settings_of(
+    run: BenchRun, dataset: BenchDataset, choices: Choices, draws: int, seed: int
+) -> Settings:
+    """What the summary says of how it was made."""
+    cases = [dataset.cases[row.image_id] for row in run.rows]
+    return Settings(
+        choices=choices,
+        sampled=all(case.truth.sha256.raster is not None for case in cases),
+        draws=draws,
+        seed=seed,
+    )
+
+
+def _check(choices: Choices, draws: int, seed: int) -> None:
+    check_sampling(choices.sampling)
+    if draws < 1 or seed < 0:
+        raise UsageError(
+            "the bootstrap cannot be drawn like this",
+            found=f"{counted(draws, 'draw', 'draws')}, seed {seed}",
+            expected="at least one draw, and a seed of at least 0",
+        )
+
+
+def _configuration(
+    protocol: BenchProtocol, choices: Choices, draws: int, seed: int
+) -> BenchConfiguration:
+    return BenchConfiguration(
+        task="bench",
+        card_version=protocol.card.version,
+        card_sha256=protocol.card.sha256,
+        reference_sampling=choices.sampling,
+        diagnostics=choices.diagnostics,
+        draws=draws,
+        seed=seed,
+    )
+
+
+def _inputs(run: BenchRun, dataset: BenchDataset, choices: Choices) -> list[InputFile]:
+    """Every file that the scores depend on, hashed."""
+    folder, folders = run.run.folder, dataset.folders
+    cases = [dataset.cases[row.image_id] for row in run.rows]
+    paths: list[tuple[str, Path]] = [("run", folder / RUN), ("run_rows", folder / ROWS)]
+    paths += [("submission", path) for path in files_of(folder, run.rows)]
+    paths += [("truth", folders.private / TRUTH), ("track", folders.track)]
+    for case in cases:
+        kinds = ["raster"] if case.truth.sha256.raster is not None else ["depth", "instances"]
+        kinds += ["depth", "instances"] if choices.sampling != "raster" else []
+        wanted = [folders.arrays(kind, case) for kind in dict.fromkeys(kinds)]
+        paths += [("truth_arrays", path) for path in wanted if path.is_file()]
+        picture = folders.reference(case)
+        paths += [("reference", picture)] if picture.is_file() else []
+    return [input_file(role, path) for role, path in _once(paths)]
+
+
+def _once(paths: Sequence[tuple[str, Path]]) -> list[tuple[str, Path]]:
+    return list(dict.fromkeys(paths))

@@ -1,0 +1,80 @@
+"""Precision, recall and F per object, at every tolerance from one set of distances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.reconstruction.correspondence import Correspondence
+from legoworld.evaluation.reconstruction.points import F64, Labels
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """tau(g) of a reference point g at planar depth z: relative * z + absolute_m."""
+
+    name: str
+    relative: float = 0.0
+    absolute_m: float = 0.0
+
+    def tau_m(self, z_m: F64) -> F64:
+        """The tolerance at reference points of these depths."""
+        return self.relative * z_m + self.absolute_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """Points of one object (or of all as one) and how many of them are within tau.
+
+    Recall is over reference points, precision over submitted ones, each submitted point held to the
+    tau of the reference point nearest to it.
+    """
+
+    n_reference: int
+    n_submitted: int
+    reference_hits: int
+    submitted_hits: int
+
+    @property
+    def recall(self) -> float:
+        """Share of reference points that are hit, 0 where there is none."""
+        return self.reference_hits / self.n_reference if self.n_reference else 0.0
+
+    @property
+    def precision(self) -> float:
+        """Share of submitted points that hit, 0 where there is none."""
+        return self.submitted_hits / self.n_submitted if self.n_submitted else 0.0
+
+    @property
+    def f1(self) -> float:
+        """2 P R / (P + R), 0 where both are 0."""
+        both = self.precision + self.recall
+        return 2.0 * self.precision * self.recall / both if both > 0 else 0.0
+
+
+def scores(pairs: Correspondence, objects: int, tolerance: Tolerance) -> list[Score]:
+    """One score for each of labels 0 .. objects - 1."""
+    hit_ref = pairs.reference_distance_m <= tolerance.tau_m(pairs.reference_z_m)
+    hit_sub = pairs.submitted_distance_m <= tolerance.tau_m(pairs.nearest_z_m)
+    columns = (
+        _counted(pairs.reference_label, objects),
+        _counted(pairs.submitted_label, objects),
+        _counted(pairs.reference_label[hit_ref], objects),
+        _counted(pairs.submitted_label[hit_sub], objects),
+    )
+    return [
+        Score(n_reference=g, n_submitted=q, reference_hits=hit_g, submitted_hits=hit_q)
+        for g, q, hit_g, hit_q in zip(*(c.tolist() for c in columns), strict=True)
+    ]
+
+
+def mean_f1(found: list[Score]) -> float | None:
+    """R: the unweighted mean of F over eligible objects, those that have a reference point."""
+    values = [score.f1 for score in found if score.n_reference]
+    return float(np.mean(values)) if values else None
+
+
+def _counted(label: Labels, objects: int) -> NDArray[np.int64]:
+    return np.bincount(label, minlength=objects)

@@ -1,0 +1,177 @@
+"""R of one case, and the diagnostics beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from legoworld.evaluation.reconstruction import aligned
+from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.reconstruction.correspondence import (
+    Correspondence,
+    of_clouds,
+    on_one_raster,
+)
+from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
+from legoworld.evaluation.reconstruction.diagnostics import (
+    chamfer_over_diagonal,
+    precision_recall,
+    voxel_iou,
+)
+from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
+from legoworld.evaluation.reconstruction.points import (
+    Depth,
+    finite_points,
+    pixel_of_points,
+    points_m,
+)
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.reference import RASTER, Reference, load_cloud
+from legoworld.evaluation.reconstruction.submission import Surface
+from legoworld.records.reconstruction_rows import Diagnostics, ObjectRow, Registration
+
+#: The voxel edge that follows the scene: this share of the median reference depth.
+_VOXEL_SHARE = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeometryScore:
+    """r: R at the headline's tolerance; r_at: at the others, by name."""
+
+    r: float
+    r_at: dict[str, float]
+    objects: tuple[ObjectRow, ...]
+    diagnostics: Diagnostics | None
+    registration: Registration | None
+
+
+def geometry_score(
+    folders: BenchFolders,
+    case: BenchCase,
+    reference: Reference,
+    surface: Surface,
+    protocol: BenchProtocol,
+    choices: Choices,
+) -> GeometryScore:
+    """R of one submission. A case of which no object has a reference point has R = 0."""
+    if choices.sampling == RASTER:
+        pairs = on_one_raster(
+            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster
+        )
+    else:
+        pairs = _other_sampling(folders, case, reference, surface, protocol, choices.sampling)
+    objects = len(case.truth.scored)
+    main = scores(pairs, objects, protocol.headline)
+    others = {t.name: scores(pairs, objects, t) for t in protocol.others}
+    diagnostics, registration = None, None
+    if choices.diagnostics:
+        diagnostics, registration = _diagnostics(reference, surface, protocol, objects)
+    return GeometryScore(
+        r=mean_f1(main) or 0.0,
+        r_at={name: mean_f1(found) or 0.0 for name, found in others.items()},
+        objects=tuple(_object_rows(case, main, others)),
+        diagnostics=diagnostics,
+        registration=registration,
+    )
+
+
+def _object_rows(
+    case: BenchCase, main: list[Score], others: dict[str, list[Score]]
+) -> list[ObjectRow]:
+    return [
+        ObjectRow(
+            id=scored.id,
+            name=scored.name,
+            category=scored.category,
+            eligible=found.n_reference > 0,
+            f1=found.f1,
+            precision=found.precision,
+            recall=found.recall,
+            n_reference=found.n_reference,
+            n_submitted=found.n_submitted,
+            at={name: precision_recall(one[k]) for name, one in others.items()},
+        )
+        for k, (scored, found) in enumerate(zip(case.truth.scored, main, strict=True))
+    ]
+
+
+def _other_sampling(
+    folders: BenchFolders,
+    case: BenchCase,
+    reference: Reference,
+    surface: Surface,
+    protocol: BenchProtocol,
+    sampling: str,
+) -> Correspondence:
+    cloud = load_cloud(folders, case, sampling, protocol.depth_limit_m, protocol.point_cap)
+    q = finite_points(surface.depth_z_m)
+    submitted = points_m(surface.depth_z_m, reference.raster)[q]
+    return of_clouds(cloud.points_m, cloud.label, submitted, cloud.submitted_label[q])
+
+
+def _diagnostics(
+    reference: Reference, surface: Surface, protocol: BenchProtocol, objects: int
+) -> tuple[Diagnostics, Registration | None]:
+    depth, raster = surface.depth_z_m, reference.raster
+    g, q = finite_points(reference.depth_z_m), finite_points(depth)
+    ours, theirs = points_m(reference.depth_z_m, raster)[g], points_m(depth, raster)[q]
+    union = np.where(reference.label >= 0, 0, -1).astype(np.int32)
+    everything = np.zeros_like(union)
+    visible = on_one_raster(reference.depth_z_m, depth, everything, raster)
+    of_objects = on_one_raster(reference.depth_z_m, depth, union, raster)
+    motion = aligned.trimmed_icp(ours, theirs)
+    rigid = None
+    if motion is not None:
+        moved = motion.moved(theirs)
+        pixel = pixel_of_points(moved, raster)
+        label = np.where(pixel >= 0, reference.label.ravel()[np.maximum(pixel, 0)], -1)
+        rigid = of_clouds(ours, reference.label[g], moved, label.astype(np.int32))
+    median_m = float(np.median(reference.depth_z_m[g])) if g.any() else None
+    scale = aligned.median_scaled(reference.depth_z_m, depth, g & q)
+    shift = aligned.disparity_fitted(reference.depth_z_m, depth, g & q)
+    found = Diagnostics(
+        object_union=precision_recall(scores(of_objects, 1, protocol.headline)[0]),
+        visible_scene=precision_recall(scores(visible, 1, protocol.headline)[0]),
+        chamfer_l1_half_sum_over_reference_visible_box_diagonal=chamfer_over_diagonal(
+            visible, ours
+        ),
+        voxel_iou_5_percent_of_median_depth=(
+            voxel_iou(ours, theirs, _VOXEL_SHARE * median_m) if median_m else None
+        ),
+        voxel_iou_5cm=voxel_iou(ours, theirs, 0.05),
+        voxel_iou_10cm=voxel_iou(ours, theirs, 0.1),
+        R_median_scale=_r_of_depth(reference, scale, protocol, objects),
+        R_disparity_scale_shift=_r_of_depth(reference, shift, protocol, objects),
+        R_rigid=_r(rigid, protocol, objects) if rigid is not None else None,
+        R_own_intrinsics=_r(_own(reference, surface), protocol, objects),
+    )
+    return found, motion.registration if motion else None
+
+
+def _own(reference: Reference, surface: Surface) -> Correspondence:
+    """The surface as the submission's own camera sees it: its own rays and its own pixels."""
+    if surface.own_depth_z_m is None or surface.own_raster is None:
+        return on_one_raster(
+            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster
+        )
+    g, q = finite_points(reference.depth_z_m), finite_points(surface.own_depth_z_m)
+    return of_clouds(
+        points_m(reference.depth_z_m, reference.raster)[g],
+        reference.label[g],
+        points_m(surface.own_depth_z_m, surface.own_raster)[q],
+        reference.label[q],
+    )
+
+
+def _r_of_depth(
+    reference: Reference, depth_z_m: Depth | None, protocol: BenchProtocol, objects: int
+) -> float | None:
+    if depth_z_m is None:
+        return None
+    pairs = on_one_raster(reference.depth_z_m, depth_z_m, reference.label, reference.raster)
+    return _r(pairs, protocol, objects)
+
+
+def _r(pairs: Correspondence, protocol: BenchProtocol, objects: int) -> float | None:
+    return mean_f1(scores(pairs, objects, protocol.headline))

@@ -1,0 +1,114 @@
+"""What a person should look at: a picture where geometry was asked for. No score changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.reconstruction.appearance import Picture, resized
+from legoworld.evaluation.reconstruction.points import Flags
+from legoworld.records.bench_run import ImageTexture, Integrity
+from legoworld.records.reconstruction_rows import Flag, FlagKind
+
+#: Correlation of an image in the scene with the reference from which on it is flagged.
+PICTURE_CORRELATION: Final = 0.8
+#: Share of A's hits that lie on planes turned to the camera.
+PLANE_SHARE: Final = 0.25
+#: A from here on, with R below the next, is a picture without its geometry.
+HIGH_A: Final = 0.5
+LOW_R: Final = 0.1
+#: How far A may fall from a family's first view to another one.
+VIEW_DROP: Final = 0.3
+_FLAT: Final = 1e-9
+
+
+def scene_flags(
+    facts: Integrity, thumbnails: NDArray[np.uint8], reference: Picture | None
+) -> list[Flag]:
+    """Flags of what the opened scene holds. thumbnails: (N, h, w, 3), reference: (H, W, 3)."""
+    flags: list[Flag] = []
+    if len(thumbnails) and reference is not None:
+        small = resized(reference, (thumbnails.shape[2], thumbnails.shape[1]))
+        for image in facts.images:
+            if image.thumbnail is None or image.thumbnail >= len(thumbnails):
+                continue
+            measured = correlation(thumbnails[image.thumbnail], small)
+            if measured >= PICTURE_CORRELATION:
+                flags.append(_picture_flag(image, measured))
+    if facts.compositor_nodes:
+        nodes = ", ".join(facts.compositor_nodes[:5])
+        flags.append(_flag("compositor_nodes", nodes, len(facts.compositor_nodes), 1))
+    if facts.texts:
+        names = ", ".join(text.name for text in facts.texts[:5])
+        flags.append(_flag("text_blocks", names, len(facts.texts), 1))
+    if facts.drivers:
+        flags.append(_flag("drivers", "drivers in the scene", facts.drivers, 1))
+    return flags
+
+
+def correlation(a: Picture, b: Picture) -> float:
+    """Pearson's r of two pictures of one size over pixels and channels, mirrored or not.
+
+    A mirrored picture on a wall is as much a picture: the largest over both directions. 0 where
+    one of them is flat.
+    """
+    y = b.astype(np.float64).ravel()
+    y -= y.mean()
+    found = 0.0
+    for picture in (a, a[:, ::-1], a[::-1], a[::-1, ::-1]):
+        x = picture.astype(np.float64).ravel()
+        x -= x.mean()
+        scale = float(np.sqrt(np.dot(x, x) * np.dot(y, y)))
+        if scale > _FLAT:
+            found = max(found, float(np.dot(x, y)) / scale)
+    return found
+
+
+def plane_flags(facts: Integrity, plane: NDArray[Any], hits: Flags) -> Iterator[Flag]:
+    """plane: (H, W) index of the camera-facing plane a pixel of A shows, -1; hits: A's."""
+    total = int(np.count_nonzero(hits))
+    shown = plane[hits]
+    counts = np.bincount(shown[shown >= 0], minlength=len(facts.planes))
+    if not total or not counts.any():
+        return
+    share = float(counts.sum()) / total
+    if share >= PLANE_SHARE:
+        most = int(np.argmax(counts))
+        name = facts.planes[most].object if most < len(facts.planes) else "a plane"
+        yield _flag("camera_facing_planes", f"{name} first of {np.count_nonzero(counts)}",
+                    share, PLANE_SHARE)  # fmt: skip
+
+
+def score_flags(r: float | None, a: float | None) -> Iterator[Flag]:
+    """A picture that agrees over geometry that does not."""
+    if r is not None and a is not None and a >= HIGH_A and r < LOW_R:
+        yield _flag("appearance_without_geometry", f"R {r:.3f}", a, HIGH_A)
+
+
+def view_drop(first_a: float, other_a: float) -> Flag | None:
+    """A of another view of one family and tier against the first one's."""
+    drop = first_a - other_a
+    if drop < VIEW_DROP:
+        return None
+    return _flag("view_drop", f"A {first_a:.3f} in the first view", drop, VIEW_DROP)
+
+
+def _picture_flag(image: ImageTexture, measured: float) -> Flag:
+    shown_by = ", ".join(image.users) or "nothing"
+    if "world" in image.users:
+        return _flag("picture_in_world", f"{image.name}, used by {shown_by}", measured,
+                     PICTURE_CORRELATION)  # fmt: skip
+    return _flag("picture_in_scene", f"{image.name}, used by {shown_by}", measured,
+                 PICTURE_CORRELATION)  # fmt: skip
+
+
+def _flag(kind: FlagKind, what: str, measured: float, threshold: float) -> Flag:
+    return Flag(
+        kind=kind,
+        what=what,
+        measured=float(measured),
+        threshold=float(threshold),
+    )

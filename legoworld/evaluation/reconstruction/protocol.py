@@ -1,0 +1,79 @@
+"""The bench protocol as its card declares it; a card that declares something else is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from legoworld.cards import Card, load_card
+from legoworld.errors import InstallationError
+from legoworld.evaluation.reconstruction.fscore import Tolerance
+
+_FIXED: Final[dict[str, Any]] = {
+    "scoring.protocol": "lego_bench",
+    "scoring.primary_metric": "S",
+    "scoring.metrics": ["V", "R", "A", "S"],
+    "scoring.comparison": "<=",
+    "scoring.object_average": "unweighted",
+    "scoring.object_without_reference_points": "not_eligible",
+    "scoring.object_without_submitted_points": 0.0,
+    "scoring.reference_resize": "lanczos",
+    "scoring.score": "V * (R + A) / 2",
+    "scoring.images": "track",
+    "scoring.failed_image": "zero",
+    "scoring.bootstrap_unit": "family",
+    "scoring.repeats_sd_ddof": 1,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchProtocol:
+    """The numbers of the card. headline: R's tolerance; others: the diagnostics'."""
+
+    card: Card
+    evaluator: str
+    evaluator_version: str
+    headline: Tolerance
+    others: tuple[Tolerance, ...]
+    point_cap: int
+    depth_limit_m: float
+    delta: int
+
+
+def bench_protocol(card: Card | None = None) -> BenchProtocol:
+    """The shipped card's protocol; InstallationError when a fixed value is not the code's."""
+    card = card or load_card("bench")
+    for key, expected in _FIXED.items():
+        if card.value(key) != expected:
+            raise InstallationError(
+                "the bench card declares what the code does not do",
+                found=f"{key} = {card.value(key)!r}",
+                expected=f"{key} = {expected!r}",
+                next_step="restore the card; another protocol is another evaluator version",
+            )
+    main = float(card.value("scoring.tolerance"))
+    relative = [float(t) for t in card.value("scoring.tolerances") if float(t) != main]
+    absolute = [float(t) for t in card.value("scoring.tolerances_m")]
+    return BenchProtocol(
+        card=card,
+        evaluator=str(card.value("scoring.evaluator")),
+        evaluator_version=str(card.value("scoring.evaluator_version")),
+        headline=Tolerance(name=_percent(main), relative=main),
+        others=(
+            *(Tolerance(name=_percent(t), relative=t) for t in relative),
+            *(Tolerance(name=_centimetres(t), absolute_m=t) for t in absolute),
+        ),
+        point_cap=int(card.value("raster.point_cap")),
+        depth_limit_m=float(card.value("scoring.depth_limit_m")),
+        delta=int(card.value("scoring.delta")),
+    )
+
+
+def _percent(share: float) -> str:
+    """F2, F5 and F10: relative tolerances in percent of the depth."""
+    return f"F{100 * share:g}"
+
+
+def _centimetres(metres: float) -> str:
+    """F_5cm and F_10cm: the same distance at every depth."""
+    return f"F_{100 * metres:g}cm"

@@ -1,0 +1,154 @@
+"""What a run holds of one submission: its surface and its render, as the run wrote them."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import UsageError
+from legoworld.evaluation.reconstruction.appearance import Picture, PictureError, decoded
+from legoworld.evaluation.reconstruction.errors import SubmissionFileError
+from legoworld.evaluation.reconstruction.points import Depth, Raster
+from legoworld.evaluation.run import Run, RunUnusableError, read_run
+from legoworld.records.base import UNSET, RecordError, decode_lines
+from legoworld.records.bench_run import BenchRow, RenderFile, SurfaceFile, WrittenFile
+from legoworld.records.folders.run_folder import ROWS
+
+TASK: Final = "bench"
+_NO_TEXTURES: Final = np.zeros((0, 36, 64, 3), np.uint8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRun:
+    """A finished bench run. rows: ascending image id."""
+
+    run: Run
+    rows: tuple[BenchRow, ...]
+
+    @property
+    def kind(self) -> str:
+        """Scene, or what made the submissions instead."""
+        return str(self.run.configuration.get("kind"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """The submitted surface at the scoring raster, see `records.bench_run`.
+
+    own_depth_z_m, own_raster: with the submission's own intrinsics, None where those are the
+    reference's; plane: (H, W), -1 where no camera-facing plane is; textures: (N, h, w, 3).
+    """
+
+    depth_z_m: Depth
+    own_depth_z_m: Depth | None
+    own_raster: Raster | None
+    plane: NDArray[np.int16] | None
+    textures: NDArray[np.uint8]
+
+
+def read_bench_run(folder: Path) -> BenchRun:
+    """A bench run and its rows. RunUnusableError or UsageError otherwise."""
+    run = read_run(folder)
+    if run.task != TASK:
+        raise UsageError(
+            f"{folder.name or folder} is no bench run",
+            found=f"task {run.task!r}",
+            expected=f"a run of the task {TASK!r}",
+        )
+    try:
+        rows = decode_lines(BenchRow, (folder / ROWS).read_bytes())
+    except (OSError, RecordError) as error:
+        raise RunUnusableError(
+            f"the run in {folder.name} cannot be read",
+            found=str(error),
+            expected=f"{ROWS} as `legoworld readout --task bench` writes it",
+        ) from error
+    return BenchRun(run=run, rows=tuple(sorted(rows, key=lambda row: row.image_id)))
+
+
+def files_of(folder: Path, rows: Sequence[BenchRow]) -> list[Path]:
+    """Surfaces and renders that the rows name and that are there."""
+    named = [file for row in rows for file in (row.surface, row.render) if file is not UNSET]
+    return [path for file in named if (path := folder / str(file.file)).is_file()]
+
+
+def load_surface(folder: Path, file: SurfaceFile, raster: Raster) -> Surface:
+    """The surface of one submission. SubmissionFileError when it is not as the run wrote it."""
+    data = _bytes(folder, file)
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        depth = _depth(arrays["depth_z_m"], raster)
+        own = arrays.get("own_depth_z_m")
+        return Surface(
+            depth_z_m=depth,
+            own_depth_z_m=None if own is None else _depth(own, raster),
+            own_raster=None if own is None else _own(arrays["own_intrinsics_px"], raster),
+            plane=arrays.get("plane"),
+            textures=arrays.get("textures", _NO_TEXTURES),
+        )
+    except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise SubmissionFileError(
+            f"{file.file} cannot be used",
+            found=f"{type(error).__name__}: {error}",
+            expected=f"depth_z_m of {raster.width}x{raster.height}",
+            next_step="run the readout again",
+        ) from error
+
+
+def load_render(folder: Path, file: RenderFile) -> Picture:
+    """The evaluator's render of one submission. SubmissionFileError."""
+    data = _bytes(folder, file)
+    try:
+        picture = decoded(data)
+    except PictureError as error:
+        raise SubmissionFileError(
+            f"{file.file} cannot be decoded", found=str(error), expected="a PNG"
+        ) from error
+    if picture.shape[1::-1] != file.size_wh:
+        raise SubmissionFileError(
+            f"{file.file} is of another size",
+            found="{}x{}".format(*picture.shape[1::-1]),
+            expected="{}x{}".format(*file.size_wh),
+        )
+    return picture
+
+
+def _bytes(folder: Path, file: WrittenFile) -> bytes:
+    try:
+        data = (folder / file.file).read_bytes()
+    except OSError as error:
+        raise SubmissionFileError(
+            f"{file.file} cannot be read",
+            found=error.strerror or str(error),
+            expected="the file that the run wrote",
+            next_step="run the readout again",
+        ) from error
+    found = hashlib.sha256(data).hexdigest()
+    if found != file.sha256:
+        raise SubmissionFileError(
+            f"{file.file} is not the one the run wrote",
+            found=found[:12],
+            expected=file.sha256[:12],
+            next_step="run the readout again",
+        )
+    return data
+
+
+def _depth(array: NDArray[Any], raster: Raster) -> Depth:
+    if array.shape != (raster.height, raster.width):
+        raise ValueError(f"depth of shape {array.shape}")
+    return np.ascontiguousarray(array, np.float32)
+
+
+def _own(intrinsics_px: NDArray[Any], raster: Raster) -> Raster:
+    fx, fy, cx, cy = (float(x) for x in intrinsics_px)
+    return Raster(fx=fx, fy=fy, cx=cx, cy=cy, width=raster.width, height=raster.height)

@@ -1,0 +1,138 @@
+"""A bench evaluation's rows as its summary."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from legoworld.evaluation.bootstrap import LEVEL
+from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.reconstruction.integrity import view_drop
+from legoworld.evaluation.reconstruction.means import (
+    diagnostic_means,
+    family_draws,
+    groups_of,
+    headline,
+    means_of,
+)
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.records.base import as_json, to_record
+from legoworld.records.evaluation_summary import Evaluator, NotScored
+from legoworld.records.reconstruction_rows import COMPARED, Flag, ReconstructionRow
+from legoworld.records.reconstruction_summary import (
+    CaseFlag,
+    FamilyBootstrap,
+    NoiseSummary,
+    ReconstructionCoverage,
+    ReconstructionRules,
+    ReconstructionSummary,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The command line's choices, and whether every reference was sampled at the raster."""
+
+    choices: Choices
+    sampled: bool
+    draws: int
+    seed: int
+
+
+def summarise(
+    rows: Sequence[ReconstructionRow],
+    *,
+    kind: str,
+    partial: bool,
+    protocol: BenchProtocol,
+    settings: Settings,
+) -> ReconstructionSummary:
+    """The summary of the rows of every attempted case, ascending image id."""
+    measures = headline([t.name for t in protocol.others])
+    draws = family_draws(rows, settings.draws, settings.seed)
+    return ReconstructionSummary(
+        task="bench",
+        kind=kind,
+        partial=partial,
+        evaluator=Evaluator(name=protocol.evaluator, version=protocol.evaluator_version),
+        coverage=ReconstructionCoverage(
+            attempted=len(rows),
+            scored=sum(row.status == COMPARED for row in rows),
+            with_truth=len(rows),
+            by_status=dict(sorted(Counter(row.status for row in rows).items())),
+            valid=sum(row.valid for row in rows),
+        ),
+        protocol=_rules(protocol, settings),
+        metrics=means_of(measures, rows, draws),
+        diagnostics=diagnostic_means(rows),
+        groups=groups_of(measures, rows, settings.draws, settings.seed),
+        bootstrap=FamilyBootstrap(
+            draws=settings.draws,
+            seed=settings.seed,
+            unit="family",
+            groups=len(draws.column),
+            level=LEVEL,
+        ),
+        noise=_noise(rows),
+        flags=tuple(_flags(rows)),
+        not_scored=tuple(_not_scored(row) for row in rows if not row.valid),
+        warnings=sum(len(row.warnings) for row in rows),
+    )
+
+
+def _rules(protocol: BenchProtocol, settings: Settings) -> ReconstructionRules:
+    values = protocol.card.value("scoring")
+    points = settings.sampled and settings.choices.sampling == "raster"
+    return to_record(
+        ReconstructionRules,
+        {
+            **{name: values[name] for name in ("tolerance", "tolerances", "tolerances_m", "delta")},
+            "depth_limit_m": protocol.depth_limit_m,
+            "reference_sampling": settings.choices.sampling,
+            "reference_points": "raster" if points else "full_resolution_pixels",
+            "diagnostics": settings.choices.diagnostics,
+        },
+    )
+
+
+def _noise(rows: Sequence[ReconstructionRow]) -> NoiseSummary:
+    noise = [row.appearance.noise for row in rows if row.appearance is not None]
+    means = [n.reference_mean for n in noise if n.reference_mean is not None]
+    sds = [n.reference_sd for n in noise if n.reference_sd is not None]
+    pairs = [n.two_seeds for n in noise if n.two_seeds is not None]
+    return NoiseSummary(
+        reference_mean=float(np.mean(means)) if means else None,
+        reference_sd=float(np.mean(sds)) if sds else None,
+        n_reference=len(means),
+        two_seeds=float(np.mean(pairs)) if pairs else None,
+        n_two_seeds=len(pairs),
+    )
+
+
+def _not_scored(row: ReconstructionRow) -> NotScored:
+    status, reason = row.status, row.reason
+    if status == COMPARED:
+        failed = [name for name, check in (row.validity or {}).items() if not check.ok]
+        status, reason = "not_valid", ", ".join(failed) or None
+    return NotScored(image_id=row.image_id, file_name=row.file_name, status=status, reason=reason)
+
+
+def _flags(rows: Sequence[ReconstructionRow]) -> list[CaseFlag]:
+    """Each case's own, then views of a family and tier whose A falls from the first one's."""
+    found = [_of_case(row, flag) for row in rows for flag in row.flags]
+    first: dict[tuple[str, str | None], ReconstructionRow] = {}
+    for row in sorted(rows, key=lambda row: row.view):
+        if not row.valid or row.A is None:
+            continue
+        before = first.setdefault((row.family, row.tier), row)
+        if before is not row and before.A is not None:
+            drop = view_drop(before.A, row.A)
+            found += [_of_case(row, drop)] if drop else []
+    return sorted(found, key=lambda flag: (flag.image_id, flag.kind, flag.what))
+
+
+def _of_case(row: ReconstructionRow, flag: Flag) -> CaseFlag:
+    return CaseFlag(image_id=row.image_id, file_name=row.file_name, **as_json(flag))
