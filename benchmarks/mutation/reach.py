@@ -11,7 +11,6 @@ import ast
 import json
 import mmap
 import multiprocessing
-import sysconfig
 import tempfile
 import time
 from collections import defaultdict
@@ -37,7 +36,14 @@ def _mapped():
 
 REACHED = _mapped()
 """
-_IMPORT = "from legoworld_reached import REACHED as _REACHED"
+#: What runs before it has this tree on its path, or sees it at all, does without.
+_MOST = 1 << 16  # functions
+_IMPORT = """
+try:
+    from legoworld._reached import REACHED as _REACHED
+except ImportError:
+    _REACHED = bytearray({size})
+"""
 
 
 class Recorder:
@@ -130,7 +136,7 @@ def _instrumented(root: Path, reached: Path) -> Iterator[list[tuple[str, str]]]:
         path: _marked(source, path.relative_to(root).as_posix(), functions)
         for path, source in originals.items()
     }
-    module = Path(sysconfig.get_path("purelib")) / "legoworld_reached.py"
+    module = root / "legoworld" / "_reached.py"
     try:
         reached.write_bytes(bytes(len(functions)))
         module.write_text(_MODULE.format(path=str(reached), size=len(functions)))
@@ -161,7 +167,7 @@ def _marked(source: bytes, path: str, functions: list[tuple[str, str]]) -> str:
     mark(tree, "")
     before = [n for n in tree.body if _is_text(n) or getattr(n, "module", "") == "__future__"]
     rest = [n for n in tree.body if n not in before]
-    tree.body = [*before, *ast.parse(_IMPORT).body, *rest]
+    tree.body = [*before, *ast.parse(_IMPORT.format(size=_MOST)).body, *rest]
     return ast.unparse(ast.fix_missing_locations(tree))
 
 
