@@ -36,8 +36,8 @@ def _mapped():
 
 REACHED = _mapped()
 """
-#: What runs before it has this tree on its path, or sees it at all, does without.
 _MOST = 1 << 16  # functions
+#: What runs before it has this tree on its path, or cannot see it, does without.
 _IMPORT = """
 try:
     from legoworld._reached import REACHED as _REACHED
