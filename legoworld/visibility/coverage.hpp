@@ -168,9 +168,9 @@ static int32_t coverage(const LwSurfaces& surfaces, const LwView& view, int thre
   Team team(threads);
   Queue queue;
   queue.reset(surfaces.placements, 1);
-  prepare_survey(frame);
+  prepare_validation(frame);
   team.run([&](int index) {
-    survey(frame, team, index);
+    validate_and_bound(frame, team, index);
     if (frame.status != kOk || team.failed()) return;
     for (int64_t placement, end; queue.take(placement, end);) {
       const Shape shape(surfaces, surfaces.placement_mesh[placement]);

@@ -28,9 +28,9 @@ struct Frame {
   Buffer<double> ray_x, ray_y;
   double longest = 1;  // the largest component of any ray
   double reach;        // kRounding times that
-  std::vector<Portion> portions;  // the meshes, in pieces to be surveyed
+  std::vector<Portion> portions;  // the meshes, in pieces to be validated
   Buffer<Box> portion_boxes, boxes;  // of each piece; of each mesh
-  Queue survey_queue;
+  Queue validation_queue;
   std::atomic<int32_t> status{kOk};
 
   Frame(const LwSurfaces& all, const LwView& seen)

@@ -15,7 +15,7 @@ static inline bool streams(const Frame& frame, const int32_t* instance, const fl
 }
 
 // Between two rounds the picture holds the tiles as they are, with holdouts and open pixels.
-static void put_aside(const Frame& frame, Tile& tile, SoFar& so_far, int64_t index, int32_t* instance,
+static void store_tile(const Frame& frame, Tile& tile, SoFar& so_far, int64_t index, int32_t* instance,
                       float* depth) {
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = static_cast<int64_t>(tile.top + r) * frame.width + tile.left;
@@ -32,7 +32,7 @@ static void put_aside(const Frame& frame, Tile& tile, SoFar& so_far, int64_t ind
   so_far.tiles.data()[index] = farthest;
 }
 
-static void take_up(const Frame& frame, Tile& tile, const SoFar& so_far, int64_t index,
+static void load_tile(const Frame& frame, Tile& tile, const SoFar& so_far, int64_t index,
                     const int32_t* instance, const float* depth) {
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = static_cast<int64_t>(tile.top + r) * frame.width + tile.left;

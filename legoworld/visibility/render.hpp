@@ -40,16 +40,16 @@ static Placed placed(const Render& r, Worker& worker, const Shape& shape, int64_
                 static_cast<uint32_t>(placement), all.placement_id[placement]};
 }
 
-static void look(Render& r) {
+static void bound_placements(Render& r) {
   for (int64_t begin, end; r.sight_queue.take(begin, end);) {
-    for (int64_t i = begin; i < end; ++i) r.schedule.sights.data()[i] = sight_of(r.frame, i);
+    for (int64_t i = begin; i < end; ++i) r.schedule.bounds.data()[i] = screen_bounds_of(r.frame, i);
   }
 }
 
 static bool is_hidden(const Render& r, int64_t placement) {
   if (r.so_far.depth == nullptr) return false;
-  const Sight& sight = r.schedule.sights.data()[placement];
-  return r.so_far.hides(sight.pixels, sight.nearest);
+  const ScreenBounds& bounds = r.schedule.bounds.data()[placement];
+  return r.so_far.hides(bounds.pixels, bounds.nearest);
 }
 
 // The same by the placement's own vertices, once they are bounded: far tighter than its box.
@@ -261,12 +261,12 @@ static void draw_tiles(Render& r, Worker& worker, int32_t* instance, float* dept
     for (int64_t i = begin; i < end; ++i) {
       if (again && !r.last && !has_records(r, i)) continue;
       tile.begin(r.frame, i);
-      if (again) take_up(r.frame, tile, r.so_far, i, instance, depth);
+      if (again) load_tile(r.frame, tile, r.so_far, i, instance, depth);
       draw_tile(r, worker, tile, i);
       if (r.last) {
         write_tile(r.frame, tile, instance, depth);
       } else {
-        put_aside(r.frame, tile, r.so_far, i, instance, depth);
+        store_tile(r.frame, tile, r.so_far, i, instance, depth);
       }
     }
   }
@@ -283,10 +283,10 @@ static void begin_round(Render& r, size_t round, const float* depth) {
     left_out += worker.left_out;
     worker.left_out = 0;
   }
-  const bool in_vain = round > 1 && left_out * kWorthAsking < r.offered;
-  r.so_far.depth = round == 0 || in_vain ? nullptr : depth;
+  const bool culling_unprofitable = round > 1 && left_out * kWorthAsking < r.offered;
+  r.so_far.depth = round == 0 || culling_unprofitable ? nullptr : depth;
   r.first = r.end;
-  r.end = in_vain ? r.schedule.ends.back() : r.schedule.ends[round];
+  r.end = culling_unprofitable ? r.schedule.ends.back() : r.schedule.ends[round];
   r.last = r.end == r.schedule.ends.back();
   const int64_t count = r.end - r.first, step = count / (8 * r.team.size());
   r.small.reset(count, step < 16 ? step + 1 : 16);
@@ -296,9 +296,9 @@ static void begin_round(Render& r, size_t round, const float* depth) {
 
 static void work(Render& r, int index, int32_t* instance, float* depth) {
   Worker& worker = r.workers[static_cast<size_t>(index)];
-  survey(r.frame, r.team, index);
+  validate_and_bound(r.frame, r.team, index);
   if (r.frame.status != kOk) return;
-  r.team.phase([&] { look(r); });
+  r.team.phase([&] { bound_placements(r); });
   r.team.phase([&] {
     if (index == 0) schedule(r.frame, r.schedule);
   });
@@ -324,9 +324,9 @@ static int32_t render(const LwSurfaces& surfaces, const LwView& view, int thread
   Render r{frame, team, workers};
   r.so_far.width = frame.width;
   r.so_far.tiles_x = frame.tiles_x;
-  r.schedule.sights.at_least(static_cast<size_t>(surfaces.placements));
+  r.schedule.bounds.at_least(static_cast<size_t>(surfaces.placements));
   r.sight_queue.reset(surfaces.placements, 64);
-  prepare_survey(frame);
+  prepare_validation(frame);
   team.run([&](int index) { work(r, index, instance, depth); });
   return team.failed() ? static_cast<int32_t>(kNoMemory) : frame.status.load();
 }

@@ -73,7 +73,7 @@ class ThinMeshes:
         eye = self._eye(world_from_mesh)
         for system in self._systems[key]:
             rule = rules[min(system.slot, len(rules) - 1)]
-            there, holdout = self._fate(rule, real, held_out=held_out)
+            there, holdout = self._visibility(rule, real, held_out=held_out)
             if self.drawn and eye is not None and (there or holdout):
                 (seen if there else hidden).append(self._by_settings()(system.strands, eye))
         return self._add(seen), self._add(hidden)
@@ -91,7 +91,7 @@ class ThinMeshes:
         if key not in self._strands:
             self._strands[key] = curve_strands(shown)
         strands, straight = self._strands[key]
-        there, holdout = self._fate(rules[0], shown, held_out=held_out)
+        there, holdout = self._visibility(rules[0], shown, held_out=held_out)
         eye = self._eye(world_from_mesh)
         if not self.drawn or eye is None or not (there or holdout):
             return -1, -1
@@ -108,7 +108,7 @@ class ThinMeshes:
     ) -> Scatter | None:
         """A sphere placed at each point of a point cloud."""
         points, radius = cloud_points(shown)
-        there, holdout = self._fate(rules[0], shown, held_out=held_out)
+        there, holdout = self._visibility(rules[0], shown, held_out=held_out)
         eye = self._eye(world_from_mesh)
         if eye is None or not (there or holdout) or not len(points):
             return None
@@ -124,7 +124,9 @@ class ThinMeshes:
         mesh = np.array([number[level] for level in levels.tolist()], np.int64)
         return Scatter(mesh=mesh, world_from_mesh=placed, holdout=holdout)
 
-    def _fate(self, rule: int, shown: bpy.types.Object, *, held_out: bool) -> tuple[bool, bool]:
+    def _visibility(
+        self, rule: int, shown: bpy.types.Object, *, held_out: bool
+    ) -> tuple[bool, bool]:
         """Whether a material's surface is there, and whether it holds out; never both."""
         rules = np.array([rule], np.int32)
         if self.alphas.rule_of(rule) is not None:

@@ -1,16 +1,16 @@
 // One look at all arrays before they are trusted: finite vertices, indices in range, each mesh's box.
 // Included once per instruction set.
 
-constexpr int64_t kSurveyed = 65536;  // vertices or triangles in one portion
+constexpr int64_t kValidated = 65536;  // vertices or triangles in one portion
 constexpr int kPeriod = 24;           // floats, a multiple of 3 and of the vector width
 
-static void prepare_survey(Frame& frame) {
+static void prepare_validation(Frame& frame) {
   const LwSurfaces& all = frame.surfaces;
   for (int64_t mesh = 0; mesh < all.meshes; ++mesh) {
     const Shape shape(all, mesh);
     int64_t begin = 0;
     do {
-      const int64_t end = begin + kSurveyed;
+      const int64_t end = begin + kValidated;
       frame.portions.push_back(Portion{mesh, begin < shape.vertex_count ? begin : shape.vertex_count,
                                        end < shape.vertex_count ? end : shape.vertex_count,
                                        begin < shape.triangle_count ? begin : shape.triangle_count,
@@ -20,7 +20,7 @@ static void prepare_survey(Frame& frame) {
   }
   frame.portion_boxes.at_least(frame.portions.size());
   frame.boxes.at_least(static_cast<size_t>(all.meshes));
-  frame.survey_queue.reset(static_cast<int64_t>(frame.portions.size()),
+  frame.validation_queue.reset(static_cast<int64_t>(frame.portions.size()),
                            frame.portions.size() > 4096 ? 32 : 1);
 }
 
@@ -80,9 +80,9 @@ static bool indices_below(const int32_t* indices, int64_t count, int64_t limit) 
   return count == 0 || static_cast<int64_t>(largest) < limit;
 }
 
-static void survey(Frame& frame, Team& team, int index) {
+static void validate_and_bound(Frame& frame, Team& team, int index) {
   team.phase([&] {
-    for (int64_t begin, end; frame.survey_queue.take(begin, end);) {
+    for (int64_t begin, end; frame.validation_queue.take(begin, end);) {
       for (int64_t i = begin; i < end; ++i) {
         const Portion& part = frame.portions[static_cast<size_t>(i)];
         const Shape shape(frame.surfaces, part.mesh);

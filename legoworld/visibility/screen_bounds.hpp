@@ -15,7 +15,7 @@ struct Extent {  // pixels, both ends included; nothing when x0 > x1 or y0 > y1
   int32_t x0, x1, y0, y1;
 };
 
-struct Sight {    // of a placement, by the box of its mesh
+struct ScreenBounds {  // of a placement, by the box of its mesh
   Extent pixels;  // no other pixel can show it; empty when nothing can
   float nearest;  // no sample of it has a smaller stored depth
 };
@@ -65,11 +65,11 @@ struct SoFar {
   }
 };
 
-static const Sight kUnseen = {{0, -1, 0, -1}, INFINITY};
+static const ScreenBounds kUnseen = {{0, -1, 0, -1}, INFINITY};
 
 // Empty only when no sample of the placement can exist: its box lies outside the range of z, or the
 // box's projection holds no pixel centre.
-static Sight sight_of(const Frame& frame, int64_t placement) {
+static ScreenBounds screen_bounds_of(const Frame& frame, int64_t placement) {
   const LwView& view = frame.view;
   const Box& box = frame.boxes.data()[frame.surfaces.placement_mesh[placement]];
   if (box.low[0] > box.high[0]) return kUnseen;
@@ -98,7 +98,7 @@ static Sight sight_of(const Frame& frame, int64_t placement) {
   }
   slack *= 1e-14;  // above the rounding of a transformed vertex
   if (z1 + slack < view.z_near || z0 - slack > view.z_far) return kUnseen;
-  Sight out = {{0, frame.width - 1, 0, frame.height - 1}, 0};
+  ScreenBounds out = {{0, frame.width - 1, 0, frame.height - 1}, 0};
   // A transformed vertex is not below z0 - slack, and both are scaled and rounded alike.
   out.nearest = static_cast<float>(std::fmax(z0 - slack, view.z_near) * view.depth_scale);
   if (!frame.orthographic && z0 - slack < view.z_near) return out;
@@ -118,7 +118,7 @@ static Sight sight_of(const Frame& frame, int64_t placement) {
 // The placements in sight, and where each round of them ends. One round keeps their order; more than
 // one are drawn nearest first, each about as many triangles as drawing all tiles again is worth.
 struct Schedule {
-  Buffer<Sight> sights;  // of every placement
+  Buffer<ScreenBounds> bounds;  // of every placement
   std::vector<int64_t> order, ends;
 };
 
@@ -126,7 +126,7 @@ static void schedule(const Frame& frame, Schedule& plan) {
   const LwSurfaces& all = frame.surfaces;
   int64_t triangles = 0;
   for (int64_t i = 0; i < all.placements; ++i) {
-    if (plan.sights.data()[i].pixels.x0 > plan.sights.data()[i].pixels.x1) continue;
+    if (plan.bounds.data()[i].pixels.x0 > plan.bounds.data()[i].pixels.x1) continue;
     plan.order.push_back(i);
     triangles += Shape(all, all.placement_mesh[i]).triangle_count;
   }
@@ -135,7 +135,7 @@ static void schedule(const Frame& frame, Schedule& plan) {
   rounds = rounds < kMostRounds ? rounds : kMostRounds;
   if (rounds > 1) {
     std::sort(plan.order.begin(), plan.order.end(), [&](int64_t a, int64_t b) {
-      const float za = plan.sights.data()[a].nearest, zb = plan.sights.data()[b].nearest;
+      const float za = plan.bounds.data()[a].nearest, zb = plan.bounds.data()[b].nearest;
       return za < zb || (za == zb && a < b);
     });
     int64_t taken = 0;
