@@ -21,6 +21,8 @@ from legoworld.pluralize import did_you_mean
 _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",
     "blender": "run a headless Blender that coding agents drive",
+    "agent": "list the coding agents that can be run, and check what they need",
+    "reconstruct": "rebuild photos as frozen scenes, by an agent in Blender",
     "freeze": "check scene artefacts and record their hashes",
     "inspect": "show one scene: instances, buffers, overlay",
     "track": "make a public track from annotations, or check one",
@@ -42,6 +44,7 @@ _COMMANDS = {
 _AFTER_CTRL_C = {
     "readout": "finished images are kept; run the same command again to resume",
     "baseline run": "finished images are kept; run the same command again to resume",
+    "reconstruct": "finished trials are kept; run the same command again to resume",
     "freeze": "records written so far are kept; run the same command again to freeze the rest",
 }
 

@@ -34,6 +34,8 @@ ROOMS = [
     ("evaluation",),
     ("track_making",),
     ("baselines", "comparison"),
+    ("trajectories",),
+    ("agents",),
     ("report",),
     ("api",),
     ("commands",),

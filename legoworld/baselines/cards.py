@@ -53,6 +53,11 @@ class BaselineCard:
         return self.about.name
 
     @property
+    def shelf(self) -> str:
+        """The folder of environments its own is in."""
+        return "baselines"
+
+    @property
     def program(self) -> Path:
         """The program that is started."""
         return self.folder / PROGRAM

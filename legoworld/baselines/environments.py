@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from legoworld import exit_codes
 from legoworld.baselines.cards import PROJECT, BaselineCard
@@ -32,6 +32,25 @@ for name in json.loads(sys.argv[1]):
     except m.PackageNotFoundError: found[name] = None
 print(json.dumps(found))
 """
+
+
+class IsolatedProject(Protocol):
+    """What an environment is made for: a baseline, or the server that agents reach Blender by."""
+
+    @property
+    def name(self) -> str:
+        """Its environment's folder."""
+        ...
+
+    @property
+    def shelf(self) -> str:
+        """What that folder is in."""
+        ...
+
+    @property
+    def folder(self) -> Path:
+        """Where its pyproject.toml is."""
+        ...
 
 
 class EnvironmentFailedError(LegoWorldError):
@@ -58,7 +77,7 @@ class Requirements:
         return sha256_of_text(canonical_json([self.dependencies, self.no_deps]))
 
 
-def requirements(card: BaselineCard) -> Requirements:
+def requirements(card: IsolatedProject) -> Requirements:
     """The requirements of a baseline; none where it has no pyproject.toml."""
     path = card.folder / PROJECT
     if not path.is_file():
@@ -71,14 +90,14 @@ def requirements(card: BaselineCard) -> Requirements:
     )
 
 
-def environment_folder(card: BaselineCard) -> Path:
-    """Where `legoworld baseline install` makes a baseline's environment."""
+def environment_folder(card: IsolatedProject) -> Path:
+    """Where `legoworld baseline install` and `legoworld agent install` make an environment."""
     from platformdirs import user_data_path
 
-    return Path(user_data_path("legoworld")) / "baselines" / card.name
+    return Path(user_data_path("legoworld")) / card.shelf / card.name
 
 
-def installed_python(card: BaselineCard) -> Path | None:
+def installed_python(card: IsolatedProject) -> Path | None:
     """The Python of the baseline's own environment; None where none was made, or not to its end."""
     folder = environment_folder(card)
     return _python_in(folder) if (folder / _STAMP).is_file() else None
@@ -97,7 +116,7 @@ def chosen_python(card: BaselineCard, given: Path | None) -> Path:
     return python
 
 
-def problems(card: BaselineCard, python: Path) -> list[str]:
+def problems(card: IsolatedProject, python: Path) -> list[str]:
     """What a Python lacks of a baseline's requirements; empty when it is ready.
 
     Versions are compared where the requirement pins one with ==.
@@ -118,7 +137,7 @@ def problems(card: BaselineCard, python: Path) -> list[str]:
 
 
 def install(
-    card: BaselineCard,
+    card: IsolatedProject,
     notice: Callable[[str], None],
     *,
     torch_index: str | None = None,
@@ -180,7 +199,7 @@ def _name(requirement: str) -> str | None:
     return match["name"].lower() if match else None
 
 
-def _stamp(card: BaselineCard) -> str:
+def _stamp(card: IsolatedProject) -> str:
     return (environment_folder(card) / _STAMP).read_text(encoding="utf-8").strip()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from legoworld.commands import options
-from legoworld.pluralize import counted
 from legoworld.shipped import catalog
 
 if TYPE_CHECKING:
@@ -103,33 +101,14 @@ def _head(path: Path) -> LicensedHead:
 def _schema(reading: Protocol, *, as_json: bool) -> int:
     """The authoring guide of a task; nothing in it is private."""
     from legoworld.readouts.instructions import instructions
+    from legoworld.readouts.instructions_text import instructions_text
 
-    told, task = instructions(reading), reading.task.name
+    told = instructions(reading)
     if as_json:
         options.print_json(_document(told))
         return 0
-    card = told.protocol.card
-    click.echo(f"# How to write a scene for {task}: {card.declared.readout.title} ({card.version})")
-    for section in told.sections:
-        click.echo(f"\n## {section.title}")
-        for statement in section.statements:
-            click.echo(_wrapped(statement, "- ", "  "))
-    if told.protocol.vocabulary is not None:
-        names = [c.name for c in told.protocol.vocabulary.categories]
-        click.echo(f"\n## Vocabulary: {counted(len(names), 'name', 'names')}")
-        click.echo(_wrapped(", ".join(names), "", ""))
+    click.echo(instructions_text(told), nl=False)
     return 0
-
-
-def _wrapped(text: str, first: str, others: str) -> str:
-    return textwrap.fill(
-        text,
-        width=100,
-        initial_indent=first,
-        subsequent_indent=others,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
 
 
 def _document(told: Instructions) -> dict[str, Any]:

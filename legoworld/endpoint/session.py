@@ -101,6 +101,11 @@ class Session:
                 return Failure(message=f"{over}; no further call is possible")
             return self._answered(command)
 
+    def keep_last_save(self) -> None:
+        """Keep what the agent saved in the workspace after its last call, by other means."""
+        with self._busy:
+            self._keep_saved(len(self._record.calls))
+
     def close(self) -> None:
         """End Blender. What was recorded stays."""
         live, self._live = self._live, None

@@ -205,6 +205,10 @@ class Sandbox:
         """A file or folder of the scratch folder as the program sees it."""
         return (INSIDE if self._confined else self.scratch) / name
 
+    def add_variables(self, variables: Mapping[str, str]) -> None:
+        """Variables of the program's environment that name files as it sees them."""
+        self._variables |= variables
+
     def start(self, argv: Sequence[str], read_only: Sequence[Path]) -> None:
         """Start a program. read_only: what it can read besides Python, Blender and libraries."""
         read_output, write_output = os.pipe()

@@ -81,7 +81,7 @@ def execute(
             warnings.append(f"{_NOT_SHOWN}: {_SHOW}")
         check = _check(reader, made, warnings)
         if picture and check.code != "no_camera":
-            warnings += _picture(reader, made)
+            warnings += final_picture(reader, made)
         return _deliver(source, made, output, report, warnings, check, held)
 
 
@@ -204,8 +204,8 @@ def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> Verdict:
     return OK
 
 
-def _picture(blender: BlenderProcess, made: Path) -> list[str]:
-    """Render final.png; a scene without one is still a scene."""
+def final_picture(blender: BlenderProcess, made: Path) -> list[str]:
+    """Render final.png of a folder's scene.blend; why there is none, which is still a scene."""
     try:
         blender.request({"kind": "picture", "output": str(made.resolve())})
         picture = made / PICTURE

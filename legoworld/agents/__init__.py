@@ -1,0 +1,1 @@
+"""Coding agents that rebuild a photo in Blender: cards, workspaces, trials, and what they leave."""

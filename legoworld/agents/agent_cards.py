@@ -1,0 +1,120 @@
+"""Agents by their card: what is started, what it needs, how what it writes is read."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import shutil
+import subprocess
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from legoworld.agents.mcp_server import server_problems
+from legoworld.errors import CatalogError, UsageError, one_line
+from legoworld.files import sha256_of_file
+from legoworld.records.agents import AgentCardFile
+from legoworld.records.base import RecordError, to_record
+
+_CARDS: Final = Path(__file__).with_name("cards")
+_VERSION_WITHIN_S: Final = 20.0
+#: Replaced in the command before it is started: these are of the MCP server's environment.
+_OF_THE_SERVER: Final = ("{mcp_python}",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentCard:
+    """A card, and the hash of its file."""
+
+    about: AgentCardFile
+    path: Path
+    sha256: str
+
+    @property
+    def name(self) -> str:
+        """What it is called by."""
+        return self.about.name
+
+    @property
+    def program(self) -> str:
+        """The first word of its command."""
+        return self.about.command[0]
+
+
+def agent_cards() -> list[AgentCard]:
+    """Every agent there is a card for, by name."""
+    return [read_agent_card(path) for path in sorted(_CARDS.glob("*.toml"))]
+
+
+def load_agent(name: str) -> AgentCard:
+    """An agent by name, or by the path of a card of your own, which ends in .toml."""
+    path = Path(name) if name.endswith(".toml") else _CARDS / f"{name}.toml"
+    if path.is_file():
+        return read_agent_card(path)
+    names = sorted(p.stem for p in _CARDS.glob("*.toml"))
+    near = difflib.get_close_matches(name, names, n=3)
+    raise UsageError(
+        "there is no such agent",
+        found=repr(name),
+        expected=" or ".join([*(near or names), "the path of a card, ending in .toml"]),
+        next_step="`legoworld agent list` shows them all",
+    )
+
+
+def read_agent_card(path: Path) -> AgentCard:
+    """Read a card. CatalogError says what it lacks."""
+    try:
+        about = to_record(AgentCardFile, tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, RecordError) as error:
+        raise CatalogError(
+            f"the card {path.name} cannot be used",
+            found=str(error),
+            expected="a card such as those of legoworld/agents/cards",
+            next_step="docs/agents.md says what a card holds",
+        ) from error
+    if about.name != path.stem:
+        raise CatalogError(
+            f"the card {path.name} cannot be used",
+            found=f"name = {about.name!r}",
+            expected=f"the name of its file, {path.stem!r}",
+        )
+    return AgentCard(about=about, path=path, sha256=sha256_of_file(path))
+
+
+def agent_problems(card: AgentCard, caller: Mapping[str, str] | None = None) -> list[str]:
+    """What an agent lacks on this machine; empty when it can be started.
+
+    caller: os.environ. A login is there when one of its variables is, or one of its files.
+    """
+    caller = os.environ if caller is None else caller
+    problems = server_problems()
+    needs = card.about.needs
+    if card.program not in _OF_THE_SERVER and shutil.which(card.program) is None:
+        problems.append(f"{card.program} is not installed: {needs.install}")
+    logins = [f"${name}" for name in needs.variables if caller.get(name)]
+    logins += [f"~/{name}" for name in needs.credentials if (Path.home() / name).is_file()]
+    if (needs.variables or needs.credentials) and not logins:
+        wanted = [*(f"${name}" for name in needs.variables), *(f"~/{n}" for n in needs.credentials)]
+        problems.append(f"no login: none of {', '.join(wanted)}")
+    return problems
+
+
+def agent_version(card: AgentCard) -> str | None:
+    """What the agent says of its version; None where it does not."""
+    command = card.about.version_command
+    program = shutil.which(command[0]) if command else None
+    if program is None:
+        return None
+    try:
+        done = subprocess.run(
+            [program, *command[1:]],
+            capture_output=True,
+            text=True,
+            timeout=_VERSION_WITHIN_S,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return one_line(done.stdout, 100) or None

@@ -1,0 +1,112 @@
+"""An agent's own process: its command, what it is shown and given, and what it wrote."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from legoworld.agents.agent_cards import AgentCard
+from legoworld.agents.mcp_server import PLAYER, server_folder, server_python, write_configuration
+from legoworld.agents.workspaces import PROMPT, Workspace
+from legoworld.endpoint.trial_record import copy_regular
+from legoworld.workers.sandbox import Ending, Protections, Sandbox, SandboxLimits
+
+_STDOUT: Final = "stdout.jsonl"
+_STEPS: Final = "steps.jsonl"
+#: What its command line is run by, so that all it prints is kept: a sandbox keeps both ends alone.
+_KEEPING: Final = ("/bin/sh", "-c", 'out=$1; shift; exec "$@" > "$out"', "sh")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What an agent is to do. steps: what `program` plays, else None; model: None for its own."""
+
+    card: AgentCard
+    workspace: Workspace
+    port: int
+    steps: str | None
+    model: str | None
+    held: Protections
+    limits: SandboxLimits
+
+
+def run_agent(order: Order, scratch: Path, transcript: Path) -> Ending:
+    """Run an agent to its end or its time's, and copy its transcript, as far as it came.
+
+    scratch: an empty folder, removed by the keeper should legoworld be killed.
+    """
+    about = order.card.about
+    home = scratch / "sandbox" / "home"
+    (scratch / "sandbox").mkdir()
+    variables = _given(order)
+    with Sandbox(
+        scratch / "sandbox",
+        order.limits,
+        order.held,
+        owner=scratch,
+        workspace=order.workspace.folder,
+        variables=variables,
+    ) as sandbox:
+        words = _words(order, str(sandbox.seen("home")), str(sandbox.seen("output")))
+        sandbox.add_variables(
+            {name: text.format_map(words) for name, text in about.variables.items()}
+        )
+        configuration = home / Path(about.mcp.path.format_map({**words, "home": str(home)}))
+        temporary = order.workspace.folder / "tmp"
+        write_configuration(configuration, about.mcp.format, order.port, temporary)
+        words["mcp_config"] = about.mcp.path.format_map(words)
+        for name in about.needs.credentials:
+            (home / name).parent.mkdir(parents=True, exist_ok=True)
+            copy_regular(Path.home() / name, home / name)
+        output = scratch / "sandbox" / "output"
+        if order.steps is not None:
+            (output / _STEPS).write_text(order.steps, encoding="utf-8")
+        command = [word.format_map(words) for word in about.command]
+        program = shutil.which(command[0]) or command[0]
+        shown = [server_folder(), PLAYER.parent, *_installed(program)]
+        kept = str(sandbox.seen("output") / _STDOUT)
+        sandbox.start([*_KEEPING, kept, program, *command[1:]], shown)
+        ending = sandbox.wait()
+        copy_regular(output / (about.transcript.path or _STDOUT), transcript)
+    return ending
+
+
+def _words(order: Order, home: str, output: str) -> dict[str, str]:
+    """What stands for the placeholders of a card."""
+    workspace = order.workspace
+    return {
+        "image": str(workspace.image),
+        "image_name": workspace.image.name,
+        "prompt": workspace.prompt,
+        "prompt_file": str(workspace.folder / PROMPT),
+        "workspace": str(workspace.folder),
+        "home": home,
+        "steps": f"{output}/{_STEPS}",
+        "transcript": f"{output}/{order.card.about.transcript.path or _STDOUT}",
+        "mcp_python": str(server_python()),
+        "player": str(PLAYER),
+    }
+
+
+def _given(order: Order, caller: Mapping[str, str] | None = None) -> dict[str, str]:
+    """The caller's variables that the card names, and the model's."""
+    caller = os.environ if caller is None else caller
+    about = order.card.about
+    given = {name: caller[name] for name in about.needs.variables if name in caller}
+    if order.model is not None and about.model_variable is not None:
+        given[about.model_variable] = order.model
+    return given
+
+
+def _installed(program: str) -> list[Path]:
+    """The folder that a command is installed in, with what lies beside it; none of Python's."""
+    path = Path(program)
+    if not path.is_absolute() or path.is_relative_to(sys.prefix):
+        return []
+    real = path.resolve()
+    return [place for place in (path, real.parent) if place.exists()]

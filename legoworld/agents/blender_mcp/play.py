@@ -1,0 +1,109 @@
+"""An MCP client that plays recorded steps: what the agent `program` runs.
+
+Started as a program with the Python of mcp-for-blender's environment, whose MCP package it uses; it
+imports nothing of legoworld. The transcript is ATIF, written anew after every step, so that what is
+there when its time is over is whole.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import importlib
+import json
+import os
+import sys
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+
+def main() -> int:
+    """Play --steps through the server that --mcp-config names; exit code 1 where a step failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mcp-config", type=Path, required=True)
+    parser.add_argument("--steps", type=Path, required=True)
+    parser.add_argument("--transcript", type=Path, required=True)
+    parser.add_argument("--prompt", type=Path, required=True)
+    given = parser.parse_args()
+    lines = given.steps.read_text(encoding="utf-8").splitlines()
+    server = json.loads(given.mcp_config.read_text(encoding="utf-8"))["mcpServers"]["blender"]
+    transcript = Transcript(given.transcript, given.prompt.read_text(encoding="utf-8"))
+    return asyncio.run(_play(server, [json.loads(line) for line in lines if line], transcript))
+
+
+class Transcript:
+    """The steps so far as an ATIF document, on disk after each."""
+
+    def __init__(self, path: Path, prompt: str) -> None:
+        self._path = path
+        self._agent: dict[str, Any] = {"name": "program", "version": "1.0.0"}
+        self._steps: list[dict[str, Any]] = []
+        self._add({"source": "user", "message": prompt})
+
+    def begun(self, tools: list[str]) -> None:
+        """The tools that the server offers."""
+        self._agent["tool_definitions"] = [
+            {"type": "function", "function": {"name": name}} for name in tools
+        ]
+
+    def played(self, call: dict[str, Any], said: str, *, failed: bool, images: int) -> None:
+        """One call and what came back."""
+        number = f"call_{len(self._steps)}"
+        arguments = {"tool_call_id": number, "function_name": call["tool"]}
+        result = {"source_call_id": number, "content": said}
+        self._add(
+            {
+                "source": "agent",
+                "message": call.get("message", ""),
+                "llm_call_count": 0,
+                "tool_calls": [{**arguments, "arguments": call["arguments"]}],
+                "observation": {
+                    "results": [{**result, "extra": {"is_error": failed, "images": images}}]
+                },
+            }
+        )
+
+    def _add(self, step: dict[str, Any]) -> None:
+        now = datetime.now(timezone.utc).isoformat()  # noqa: UP017  as old Pythons have it
+        self._steps.append({"step_id": len(self._steps) + 1, "timestamp": now, **step})
+        document = {
+            "schema_version": "ATIF-v1.6",
+            "session_id": "program",
+            "agent": self._agent,
+            "steps": self._steps,
+            "final_metrics": {"total_steps": len(self._steps)},
+        }
+        unfinished = self._path.with_name(f".{self._path.name}")
+        unfinished.write_text(json.dumps(document), encoding="utf-8")
+        unfinished.replace(self._path)
+
+
+async def _play(server: dict[str, Any], steps: list[Any], transcript: Transcript) -> int:
+    mcp = importlib.import_module("mcp")
+    stdio = importlib.import_module("mcp.client.stdio")
+    how = mcp.StdioServerParameters(
+        command=server["command"], args=server.get("args", []), env=server.get("env")
+    )
+    with Path(os.devnull).open("w") as unheard:
+        async with (
+            stdio.stdio_client(how, errlog=unheard) as (read, write),
+            mcp.ClientSession(read, write) as session,
+        ):
+            await session.initialize()
+            transcript.begun([tool.name for tool in (await session.list_tools()).tools])
+            for step in steps:
+                answer = await session.call_tool(step["tool"], step["arguments"])
+                texts = [part.text for part in answer.content if part.type == "text"]
+                images = sum(part.type == "image" for part in answer.content)
+                said = "\n".join(texts)
+                # The server's own word for code that raised; it is no protocol error.
+                failed = bool(answer.isError) or said.startswith("Error executing code")
+                transcript.played(step, said, failed=failed, images=images)
+                if failed and step.get("must_succeed"):
+                    return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

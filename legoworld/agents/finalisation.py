@@ -1,0 +1,114 @@
+"""The end of a trial: one scene is exported by the runtime, the same way whoever built it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
+from legoworld.endpoint.trial_record import TrialRecord, copy_regular
+from legoworld.errors import LegoWorldError, SceneInvalidError, one_line
+from legoworld.records.agents import Finalisation
+from legoworld.records.endpoint import Checkpoint
+from legoworld.scene.artefacts import check_glb
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.folder import BLEND, GLB
+from legoworld.scene.programs.execution import final_picture
+from legoworld.workers.results import take_file
+from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.scratch import scratch_folder
+
+_WITHIN_S: Final = 300.0
+
+
+def finalise(
+    record: TrialRecord,
+    made: Path,
+    *,
+    workspace: Path,
+    limits: SandboxLimits,
+    held: Protections,
+    blender: BlenderProcess,
+) -> Finalisation:
+    """Export scene.blend, scene.glb and final.png into `made`, from the last saved scene.
+
+    That is the scene.blend that the agent saved last, and the open scene as the last call left it
+    where it saved none, or none that opens. Images that the scene shows are packed, as `execute`
+    does: the workspace does not stay. A new Blender does it, in the sandbox.
+    """
+    refused = []
+    for checkpoint in _candidates(record):
+        try:
+            warnings = _export(record.blend(checkpoint), made, workspace, limits, held)
+        except (BlenderEndedError, SceneInvalidError) as error:
+            refused.append(f"{checkpoint.kind} {checkpoint.ordinal}: {one_line(str(error), 200)}")
+            continue
+        return Finalisation(
+            source="saved" if checkpoint.kind == "saved" else "checkpoint",
+            checkpoint=checkpoint.ordinal,
+            sha256=checkpoint.sha256,
+            refused=tuple(refused),
+            warnings=(*warnings, *_checked(made), *final_picture(blender, made)),
+        )
+    return Finalisation(source="none", checkpoint=None, sha256=None, refused=tuple(refused))
+
+
+def _candidates(record: TrialRecord) -> Sequence[Checkpoint]:
+    found = (record.last("saved"), record.last("live"))
+    return [checkpoint for checkpoint in found if checkpoint is not None]
+
+
+def _export(
+    blend: Path, made: Path, workspace: Path, limits: SandboxLimits, held: Protections
+) -> list[str]:
+    """Open, pack and export in the sandbox; what glTF cannot hold is a warning."""
+    allowed = SandboxLimits(
+        time_s=_WITHIN_S, memory_bytes=limits.memory_bytes, disk_bytes=limits.disk_bytes
+    )
+    with scratch_folder("legoworld-finalising-") as scratch:
+        # Relative paths of the scene are the workspace's: it is opened from there.
+        opened = workspace / ".finalised.blend"
+        opened.unlink(missing_ok=True)
+        copy_regular(blend, opened)
+        try:
+            with LiveBlender(workspace, allowed, held, blend=opened) as live:
+                reply = live.ask("finalise", {"output": live.seen("")}, _WITHIN_S / 2)
+                if reply.error is not None:
+                    raise _not_exported(reply.error)
+                _take(live.output, BLEND, scratch)
+                _take(live.output, GLB, scratch)
+        finally:
+            opened.unlink(missing_ok=True)
+        if not (scratch / BLEND).is_file():
+            raise _not_exported("Blender left no scene.blend")
+        for name in (BLEND, GLB):
+            if (scratch / name).is_file():
+                copy_regular(scratch / name, made / name)
+    said: Any = reply.result
+    return [one_line(str(word), 200) for word in said["warnings"]] if said else []
+
+
+def _take(output: Path, name: str, into: Path) -> None:
+    try:
+        take_file(output, name, into)
+    except ValueError as error:
+        raise _not_exported(f"{name}: {error}") from error
+
+
+def _checked(made: Path) -> list[str]:
+    glb = made / GLB
+    if not glb.is_file():
+        return []
+    try:
+        check_glb(glb)
+    except LegoWorldError as error:
+        glb.unlink()
+        return [f"{GLB} is not delivered: {error}"]
+    return []
+
+
+def _not_exported(found: str) -> SceneInvalidError:
+    return SceneInvalidError(
+        "the scene could not be exported", found=found, expected="a scene that Blender can save"
+    )

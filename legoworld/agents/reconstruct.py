@@ -1,0 +1,189 @@
+"""`legoworld reconstruct`: a trial for every photo of a track, resumed where it was killed."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from legoworld.agents.trial import TrialPlan, run_trial
+from legoworld.errors import LegoWorldError, UsageError
+from legoworld.records.agents import Outcome, ReconstructionFile, Usage
+from legoworld.records.base import Record, RecordError, decode
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.tracks.track import TrackImage
+from legoworld.trajectories.folder import RECONSTRUCTION
+from legoworld.workers.engines import ENGINES, EngineName, Job, machine_lost
+from legoworld.workers.scratch import scratch_folder
+
+_SCRATCH: Final = ".reconstructing-"
+#: A trial that says nothing of its photo is made again by the next run.
+_AGAIN: Final[tuple[Outcome, ...]] = ("agent_failed",)
+
+
+class TrialRow(Record, frozen=True, kw_only=True):
+    """One trial as the command reports it. run: from 1, of --repeat."""
+
+    image_id: int
+    scene: str
+    run: int
+    status: Outcome
+    reason: str
+    seconds: float = 0.0
+    calls: int = 0
+    checkpoints: int = 0
+    usage: Usage = Usage()
+    kept: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialItem:
+    """One trial to make. scenes: the folder of its run's scenes."""
+
+    image: TrackImage
+    run: int
+    scenes: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """Who is told how far a run is: how many trials there are, and each as it is done."""
+
+    total: Callable[[int], None]
+    row: Callable[[TrialRow], None]
+
+
+def reconstruct(
+    plan: TrialPlan,
+    output: Path,
+    *,
+    images: Sequence[TrackImage],
+    repeat: int,
+    workers: int,
+    engine: EngineName,
+    progress: Progress,
+) -> list[TrialRow]:
+    """Make the trials that are not made yet; a row for every one, by image and run.
+
+    A scene folder appears whole, with its reconstruction.json, or not at all.
+    """
+    items = [
+        TrialItem(image=image, run=run, scenes=_scenes(output, run, repeat))
+        for run in range(1, repeat + 1)
+        for image in images
+    ]
+    kept = [row for item in items if (row := _kept(item, plan)) is not None]
+    done = {(row.run, row.image_id) for row in kept}
+    todo = [item for item in items if (item.run, item.image.id) not in done]
+    progress.total(len(items))
+    for row in kept:
+        progress.row(row)
+    job = Job(make=partial(_Trials, plan), lost=_lost)
+    rows = list(kept)
+    if todo:
+        with closing(ENGINES[engine](job, todo, workers)) as made:
+            for row in made:
+                rows.append(row)
+                progress.row(row)
+    return sorted(rows, key=lambda row: (row.run, row.image_id))
+
+
+class _Trials:
+    """Makes trial after trial, with one process that checks and renders what they leave."""
+
+    def __init__(self, plan: TrialPlan) -> None:
+        self._plan = plan
+        self._blender = BlenderProcess(Limits(memory_bytes=plan.limits.memory_bytes))
+
+    def do(self, item: TrialItem) -> TrialRow:
+        try:
+            return self._made(item)
+        except LegoWorldError as error:
+            status: Outcome = "no_photo" if error.code == "no_photo" else "failed"
+            return _row(item, status, str(error))
+        except OSError as error:
+            return _row(item, "failed", str(error))
+
+    def _made(self, item: TrialItem) -> TrialRow:
+        target = item.scenes / item.image.scene
+        item.scenes.mkdir(parents=True, exist_ok=True)
+        with scratch_folder(_SCRATCH, item.scenes) as scratch:
+            made = scratch / "made"
+            made.mkdir()
+            result = run_trial(self._plan, item.image, made, scratch, self._blender)
+            if target.exists():  # of an agent that failed, which is tried again
+                shutil.rmtree(target)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            made.rename(target)
+        return row_of(result, item.run)
+
+    def abort(self) -> None:
+        self._blender.abort()
+
+    def close(self) -> None:
+        self._blender.close()
+
+
+def row_of(result: ReconstructionFile, run: int, *, kept: bool = False) -> TrialRow:
+    """The row of a trial that left its reconstruction.json."""
+    return TrialRow(
+        image_id=result.image_id,
+        scene=result.scene,
+        run=run,
+        status=result.status,
+        reason=result.reason,
+        seconds=result.seconds,
+        calls=result.calls,
+        checkpoints=result.checkpoints,
+        usage=result.usage,
+        kept=kept,
+    )
+
+
+def _scenes(output: Path, run: int, repeat: int) -> Path:
+    return output if repeat == 1 else output / f"run_{run}"
+
+
+def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
+    """The row of a trial that is there; None for one to make.
+
+    UsageError for a scene folder that is no trial's, and for a trial of another campaign: an agent,
+    a prompt or a time limit is the same for all scenes of a folder.
+    """
+    target = item.scenes / item.image.scene
+    if not target.exists():
+        return None
+    path = target / RECONSTRUCTION
+    try:
+        found = decode(ReconstructionFile, path.read_bytes())
+    except (OSError, RecordError) as error:
+        raise UsageError(
+            f"{target} is there and is no trial's",
+            found=str(error),
+            expected=f"a new folder of scenes, or one with a {RECONSTRUCTION} in each",
+            next_step="pass another -o",
+        ) from error
+    ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s)
+    theirs = (found.card_sha256, found.prompt_sha256, found.time_limit_s)
+    if ours != theirs:
+        raise UsageError(
+            f"{target} is of another campaign",
+            found=f"{found.agent}, {found.time_limit_s:g} s, prompt {found.prompt_sha256[:8]}",
+            expected=f"{plan.card.name}, {ours[2]:g} s, prompt {ours[1][:8]}",
+            next_step="pass another -o: an agent, its prompt and its limits are one campaign's",
+        )
+    return None if found.status in _AGAIN else row_of(found, item.run, kept=True)
+
+
+def _row(item: TrialItem, status: Outcome, reason: str) -> TrialRow:
+    return TrialRow(
+        image_id=item.image.id, scene=item.image.scene, run=item.run, status=status, reason=reason
+    )
+
+
+def _lost(item: TrialItem, what: str) -> TrialRow:
+    return _row(item, "failed", str(machine_lost(what)))

@@ -1,0 +1,55 @@
+"""What a run of trials is made with, checked before the first begins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from legoworld.agents.agent_cards import agent_problems, agent_version, load_agent
+from legoworld.agents.trial import TrialPlan
+from legoworld.agents.workspaces import commission
+from legoworld.errors import UsageError
+from legoworld.workers.sandbox import Confinement, SandboxLimits, protections
+
+
+def plan_run(
+    track: Path,
+    *,
+    photos: Path,
+    agent: str,
+    task: str | None,
+    programs: Path | None,
+    model: str | None,
+    time_limit_s: float | None,
+    memory_bytes: int,
+    sandbox: Confinement,
+) -> TrialPlan:
+    """The plan of a run. UsageError for an agent that cannot run here, and what it lacks."""
+    card = load_agent(agent)
+    if problems := agent_problems(card):
+        raise UsageError(
+            f"the agent {card.name} cannot run here",
+            found="; ".join(problems),
+            expected="an installed and logged in agent",
+            next_step=f"`legoworld agent check {agent}`",
+        )
+    if (programs is None) is card.about.needs.programs:
+        raise UsageError(
+            f"the agent {card.name} {'needs' if programs is None else 'takes no'} --programs",
+            found="none" if programs is None else str(programs),
+            expected="DIR/<scene>/scene.py for each image" if programs is None else "nothing",
+        )
+    about = card.about
+    return TrialPlan(
+        card=card,
+        agent_version=agent_version(card),
+        work=commission(track, photos, task),
+        limits=SandboxLimits(
+            time_s=time_limit_s or about.time_limit_s,
+            memory_bytes=memory_bytes,
+            output_bytes=256 << 20,
+        ),
+        agent_held=protections(sandbox, network=about.network),
+        blender_held=protections(sandbox, network=about.blender_network),
+        programs=None if programs is None else programs.resolve(),
+        model=model,
+    )

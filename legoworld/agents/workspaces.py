@@ -1,0 +1,129 @@
+"""An agent's workspace: the photo, what is public about it, and the prompt. Never truth."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from legoworld.errors import UsageError
+from legoworld.files import readable_json, sha256_of_file, write_text
+from legoworld.readouts.instructions import instructions
+from legoworld.readouts.instructions_text import instructions_text
+from legoworld.readouts.tasks import protocol
+from legoworld.records.base import decode
+from legoworld.records.track import PRIVATE_KEYS
+from legoworld.track_making.making import find_photo
+from legoworld.tracks.track import Track, TrackImage, load_track
+
+_PLAIN: Final = Path(__file__).with_name("prompts") / "plain.md"
+_REFERENCE: Final = "reference"
+PUBLIC: Final = "task.json"
+PROMPT: Final = "prompt.md"
+#: Its tasks have no vocabulary and no labels: the plain prompt says all.
+BENCH: Final = "bench"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Commission:
+    """What all trials of a run have in common.
+
+    entries: each image as the track has it, by id; schema: the task's public instructions;
+    vocabulary_sha256: null where the task has none; template: the prompt's, with its fields.
+    """
+
+    track: Track
+    entries: dict[int, dict[str, Any]]
+    categories: list[str]
+    task: str
+    schema: str
+    vocabulary_sha256: str | None
+    template: str
+    photos: Path
+
+    @property
+    def prompt_sha256(self) -> str:
+        """Hash of what is the same in every prompt: its template and the schema."""
+        return hashlib.sha256((self.template + "\n" + self.schema).encode()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workspace:
+    """A made workspace. image: the photo's copy; prompt: what the agent is told."""
+
+    folder: Path
+    image: Path
+    prompt: str
+
+
+def commission(track_path: Path, photos: Path, task: str | None) -> Commission:
+    """Read a track for its trials. UsageError where its task cannot be told."""
+    track = load_track(track_path)
+    name = task or track.made_for
+    if name is None:
+        raise UsageError(
+            "the track does not say what it is for",
+            found=track_path.name,
+            expected="--task coco, lvis, eth3d or bench",
+            next_step="pass --task",
+        )
+    document = decode(dict[str, Any], track_path.read_bytes())
+    entries = {int(entry["id"]): dict(entry) for entry in document["images"]}
+    schema, vocabulary = "", None
+    if name != BENCH:
+        reading = protocol(name, track.vocabulary)
+        schema = instructions_text(instructions(reading))
+        vocabulary = reading.vocabulary.sha256 if reading.vocabulary else None
+    return Commission(
+        track=track,
+        entries=entries,
+        categories=[str(c["name"]) for c in document.get("categories", [])],
+        task=name,
+        schema=schema,
+        vocabulary_sha256=vocabulary,
+        template=_PLAIN.read_text(encoding="utf-8"),
+        photos=photos,
+    )
+
+
+def make_workspace(
+    work: Commission, image: TrackImage, folder: Path, *, time_limit_s: float
+) -> Workspace | None:
+    """Fill an empty folder for one image; None where its photo is not there.
+
+    Public metadata is the image's entry in the track, which holds no annotation.
+    """
+    photo = find_photo(work.photos, image)
+    if photo is None:
+        return None
+    copy = folder / f"{_REFERENCE}{photo.suffix.lower()}"
+    shutil.copyfile(photo, copy)
+    entry = {k: v for k, v in work.entries[image.id].items() if k not in PRIVATE_KEYS}
+    fov = entry.get("hfov_deg")
+    prompt = work.template.format(
+        image_name=copy.name,
+        width=entry["width"],
+        height=entry["height"],
+        view=f", taken with a horizontal field of view of {fov:g} degrees" if fov else "",
+        workspace=folder,
+        minutes=f"{time_limit_s / 60:g}",
+    )
+    prompt += _categories(work) if work.task == BENCH else f"\n{work.schema}"
+    public = {
+        "image": {**entry, "file_name": copy.name},
+        "image_sha256": sha256_of_file(copy),
+        "task": work.task,
+        "categories": work.categories,
+    }
+    write_text(folder / PUBLIC, readable_json(public))
+    write_text(folder / PROMPT, prompt)
+    (folder / "tmp").mkdir()
+    return Workspace(folder=folder, image=copy, prompt=prompt)
+
+
+def _categories(work: Commission) -> str:
+    if not work.categories:
+        return ""
+    return f"\nThe categories of objects that may appear: {', '.join(work.categories)}.\n"

@@ -1,0 +1,137 @@
+"""Agents: their cards, the steps that `program` plays, and what became of a trial."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from legoworld.records.base import Record
+from legoworld.records.execution import Protected
+
+TranscriptFormat = Literal["atif", "codex", "claude", "gemini", "opencode"]
+McpFormat = Literal["mcp_servers", "codex", "opencode"]
+
+
+class AgentMcp(Record, frozen=True, kw_only=True):
+    """[mcp]: the file that tells an agent of the Blender server, and how it is written."""
+
+    format: McpFormat
+    path: str
+
+
+class AgentTranscript(Record, frozen=True, kw_only=True):
+    """[transcript]: how it is read, and the file it is in; without one it is standard output."""
+
+    format: TranscriptFormat
+    path: str | None = None
+
+
+class AgentNeeds(Record, frozen=True, kw_only=True):
+    """[needs]: what must be there before an agent can run.
+
+    variables: of the caller's environment that it gets, any one of which is its login; credentials:
+    files below the caller's home that it gets a copy of; install: how to get its command.
+    """
+
+    install: str
+    variables: tuple[str, ...] = ()
+    credentials: tuple[str, ...] = ()
+    programs: bool = False
+
+
+class AgentCardFile(Record, frozen=True, kw_only=True):
+    """A card of legoworld/agents/cards.
+
+    command: with {image}, {prompt}, {prompt_file}, {workspace}, {home}, {mcp_config}, {steps},
+    {transcript}, {mcp_python} and {player} replaced; version_command: prints the agent's version;
+    network: whether the agent's own process has one; blender_network: whether the code in Blender
+    has; run: whether it was ever run here; checked: against what its flags were checked; resume:
+    what a half-built trial does; variables: set in its environment, with the same placeholders.
+    """
+
+    name: Annotated[str, Meta(pattern="^[a-z][a-z0-9-]*$")]
+    title: str
+    version: str
+    documentation: str
+    run: bool
+    checked: str
+    command: Annotated[tuple[str, ...], Meta(min_length=1)]
+    version_command: tuple[str, ...] = ()
+    network: bool
+    blender_network: bool = False
+    model_variable: str | None = None
+    resume: Literal["restart"] = "restart"
+    time_limit_s: Annotated[float, Meta(gt=0)]
+    mcp: AgentMcp
+    transcript: AgentTranscript
+    needs: AgentNeeds
+    variables: dict[str, str] = msgspec.field(default_factory=dict)
+
+
+class RecordedStep(Record, frozen=True, kw_only=True):
+    """One call that `program` makes. must_succeed: nothing is played after its failure."""
+
+    tool: str
+    arguments: dict[str, Any]
+    must_succeed: bool = False
+
+
+class Usage(Record, frozen=True, kw_only=True):
+    """What a transcript says was used; null where it does not say."""
+
+    prompt_tokens: int | None = None
+    completion_tokens: int | None = None
+    cached_tokens: int | None = None
+    cost_usd: float | None = None
+
+
+Outcome = Literal["ok", "no_scene", "agent_failed", "no_photo", "failed"]
+
+
+class Finalisation(Record, frozen=True, kw_only=True):
+    """Which scene was made the submission, by the runtime, the same way for every agent.
+
+    source: `saved` is the scene.blend that the agent saved last, `checkpoint` the open scene after
+    the last call that changed it; refused: those that did not open, with the reason.
+    """
+
+    source: Literal["saved", "checkpoint", "none"]
+    checkpoint: int | None
+    sha256: str | None
+    refused: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+class ReconstructionFile(Record, frozen=True, kw_only=True):
+    """reconstruction.json of a scene folder: how its trial went.
+
+    ended: how the agent's process did; seconds: wall time of the trial; calls, checkpoints: their
+    numbers; agent_sandbox, blender_sandbox: what each was kept from.
+    """
+
+    schema_version: int
+    legoworld: str
+    image_id: int
+    file_name: str
+    scene: str
+    agent: str
+    agent_version: str | None
+    card_sha256: str
+    model: str | None
+    prompt_sha256: str
+    status: Outcome
+    reason: str
+    ended: Literal["itself", "time", "memory", "disk", "output", "processes", "not_started"]
+    exit_code: int | None
+    time_limit_s: float
+    seconds: float
+    calls: int
+    failed_calls: int
+    checkpoints: int
+    usage: Usage
+    finalisation: Finalisation
+    agent_sandbox: Protected
+    blender_sandbox: Protected
+    warnings: tuple[str, ...] = ()

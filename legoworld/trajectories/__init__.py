@@ -1,0 +1,1 @@
+"""What happened on the way to a scene: transcripts, scenes over time, and their diagnostics."""

@@ -1,0 +1,108 @@
+"""Transcripts of agents as one format, ATIF: nothing that a transcript says is lost.
+
+What ATIF has no field for goes into `extra`. A line that is not JSON (a killed agent's last one, a
+notice on standard output) is a step of its own with the line as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+from msgspec.structs import replace
+
+from legoworld.records.agents import TranscriptFormat, Usage
+from legoworld.records.atif import (
+    ATIF_VERSION,
+    AtifAgent,
+    AtifFinalMetrics,
+    AtifStep,
+    AtifTrajectory,
+)
+from legoworld.records.base import UNSET, RecordError, UnsetType, decode
+from legoworld.trajectories.claude_lines import claude_steps
+from legoworld.trajectories.codex_lines import codex_steps
+from legoworld.trajectories.event_lines import gemini_steps, opencode_steps
+from legoworld.trajectories.steps import Read, Reading
+
+_LINES: Final[Mapping[str, Callable[[list[Any]], Reading]]] = {
+    "codex": codex_steps,
+    "claude": claude_steps,
+    "gemini": gemini_steps,
+    "opencode": opencode_steps,
+}
+
+
+def read_transcript(
+    path: Path | None, kind: TranscriptFormat, *, agent: str, version: str, prompt: str
+) -> AtifTrajectory:
+    """A transcript as ATIF; one that is not there has the prompt as its only step.
+
+    agent, version, prompt: what the runtime knows, where the transcript does not say.
+    """
+    data = path.read_bytes() if path is not None and path.is_file() else b""
+    if kind == "atif":
+        try:
+            return _numbered(decode(AtifTrajectory, data))
+        except RecordError as error:
+            return _document(agent, version, prompt, Reading(notes=f"no transcript: {error}"))
+    reading = _LINES[kind](parsed_lines(data))
+    return _document(agent, version, prompt, reading)
+
+
+def parsed_lines(data: bytes) -> list[Any]:
+    """The JSON value of each line; the line as text where it is none."""
+    found: list[Any] = []
+    for line in data.split(b"\n"):
+        if line.strip():
+            try:
+                found.append(msgspec.json.decode(line))
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+                found.append(line.decode("utf-8", "replace"))
+    return found
+
+
+def usage_of(trajectory: AtifTrajectory) -> Usage:
+    """Tokens and cost of a trajectory: its own totals, or the sum over its steps."""
+    total = trajectory.final_metrics or None
+    steps = [step.metrics for step in trajectory.steps if step.metrics]
+
+    def summed(whole: str, each: str) -> Any:
+        given = _said(getattr(total, whole, None))
+        if given is not None:
+            return given
+        values = [value for m in steps if (value := _said(getattr(m, each))) is not None]
+        return sum(values) if values else None
+
+    return Usage(
+        prompt_tokens=summed("total_prompt_tokens", "prompt_tokens"),
+        completion_tokens=summed("total_completion_tokens", "completion_tokens"),
+        cached_tokens=summed("total_cached_tokens", "cached_tokens"),
+        cost_usd=summed("total_cost_usd", "cost_usd"),
+    )
+
+
+def _said(value: Any) -> Any:
+    return None if isinstance(value, UnsetType) else value
+
+
+def _document(agent: str, version: str, prompt: str, reading: Reading) -> AtifTrajectory:
+    steps = [Read(source="user", message=prompt), *reading.steps]
+    total = reading.total
+    return AtifTrajectory(
+        schema_version=ATIF_VERSION,
+        session_id=reading.session_id or agent,
+        agent=AtifAgent(name=agent, version=version, model_name=reading.model or UNSET),
+        steps=[step.atif(number) for number, step in enumerate(steps, start=1)],
+        notes=reading.notes or UNSET,
+        final_metrics=replace(total or AtifFinalMetrics(), total_steps=len(steps)),
+    )
+
+
+def _numbered(found: AtifTrajectory) -> AtifTrajectory:
+    steps: list[AtifStep] = [
+        replace(step, step_id=number) for number, step in enumerate(found.steps, start=1)
+    ]
+    return replace(found, steps=steps)

@@ -1,0 +1,85 @@
+"""Agent cards: those that ship are whole, and one that is not says what it lacks."""
+
+from __future__ import annotations
+
+import json
+import string
+import tomllib
+
+import pytest
+from agents.tracks import server_or_skip
+
+from legoworld import cli
+from legoworld.agents.agent_cards import agent_cards, agent_problems, load_agent, read_agent_card
+from legoworld.agents.mcp_server import write_configuration
+from legoworld.errors import CatalogError, UsageError
+
+CARDS = agent_cards()
+PLACEHOLDERS = {
+    "home", "image", "image_name", "mcp_config", "mcp_python", "player", "prompt", "prompt_file",
+    "steps", "transcript", "workspace",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("card", CARDS, ids=lambda c: c.name)
+def test_a_card_names_what_is_filled_in(card):
+    about = card.about
+    texts = [*about.command, about.mcp.path, *about.variables.values()]
+    used = {name for text in texts for _, name, _, _ in string.Formatter().parse(text) if name}
+    assert used <= PLACEHOLDERS
+    assert about.run == (card.name == "program")
+    assert about.run or "never run" in about.checked
+
+
+def test_the_four_agents_and_the_one_that_plays_are_there():
+    assert [c.name for c in CARDS] == ["claude", "codex", "gemini", "opencode", "program"]
+
+
+def test_what_is_lacking_is_said_with_how_to_get_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    said = " ".join(agent_problems(load_agent("codex"), {}))
+    assert "npm install -g @openai/codex" in said
+    assert "OPENAI_API_KEY" in said
+    assert "~/.codex/auth.json" in said
+    assert "no login" not in " ".join(agent_problems(load_agent("codex"), {"CODEX_API_KEY": "x"}))
+
+
+def test_a_card_that_lacks_something_is_refused_with_its_name(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('name = "mine"\n')
+    with pytest.raises(CatalogError, match=r"mine\.toml"):
+        read_agent_card(path)
+    with pytest.raises(UsageError, match="codex"):
+        load_agent("codx")
+
+
+@pytest.mark.parametrize("kind", ["mcp_servers", "codex", "opencode"])
+def test_each_configuration_file_says_the_same_server(tmp_path, kind):
+    server_or_skip()
+    write_configuration(tmp_path / "file", kind, 9900, tmp_path / "a 'b\" c")
+    text = (tmp_path / "file").read_text()
+    if kind == "codex":
+        server = tomllib.loads(text)["mcp_servers"]["blender"]
+        command, variables = [server["command"]], server["env"]
+    elif kind == "opencode":
+        server = json.loads(text)["mcp"]["blender"]
+        command, variables = server["command"], server["environment"]
+    else:
+        server = json.loads(text)["mcpServers"]["blender"]
+        command, variables = [server["command"]], server["env"]
+    assert command[0].endswith("/mcp-for-blender")
+    assert variables == {
+        "BLENDER_HOST": "127.0.0.1",
+        "BLENDER_PORT": "9900",
+        "DISABLE_TELEMETRY": "1",
+        "TMPDIR": str(tmp_path / "a 'b\" c"),
+    }
+
+
+def test_list_and_check_say_it(capsys, monkeypatch, tmp_path):
+    assert cli.run(["agent", "list"]) == 0
+    assert "never run: needs an account" in capsys.readouterr().out
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert cli.run(["agent", "check", "claude", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["name"] == "claude"
