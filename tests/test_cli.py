@@ -229,7 +229,7 @@ def test_shell_completion_is_installed_as_the_page_says(shell, monkeypatch, caps
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        ("legoworld re", {"readout", "report"}),
+        ("legoworld re", {"readout", "reconstruct", "report"}),
         ("legoworld readout --ta", {"--task"}),
         ("legoworld readout --task co", {"coco", "coco-masks"}),
         ("legoworld baseline i", {"install", "import"}),

@@ -31,6 +31,7 @@ def list_agents(as_json: bool, quiet: bool, verbose: bool) -> int:
     \b
     Examples:
       legoworld agent list
+      legoworld agent list --json
     """
     from legoworld.agents.agent_cards import agent_cards
 
@@ -89,6 +90,7 @@ def install(as_json: bool, quiet: bool, verbose: bool) -> int:
     \b
     Examples:
       legoworld agent install
+      legoworld agent install --json
     """
     from legoworld.agents.mcp_server import install_server
 
