@@ -20,6 +20,7 @@ from legoworld.pluralize import did_you_mean
 
 _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",
+    "plugin": "measure a live scene against a photo, guard edits to it",
     "blender": "run a headless Blender that coding agents drive",
     "agent": "list the coding agents that can be run, and check what they need",
     "reconstruct": "rebuild photos as frozen scenes, by an agent in Blender",

@@ -125,7 +125,7 @@ def _support(
     """(3,) length of the segments that each direction explains best."""
     away = np.abs(axes @ normals.T)
     near = away.min(axis=0) < math.sin(math.radians(_INLIER_DEG))
-    return np.bincount(away.argmin(axis=0)[near], weights=lengths[near], minlength=3)
+    return np.asarray(np.bincount(away.argmin(axis=0)[near], lengths[near], 3), np.float64)
 
 
 def _refined(

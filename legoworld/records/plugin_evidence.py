@@ -10,6 +10,7 @@ from legoworld.records.base import Record
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
+DepthSpace = Literal["depth", "disparity"]
 Side = Annotated[int, Meta(ge=1, le=1 << 15)]
 
 
@@ -45,7 +46,7 @@ class DepthEvidence(Record, frozen=True, kw_only=True):
     """
 
     sha256: Sha256
-    space: Literal["depth", "disparity"]
+    space: DepthSpace
     source: str
 
 

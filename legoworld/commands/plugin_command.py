@@ -1,0 +1,140 @@
+"""`legoworld plugin`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from legoworld.commands import options
+
+_CONTEXT = {"help_option_names": ["-h", "--help"]}
+
+
+@click.group("plugin", context_settings=_CONTEXT)
+def command() -> None:
+    """Measure a live scene against a photo, and guard edits to it.
+
+    \b
+    Examples:
+      legoworld plugin evidence --photo room.jpg --regions outlines.json --fov 65 -o evidence
+      legoworld plugin serve --evidence evidence --ledger case-1
+    """
+
+
+@command.command("evidence", context_settings=_CONTEXT)
+@click.option("--photo", required=True, type=options.EXISTING_FILE, help="The reference photo.")
+@click.option(
+    "--regions", multiple=True, type=options.EXISTING_FILE,
+    help="JSON of outlines ({regions: [{name, polygons}]}) or of COCO or LVIS results; repeat.",
+)  # fmt: skip
+@click.option("--image-id", type=int, help="The photo's id in a results file.")
+@click.option(
+    "--task", type=options.Choice(["coco", "lvis"]),
+    help="Whose category ids a results file has.",
+)  # fmt: skip
+@click.option("--depth", type=options.EXISTING_FILE, help="Relative depth: .npy, .npz or .png.")
+@click.option(
+    "--space", type=options.Choice(["depth", "disparity"]), default="depth", show_default=True,
+    help="depth: larger is farther; disparity: larger is nearer.",
+)  # fmt: skip
+@click.option(
+    "--fov", type=click.FloatRange(min=1.0, max=170.0),
+    help="Horizontal field of view in degrees; with it the camera's rotation is estimated.",
+)  # fmt: skip
+@click.option("-o", "--output", required=True, type=options.FOLDER, help="Folder to write.")
+def evidence(
+    photo: Path,
+    regions: tuple[Path, ...],
+    image_id: int | None,
+    task: Literal["coco", "lvis"] | None,
+    depth: Path | None,
+    space: Literal["depth", "disparity"],
+    fov: float | None,
+    output: Path,
+) -> int:
+    """Gather what a photo says about its scene: regions, relative depth, camera rotation.
+
+    Everything comes from the photo and from models that looked at it; never from ground truth.
+
+    \b
+    Examples:
+      legoworld plugin evidence --photo room.jpg --regions outlines.json -o evidence
+      legoworld plugin evidence --photo 139.jpg --regions sam3/predictions.json --task lvis \\
+        --image-id 139 --depth depth/139.npz --space disparity --fov 60 -o evidence
+    """
+    from legoworld.api.settings import protocol_of
+    from legoworld.plugin.evidence_making import Given, make_evidence
+
+    protocol = protocol_of(task, None)
+    made = make_evidence(
+        Given(
+            photo=photo,
+            regions=regions,
+            image_id=image_id,
+            vocabulary=protocol.vocabulary if protocol else None,
+            depth=depth,
+            depth_space=space,
+            hfov_deg=fov,
+        ),
+        output,
+    )
+    rotation = made.camera.rotation_source or f"unknown: {made.camera.unknown}"
+    click.echo(f"regions  {len(made.regions)}")
+    click.echo(f"depth    {made.depth.source if made.depth else 'none'}")
+    click.echo(f"camera   rotation from {rotation}" if made.camera.rotation_source
+               else f"camera   {rotation}")  # fmt: skip
+    click.echo(f"evidence {output}")
+    return 0
+
+
+@command.command("serve", context_settings=_CONTEXT)
+@click.option(
+    "--evidence", type=options.EXISTING_FOLDER, help="Folder of `legoworld plugin evidence`."
+)
+@click.option(
+    "--blender", default="127.0.0.1:9876", show_default=True,
+    help="Address of Blender MCP's socket: HOST:PORT.",
+)  # fmt: skip
+@click.option(
+    "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
+    help="Folder for the record of all calls; an existing one is continued.",
+)  # fmt: skip
+def serve(evidence: Path | None, blender: str, ledger: Path) -> int:
+    """Serve the plugin's tools over MCP, on standard input and output.
+
+    Needs the extra: pip install 'legoworld[plugin]'. The tools read saved copies of the live scene
+    and run no code but saving and, for a rollback, reopening it.
+
+    \b
+    Examples:
+      legoworld plugin serve --evidence evidence
+      legoworld plugin serve --blender 127.0.0.1:9900 --ledger case-1
+    """
+    from legoworld.plugin.serving import serve_plugin
+
+    serve_plugin(evidence=evidence, address=blender, ledger=ledger)
+    return 0
+
+
+@command.command("replay", context_settings=_CONTEXT)
+@click.argument("ledger", type=options.EXISTING_FOLDER)
+def replay(ledger: Path) -> int:
+    """Check a ledger's chain of hashes, and print its calls.
+
+    \b
+    Example:
+      legoworld plugin replay case-1
+    """
+    from legoworld.plugin.ledger import read_ledger
+
+    entries = read_ledger(ledger)
+    rows = [
+        (e.seq, e.tool, e.transaction or "", "failed" if e.error else e.phase,
+         (e.scene_signature or "")[:12])
+        for e in entries
+    ]  # fmt: skip
+    click.echo(options.table(("seq", "tool", "transaction", "then", "scene"), rows))
+    click.echo(f"{len(entries)} entries, the chain is whole")
+    return 0

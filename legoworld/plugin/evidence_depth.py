@@ -1,0 +1,81 @@
+"""Relative depth of a photo: an array of any provider, at the photo's size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.files import sha256_of_file, write_npz
+from legoworld.plugin.evidence import DEPTH, EvidenceInvalidError
+from legoworld.records.plugin_evidence import DepthEvidence, DepthSpace
+
+
+def write_depth(
+    path: Path, space: DepthSpace, size_wh: tuple[int, int], output: Path
+) -> DepthEvidence:
+    """Write depth.npz at the photo's size. EvidenceInvalidError for what is no depth of it."""
+    values = _array(path)
+    if values.shape != size_wh[::-1]:
+        values = _resized(values, size_wh)
+    if np.count_nonzero(np.isfinite(values)) < 16:
+        raise EvidenceInvalidError(
+            f"{path.name} has no depth",
+            found="fewer than 16 finite values",
+            expected="depth",
+        )
+    write_npz(output / DEPTH, {"values": values})
+    return DepthEvidence(
+        sha256=sha256_of_file(output / DEPTH),
+        space=space,
+        source=path.name,
+    )
+
+
+def _array(path: Path) -> NDArray[np.float32]:
+    """(H, W) float32 of a .npy, a .npz (its `values` or `depth_z_m`, or its only array), a .png."""
+    try:
+        if path.suffix.lower() == ".png":
+            import cv2
+
+            picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            if picture is None:
+                raise ValueError("no PNG")
+            array = np.asarray(picture)
+        else:
+            loaded = np.load(path, allow_pickle=False)
+            array = loaded if isinstance(loaded, np.ndarray) else _only(loaded)
+        if array.ndim != 2:
+            raise ValueError(f"an array of shape {array.shape}")
+        return np.asarray(array, np.float32)
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise EvidenceInvalidError(
+            f"{path.name} cannot be read as depth",
+            found=str(error),
+            expected="a .npy, .npz or .png of one (H, W) array",
+        ) from error
+
+
+def _only(loaded: Any) -> NDArray[Any]:
+    for name in ("values", "depth_z_m"):
+        if name in loaded:
+            return np.asarray(loaded[name])
+    if len(loaded.files) != 1:
+        raise ValueError(f"{len(loaded.files)} arrays, none called values or depth_z_m")
+    return np.asarray(loaded[loaded.files[0]])
+
+
+def _resized(values: NDArray[np.float32], size_wh: tuple[int, int]) -> NDArray[np.float32]:
+    """To the photo's size, by nearest neighbours: no depth is made up between two surfaces."""
+    import cv2
+
+    height, width = values.shape
+    if abs(width * size_wh[1] - height * size_wh[0]) > max(width, height, *size_wh):
+        raise EvidenceInvalidError(
+            "the depth is of another photo",
+            found=f"{width}x{height}",
+            expected=f"{size_wh[0]}x{size_wh[1]}, or another size of that shape",
+        )
+    return np.asarray(cv2.resize(values, size_wh, interpolation=cv2.INTER_NEAREST), np.float32)

@@ -1,0 +1,241 @@
+"""`legoworld plugin evidence`: what providers say about a photo, gathered into one folder.
+
+Nothing here reads ground truth: regions are an agent's own outlines or a model's results.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.files import sha256_of_file, write_text
+from legoworld.plugin.evidence import EVIDENCE, EvidenceInvalidError
+from legoworld.plugin.evidence_depth import write_depth
+from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+from legoworld.readouts.pictures import read_photo
+from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, readable
+from legoworld.records.plugin_evidence import (
+    CameraEvidence,
+    DepthSpace,
+    EvidenceFile,
+    PhotoEvidence,
+    Region,
+)
+from legoworld.tracks.vocabulary import Vocabulary
+
+#: Regions of a model below this confidence are mostly noise.
+LEAST_SCORE: Final = 0.3
+
+
+class Outline(Record, frozen=True, kw_only=True):
+    """A region as an agent draws it: polygons of [x, y] in pixels of the photo."""
+
+    name: str
+    polygons: tuple[tuple[tuple[float, float], ...], ...]
+    category: str | None = None
+
+
+class Outlines(Record, frozen=True, kw_only=True):
+    """A file of outlines."""
+
+    regions: tuple[Outline, ...]
+
+
+class RunLength(Record, frozen=True, kw_only=True):
+    """COCO's compressed RLE."""
+
+    size: tuple[int, int]
+    counts: str
+
+
+class Detection(Record, frozen=True, kw_only=True):
+    """One entry of a COCO or LVIS results file."""
+
+    image_id: int
+    category_id: int
+    score: float
+    bbox: tuple[float, float, float, float] | UnsetType = UNSET
+    segmentation: RunLength | list[list[float]] | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """What a user brings. regions: a JSON file of outlines, or of results; depth: an array.
+
+    image_id: of the photo in a results file; vocabulary: of its category ids.
+    """
+
+    photo: Path
+    regions: Sequence[Path]
+    image_id: int | None
+    vocabulary: Vocabulary | None
+    depth: Path | None
+    depth_space: DepthSpace
+    hfov_deg: float | None
+
+
+def make_evidence(given: Given, output: Path) -> EvidenceFile:
+    """Write evidence.json and, with depth, depth.npz. EvidenceInvalidError names what is wrong."""
+    photo = read_photo(given.photo)
+    size_wh = photo.shape[1], photo.shape[0]
+    regions = [r for path in given.regions for r in _regions(path, given, size_wh)]
+    _refuse_repeated(regions)
+    output.mkdir(parents=True, exist_ok=True)
+    file = EvidenceFile(
+        photo=PhotoEvidence(
+            file_name=given.photo.name,
+            sha256=sha256_of_file(given.photo),
+            width=size_wh[0],
+            height=size_wh[1],
+        ),
+        regions=tuple(sorted(regions, key=lambda region: region.name)),
+        depth=write_depth(given.depth, given.depth_space, size_wh, output) if given.depth else None,
+        camera=_camera(photo, given.hfov_deg),
+    )
+    write_text(output / EVIDENCE, readable(file))
+    return file
+
+
+def _regions(path: Path, given: Given, size_wh: tuple[int, int]) -> Iterator[Region]:
+    data = path.read_bytes()
+    try:
+        if data.lstrip().startswith(b"["):
+            yield from _of_results(decode(list[Detection], data), path.name, given, size_wh)
+        else:
+            yield from _of_outlines(decode(Outlines, data), path.name, size_wh)
+    except RecordError as error:
+        raise EvidenceInvalidError(
+            f"{path.name} has no regions",
+            found=str(error),
+            expected='{"regions": [{"name", "polygons"}]} or a list of COCO results',
+        ) from error
+
+
+def _of_outlines(file: Outlines, source: str, size_wh: tuple[int, int]) -> Iterator[Region]:
+    for outline in file.regions:
+        flat = [[v for point in polygon for v in point] for polygon in outline.polygons]
+        if not flat or any(len(polygon) < 6 for polygon in flat):
+            raise EvidenceInvalidError(
+                f"region {outline.name!r} of {source} has no outline",
+                found=f"{len(flat)} polygons, the shortest of {min(map(len, flat), default=0) // 2}"
+                " points",
+                expected="polygons of at least three points",
+            )
+        yield _region(outline.name, flat, size_wh, outline.category, None, source)
+
+
+def _of_results(
+    entries: list[Detection], source: str, given: Given, size_wh: tuple[int, int]
+) -> Iterator[Region]:
+    images = {entry.image_id for entry in entries}
+    image_id = given.image_id
+    if image_id is None and len(images) == 1:
+        image_id = next(iter(images))
+    if image_id is None or image_id not in images:
+        raise EvidenceInvalidError(
+            f"{source} is about other images",
+            found=f"{len(images)} image ids"
+            + ("" if image_id is None else f", none is {image_id}"),
+            expected="results of the photo",
+            next_step="pass --image-id with the photo's id in that file",
+        )
+    names = {c.id: c.name for c in given.vocabulary.categories} if given.vocabulary else {}
+    kept = [e for e in entries if e.image_id == image_id and e.score >= LEAST_SCORE]
+    numbered: Counter[str] = Counter()
+    for entry in sorted(kept, key=lambda entry: -entry.score):
+        category = names.get(entry.category_id, f"category {entry.category_id}")
+        numbered[category] += 1
+        shape: Any = entry.segmentation
+        if isinstance(shape, UnsetType):
+            shape = _of_box(entry, source)
+        name = f"{category} {numbered[category]}"
+        yield _region(name, shape, size_wh, category, entry.score, source)
+
+
+def _of_box(entry: Detection, source: str) -> list[list[float]]:
+    if isinstance(entry.bbox, UnsetType):
+        raise EvidenceInvalidError(
+            f"{source} has a result without a shape",
+            found="neither segmentation nor bbox",
+            expected="COCO results of boxes or masks",
+        )
+    x, y, w, h = entry.bbox
+    return [[x, y, x + w, y, x + w, y + h, x, y + h]]
+
+
+def _region(
+    name: str,
+    shape: RunLength | list[list[float]],
+    size_wh: tuple[int, int],
+    category: str | None,
+    score: float | None,
+    source: str,
+) -> Region:
+    from pycocotools import mask as rle
+
+    width, height = size_wh
+    if isinstance(shape, RunLength):
+        if shape.size != (height, width):
+            raise EvidenceInvalidError(
+                f"region {name!r} of {source} is of another photo",
+                found=f"{shape.size[1]}x{shape.size[0]} pixels",
+                expected=f"{width}x{height}",
+            )
+        encoded: Any = {"size": [height, width], "counts": shape.counts.encode("ascii")}
+    else:
+        encoded = rle.merge(rle.frPyObjects(shape, height, width))
+    area = int(rle.area(encoded))
+    if not area:
+        raise EvidenceInvalidError(
+            f"region {name!r} of {source} lies outside of the photo",
+            found="no pixel",
+            expected=f"an outline within {width}x{height} pixels",
+        )
+    x, y, w, h = (round(float(v)) for v in rle.toBbox(encoded))
+    return Region(
+        name=name,
+        counts=encoded["counts"].decode("ascii"),
+        area_px=area,
+        bbox_xywh_px=(x, y, w, h),
+        category=category,
+        score=score,
+        source=source,
+    )
+
+
+def _refuse_repeated(regions: Sequence[Region]) -> None:
+    names = Counter(region.name for region in regions)
+    if twice := sorted(name for name, n in names.items() if n > 1):
+        raise EvidenceInvalidError(
+            "two regions have one name",
+            found=", ".join(twice[:5]),
+            expected="a name of its own for each region",
+        )
+
+
+def _camera(photo: NDArray[np.uint8], hfov_deg: float | None) -> CameraEvidence:
+    import cv2
+
+    def camera(rotation: Any, unknown: str | None) -> CameraEvidence:
+        return CameraEvidence(
+            hfov_deg=hfov_deg,
+            hfov_source=None if hfov_deg is None else "given",
+            world_from_cam_rotation=rotation,
+            rotation_source="vanishing points" if rotation else None,
+            unknown=unknown,
+        )
+
+    if hfov_deg is None:
+        return camera(None, "the field of view is not known")
+    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    try:
+        rotation = manhattan_camera(gray, hfov_deg).world_from_cam
+    except UntoldError as error:
+        return camera(None, str(error))
+    return camera(tuple(tuple(float(v) for v in row) for row in rotation), None)

@@ -1,0 +1,45 @@
+"""`legoworld plugin serve`: one case on standard input and output, until the client leaves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from legoworld.errors import InstallationError, UsageError
+from legoworld.plugin.case import STATES, Case
+from legoworld.plugin.connection import Address, BlenderConnection
+from legoworld.plugin.evidence import read_evidence
+from legoworld.plugin.live import LiveBlender
+from legoworld.records.plugin_ledger import TransactionLimits
+from legoworld.scene.blender_process import BlenderProcess, Limits
+
+
+def serve_plugin(*, evidence: Path | None, address: str, ledger: Path) -> None:
+    """Serve until standard input ends. InstallationError without the extra."""
+    try:
+        from legoworld.plugin.server import plugin_server
+    except ImportError as error:
+        raise InstallationError(
+            "the plugin's server needs a package that is not installed",
+            found=str(error),
+            expected="the extra `plugin`",
+            next_step="pip install 'legoworld[plugin]'",
+        ) from error
+
+    known = read_evidence(evidence) if evidence else None
+    store = ledger / STATES
+    store.mkdir(parents=True, exist_ok=True)
+    with BlenderProcess(Limits()) as reader:
+        live = LiveBlender(BlenderConnection(parsed_address(address)), reader, store)
+        plugin_server(Case(ledger, live, known, TransactionLimits()), known).run("stdio")
+
+
+def parsed_address(text: str) -> Address:
+    """HOST:PORT, :PORT or PORT. UsageError for anything else."""
+    host, _, port = text.rpartition(":")
+    if not port.isdecimal() or not 0 < int(port) < 1 << 16:
+        raise UsageError(
+            "--blender is no address",
+            found=repr(text),
+            expected="HOST:PORT, such as 127.0.0.1:9876",
+        )
+    return Address(host=host or "127.0.0.1", port=int(port))

@@ -1,0 +1,119 @@
+"""Evidence from what people bring, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from pycocotools import mask as rle
+
+from legoworld.cli import run
+from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
+from legoworld.plugin.evidence_making import Given, make_evidence
+from legoworld.readouts.tasks import protocol
+
+W, H = 64, 48
+SQUARE = [[10, 10], [30, 10], [30, 26], [10, 26]]
+
+
+@pytest.fixture
+def photo(tmp_path):
+    path = tmp_path / "photo.png"
+    cv2.imwrite(str(path), np.random.default_rng(0).integers(0, 255, (H, W, 3), np.uint8))
+    return path
+
+
+def made(tmp_path, photo, regions=None, **given):
+    paths = []
+    if regions is not None:
+        (tmp_path / "regions.json").write_text(json.dumps(regions))
+        paths = [tmp_path / "regions.json"]
+    values = {
+        "photo": photo, "regions": paths, "image_id": None, "vocabulary": None, "depth": None,
+        "depth_space": "depth", "hfov_deg": None, **given,
+    }  # fmt: skip
+    make_evidence(Given(**values), tmp_path / "evidence")
+    return read_evidence(tmp_path / "evidence")
+
+
+def test_an_outline_is_its_polygon(tmp_path, photo):
+    evidence = made(tmp_path, photo, {"regions": [{"name": "sofa", "polygons": [SQUARE]}]})
+    region = evidence.region("sofa")
+    assert region.bbox_xywh_px == (10, 10, 20, 16)
+    assert evidence.mask(region).sum() == region.area_px == 320
+
+
+def test_results_are_named_by_category_best_first(tmp_path, photo):
+    mask = np.zeros((H, W), np.uint8, order="F")
+    mask[5:15, 5:25] = 1
+    encoded = rle.encode(mask)
+    shape = {"size": [H, W], "counts": encoded["counts"].decode()}
+    results = [
+        {"image_id": 7, "category_id": 62, "score": 0.5, "bbox": [1, 2, 10, 20]},
+        {"image_id": 7, "category_id": 62, "score": 0.9, "segmentation": shape},
+        {"image_id": 7, "category_id": 1, "score": 0.1, "bbox": [1, 2, 10, 20]},
+        {"image_id": 8, "category_id": 1, "score": 0.9, "bbox": [1, 2, 10, 20]},
+    ]
+    vocabulary = protocol("coco", None).vocabulary
+    evidence = made(tmp_path, photo, results, image_id=7, vocabulary=vocabulary)
+    assert [r.name for r in evidence.file.regions] == ["chair 1", "chair 2"]
+    assert (evidence.mask(evidence.region("chair 1")) == mask).all()
+    assert evidence.region("chair 2").area_px == 200
+
+
+@pytest.mark.parametrize(
+    ("regions", "why"),
+    [
+        ({"regions": [{"name": "a", "polygons": [[[1, 1], [2, 2]]]}]}, "no outline"),
+        ({"regions": [{"name": "a", "polygons": [[[99, 99], [120, 99], [120, 120]]]}]}, "outside"),
+        ({"regions": [{"name": "a", "polygons": [SQUARE]}] * 2}, "one name"),
+        ({"areas": []}, "regions"),
+        ([{"image_id": 1, "category_id": 1, "score": 1.0}], "without a shape"),
+        ([{"image_id": 1, "category_id": 1, "score": 1.0,
+           "segmentation": {"size": [9, 9], "counts": "o2"}}], "another photo"),
+    ],
+)  # fmt: skip
+def test_regions_that_cannot_be_used_are_refused(tmp_path, photo, regions, why):
+    with pytest.raises(EvidenceInvalidError, match=why):
+        made(tmp_path, photo, regions)
+
+
+def test_results_of_other_images_are_refused(tmp_path, photo):
+    entry = {"category_id": 1, "score": 1.0, "bbox": [1, 1, 9, 9]}
+    results = [{**entry, "image_id": i} for i in (1, 2)]
+    with pytest.raises(EvidenceInvalidError, match="other images"):
+        made(tmp_path, photo, results)
+
+
+@pytest.mark.parametrize("space", ["depth", "disparity"])
+def test_depth_of_either_space_is_disparity_when_it_is_read(tmp_path, photo, space):
+    values = np.full((H, W), 4.0, np.float32)
+    values[0, 0] = np.inf
+    np.save(tmp_path / "d.npy", values)
+    evidence = made(tmp_path, photo, depth=tmp_path / "d.npy", depth_space=space)
+    assert evidence.disparity[5, 5] == (4.0 if space == "disparity" else 0.25)
+
+
+def test_half_size_depth_is_taken_and_another_shape_refused(tmp_path, photo):
+    np.save(tmp_path / "half.npy", np.ones((H // 2, W // 2)))
+    assert made(tmp_path, photo, depth=tmp_path / "half.npy").disparity.shape == (H, W)
+    np.save(tmp_path / "wide.npy", np.ones((H, H)))
+    with pytest.raises(EvidenceInvalidError, match="another photo"):
+        made(tmp_path, photo, depth=tmp_path / "wide.npy")
+
+
+def test_depth_that_was_replaced_is_refused(tmp_path, photo):
+    np.save(tmp_path / "d.npy", np.ones((H, W)))
+    made(tmp_path, photo, depth=tmp_path / "d.npy")
+    (tmp_path / "evidence" / "depth.npz").write_bytes(b"")
+    with pytest.raises(EvidenceInvalidError, match="another sha256"):
+        read_evidence(tmp_path / "evidence")
+
+
+def test_the_camera_of_noise_is_unknown_and_the_command_says_so(tmp_path, photo, capsys):
+    words = ["plugin", "evidence", "--photo", str(photo), "--fov", "60"]
+    assert run([*words, "-o", str(tmp_path / "evidence")]) == 0
+    assert "camera   unknown" in capsys.readouterr().out
+    assert read_evidence(tmp_path / "evidence").file.camera.world_from_cam_rotation is None
