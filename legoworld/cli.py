@@ -28,6 +28,7 @@ _COMMANDS = {
     "inspect": "show one scene: instances, buffers, overlay",
     "track": "make a public track from annotations, or check one",
     "readout": "read labels out of scenes into a run folder",
+    "bench": "make LEGO-Bench cases from reference scenes, and use them",
     "merge": "join the shards of a run",
     "baseline": "run a specialist model, or import results, as a run",
     "export": "write a run's boxes or masks as one COCO file for dataset tools",

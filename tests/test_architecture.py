@@ -33,6 +33,7 @@ ROOMS = [
     ("plugin",),
     ("evaluation",),
     ("track_making",),
+    ("bench",),
     ("baselines", "comparison"),
     ("trajectories",),
     ("agents",),

@@ -46,7 +46,8 @@ class OpenedScene:
     """A scene folder whose files were hashed, and the Blender process that opens it.
 
     Each question is asked again in a fresh process when the first one is lost on it: a scene is
-    not judged by one bad moment of a machine.
+    not judged by one bad moment of a machine. content: what answers are cached under, where the
+    file's own bytes do not identify the scene.
     """
 
     def __init__(
@@ -55,10 +56,13 @@ class OpenedScene:
         files: FrozenFiles,
         blender: BlenderProcess,
         cache: SnapshotCache | None,
+        *,
+        content: dict[str, Any] | None = None,
     ) -> None:
         self._blend = str(folder.path.resolve() / BLEND)
         hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
-        self._content = {name: found and found.sha256 for name, found in hashes.items()}
+        own = {name: found and found.sha256 for name, found in hashes.items()}
+        self._content = own if content is None else content
         self._blender = blender
         self._cache = cache
 

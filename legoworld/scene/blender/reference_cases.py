@@ -53,6 +53,7 @@ def write_case(blend: Path, output: Path, wanted: dict[str, Any]) -> None:
     scene.camera = scene.objects[wanted["view"]]
     scene.render.resolution_x, scene.render.resolution_y = wanted["size_wh"]
     scene.render.resolution_percentage = 100
+    _show(scene)
     pack_images()
     bpy.ops.wm.save_as_mainfile(
         filepath=str(output / "scene.blend"), compress=True, relative_remap=True,
@@ -60,6 +61,14 @@ def write_case(blend: Path, output: Path, wanted: dict[str, Any]) -> None:
     )  # fmt: skip
     if wanted["glb"]:
         export_glb(output / "scene.glb")
+
+
+def _show(scene: bpy.types.Scene) -> None:
+    """Have the file's own scene in the window again: it is what a saved file opens with."""
+    other = bpy.context.scene
+    if other != scene:
+        bpy.context.window.scene = scene
+        bpy.data.scenes.remove(other)
 
 
 def _things(scene: bpy.types.Scene) -> list[Any]:

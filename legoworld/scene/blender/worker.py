@@ -150,9 +150,11 @@ def _facts(request: dict[str, Any]) -> dict[str, Any]:
 
 def _cases(request: dict[str, Any]) -> dict[str, Any]:
     """The cases of a reference scene."""
+    from legoworld.scene.blender.dependencies import dependencies
     from legoworld.scene.blender.reference_cases import cases_of
 
-    return {"cases": cases_of(Path(request["blend"]))}
+    blend = Path(request["blend"])
+    return {"cases": cases_of(blend), "dependencies": dependencies(blend)}
 
 
 def _case(request: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""LEGO-Bench around the evaluation: making cases, serving scores, exporting tasks."""

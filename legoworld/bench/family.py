@@ -1,0 +1,280 @@
+"""A reference scene to the cases of one family, written into a dataset's two halves."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legoworld.bench.case import SeenCase, see_case
+from legoworld.bench.halves import Halves
+from legoworld.bench.noise import noise_floor
+from legoworld.errors import LegoWorldError
+from legoworld.readouts.surface import pose_m
+from legoworld.records.bench_dataset import (
+    BenchCamera,
+    BenchTruth,
+    NoiseFloor,
+    PictureCard,
+    RenderCard,
+    Tier,
+)
+from legoworld.records.labels import LabelsFile
+from legoworld.running.submission import card_render, card_size
+from legoworld.running.wall import judged
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.cache import SnapshotCache
+from legoworld.scene.folder import BLEND, GLB, LABELS, PICTURE, SceneFolder
+from legoworld.scene.freeze import (
+    FrozenFiles,
+    checked_artefacts,
+    hashed_dependencies,
+)
+from legoworld.scene.instances import group
+from legoworld.scene.labels import labels_in, resolve_labels
+from legoworld.scene.opened import CardRender, OpenedScene, twice
+from legoworld.scene.reading import read_hashed_side_file, read_scene
+from legoworld.scene.snapshot import Snapshot
+from legoworld.workers.engines import machine_lost
+
+
+@dataclass(frozen=True, kw_only=True)
+class MakeOptions:
+    """What every family is made with.
+
+    noise_seeds: renders by the card of which A's spread is measured, 0 for none. scenes: where each
+    case is kept as a scene folder, the reference submitted as itself; None where it is not.
+    """
+
+    output: Path
+    size_wh: tuple[int, int]
+    picture: PictureCard
+    card: RenderCard
+    delta: int
+    noise_seeds: int
+    scenes: Path | None
+    cache: SnapshotCache | None
+    require_frozen: bool
+    threads: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeCase:
+    """A case that was made: what is public of it, and its private half."""
+
+    file_name: str
+    hfov_deg: float
+    tier: Tier | None
+    view: int
+    truth: BenchTruth
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeFamily:
+    """All cases of a reference scene; none, and why, where one of them is refused."""
+
+    family: str
+    environment: str | None
+    theme: str | None
+    split: str | None
+    cases: tuple[MadeCase, ...]
+    status: str
+    reason: str | None
+
+
+class FamilyMaker:
+    """Makes family after family with one Blender process of its own."""
+
+    def __init__(self, options: MakeOptions, limits: Limits) -> None:
+        self._options = options
+        self._blender = BlenderProcess(limits)
+
+    def do(self, folder: SceneFolder) -> MadeFamily:
+        """The cases of one reference scene, or why there are none."""
+        try:
+            return _Family(folder, self._options, self._blender).made()
+        except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
+            written = [p for p in (self._options.output, self._options.scenes) if p]
+            written += [self._options.cache.folder] if self._options.cache else []
+            return _refused(folder, judged(error, written))
+
+    def abort(self) -> None:
+        """End the Blender process under a running `do`."""
+        self._blender.abort()
+
+    def close(self) -> None:
+        """End the Blender process."""
+        self._blender.close()
+
+
+def lost_family(folder: SceneFolder, what: str) -> MadeFamily:
+    """The family of a scene whose machine was lost each time it was tried."""
+    return _refused(folder, machine_lost(what))
+
+
+def _refused(folder: SceneFolder, error: LegoWorldError) -> MadeFamily:
+    return MadeFamily(
+        family=family_name(folder.name),
+        environment=None,
+        theme=None,
+        split=None,
+        cases=(),
+        status=error.status,
+        reason=str(error),
+    )
+
+
+def family_name(scene: str) -> str:
+    """A family is called after its scene folder, its path below SCENES in one word."""
+    return scene.replace("/", "-")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Wanted:
+    """One case to make. camera: the name of the view's camera."""
+
+    stem: str
+    tier: Tier | None
+    view: int
+    camera: str
+
+
+class _Family:
+    """One reference scene while its cases are made."""
+
+    def __init__(self, folder: SceneFolder, options: MakeOptions, blender: BlenderProcess) -> None:
+        self._folder, self._options, self._blender = folder, options, blender
+        self._blend = str(folder.path.resolve() / BLEND)
+        self._halves = Halves(options.output)
+
+    def made(self) -> MadeFamily:
+        files = checked_artefacts(self._folder, require_frozen=self._options.require_frozen)
+        answer = twice(lambda: self._blender.request({"kind": "cases", "blend": self._blend}))
+        files = hashed_dependencies(
+            self._folder, answer["dependencies"], files, read_by=BLEND
+        )  # fmt: skip
+        said: dict[str, Any] = answer["cases"]
+        cases = [self._case(files, said, wanted) for wanted in self._wanted(said)]
+        return MadeFamily(
+            family=family_name(self._folder.name),
+            environment=said["environment"],
+            theme=said["theme"],
+            split=said["split"],
+            cases=tuple(cases),
+            status="ok",
+            reason=None,
+        )
+
+    def _wanted(self, said: dict[str, Any]) -> Iterator[_Wanted]:
+        family = family_name(self._folder.name)
+        for tier in said["tiers"]:
+            for view, camera in enumerate(said["views"]):
+                words = [family, *([tier] if tier else []), f"view_{view:02d}"]
+                yield _Wanted(stem="__".join(words), tier=tier, view=view, camera=camera)
+
+    def _case(self, files: FrozenFiles, said: dict[str, Any], wanted: _Wanted) -> MadeCase:
+        """Save the case as a scene of its own, and read it as any submission is read."""
+        options = self._options
+        folder = SceneFolder(
+            path=self._blender.workspace("legoworld-case-") / wanted.stem, name=wanted.stem
+        )
+        folder.path.mkdir()
+        try:
+            case = {
+                "tier": wanted.tier,
+                "view": wanted.camera,
+                "size_wh": options.size_wh,
+                "glb": options.scenes is not None,
+            }
+            request = {"kind": "case", "blend": self._blend, "output": str(folder.path)}
+            twice(lambda: self._blender.request({**request, "case": case}))
+            content = {**_content(files), "case": case}
+            return self._written(folder, files, frozenset(said["unscored"]), wanted, content)
+        finally:
+            shutil.rmtree(folder.path, ignore_errors=True)
+
+    def _written(
+        self,
+        folder: SceneFolder,
+        files: FrozenFiles,
+        unscored: frozenset[str],
+        wanted: _Wanted,
+        content: dict[str, Any],
+    ) -> MadeCase:
+        options = self._options
+        own = checked_artefacts(folder, require_frozen=False)
+        scene = read_scene(folder, source="blend", blender=self._blender, cache=None, files=own)
+        seen = self._seen(scene.snapshot, files, unscored)
+        opened = OpenedScene(folder, scene.files, self._blender, options.cache, content=content)
+        picture = opened.render(
+            CardRender(
+                size_wh=options.size_wh,
+                samples=options.picture.samples,
+                seed=options.picture.seed,
+                denoise=options.picture.denoised,
+                threads=options.threads,
+            )
+        )
+        noise = self._noise(opened, picture)
+        hashes = self._halves.write(wanted.stem, picture, seen)
+        if options.scenes is not None:
+            _keep(folder, options.scenes / wanted.stem, picture)
+        return MadeCase(
+            file_name=f"{wanted.stem}.png",
+            hfov_deg=seen.hfov_deg,
+            tier=wanted.tier,
+            view=wanted.view,
+            truth=BenchTruth(
+                camera=_camera(scene.snapshot, seen),
+                sha256=hashes,
+                scored=seen.scored,
+                raster_wh=seen.raster_wh,
+                snapshot_sha256=scene.snapshot_sha256,
+                noise_floor=noise,
+            ),
+        )
+
+    def _seen(self, snapshot: Snapshot, files: FrozenFiles, unscored: frozenset[str]) -> SeenCase:
+        outside = labels_in(read_hashed_side_file(self._folder, LABELS, LabelsFile, files))
+        grouping = group(snapshot, resolve_labels(snapshot, outside, None, None))
+        return see_case(
+            snapshot, grouping, self._options.size_wh, unscored, threads=self._options.threads
+        )
+
+    def _noise(self, opened: OpenedScene, picture: bytes) -> NoiseFloor | None:
+        options = self._options
+        seeds = range(options.card.seed, options.card.seed + options.noise_seeds)
+        size_wh = card_size(options.size_wh, options.card.longest_side_px)
+        renders = [
+            opened.render(card_render(options.card, size_wh, seed, options.threads))
+            for seed in seeds
+        ]
+        return noise_floor(tuple(seeds), renders, picture, options.delta) if renders else None
+
+
+def _content(files: FrozenFiles) -> dict[str, Any]:
+    """What identifies a reference: a case's own .blend has other bytes each time it is saved."""
+    hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
+    return {"reference": {name: found and found.sha256 for name, found in hashes.items()}}
+
+
+def _camera(snapshot: Snapshot, seen: SeenCase) -> BenchCamera:
+    p = seen.projection
+    return BenchCamera(
+        fx=p.fx,
+        fy=p.fy,
+        cx=p.cx,
+        cy=p.cy,
+        world_from_cam=pose_m(snapshot.camera, snapshot.render.unit_scale),
+    )
+
+
+def _keep(folder: SceneFolder, target: Path, picture: bytes) -> None:
+    """The case as a submission: its scene, its glTF, and its picture as final.png."""
+    target.mkdir(parents=True, exist_ok=True)
+    for name in (BLEND, GLB):
+        if folder.file(name).is_file():
+            shutil.copyfile(folder.file(name), target / name)
+    (target / PICTURE).write_bytes(picture)

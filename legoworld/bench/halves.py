@@ -1,0 +1,52 @@
+"""Where the files of a dataset's public and private halves are, and how they are written."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from legoworld.files import atomic_path, sha256_of_file, write_npz
+from legoworld.records.bench_dataset import BenchHashes
+
+if TYPE_CHECKING:
+    from legoworld.bench.case import SeenCase
+
+TRACK: Final = "track.json"
+TRUTH: Final = "truth.json"
+PUBLIC: Final = "public"
+PRIVATE: Final = "private"
+
+
+class Halves:
+    """The two folders of a dataset."""
+
+    def __init__(self, dataset: Path) -> None:
+        self.public = dataset / PUBLIC
+        self.private = dataset / PRIVATE
+
+    def image(self, file_name: str) -> Path:
+        """A public picture."""
+        return self.public / "images" / file_name
+
+    def write(self, stem: str, picture: bytes, seen: SeenCase) -> BenchHashes:
+        """Write a case's picture and its private arrays; their hashes."""
+        image = self.image(f"{stem}.png")
+        with atomic_path(image) as temporary:
+            temporary.write_bytes(picture)
+        depth, instances, raster = (
+            self.private / kind / f"{stem}.npz" for kind in ("depth", "instances", "raster")
+        )
+        write_npz(depth, {"depth_z_m": seen.depth_z_m}, compressed=True)
+        write_npz(instances, {"instance": seen.instance}, compressed=True)
+        write_npz(
+            raster,
+            {"depth_z_m": seen.raster_depth_z_m, "instance": seen.raster_instance},
+            compressed=True,
+        )
+        return BenchHashes(
+            reference=hashlib.sha256(picture).hexdigest(),
+            depth=sha256_of_file(depth),
+            instances=sha256_of_file(instances),
+            raster=sha256_of_file(raster),
+        )

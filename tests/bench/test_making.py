@@ -1,0 +1,180 @@
+"""`legoworld bench make`: cases of a reference scene, in two halves that cannot be mixed up."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from legoworld import cli
+from legoworld.files import sha256_of_file
+from legoworld.records.base import decode
+from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
+from legoworld.records.bench_run import BenchRow
+
+QUICK = ["--size", "96x54", "--samples", "2", "--noise-seeds", "0", "-q"]
+
+
+def make(scenes: Path, dataset: Path, *more: str) -> int:
+    return cli.run(["bench", "make", str(scenes), "-o", str(dataset), *QUICK, *more])
+
+
+def halves(dataset: Path) -> tuple[BenchTrackFile, BenchTruthFile]:
+    track = decode(BenchTrackFile, (dataset / "public" / "track.json").read_bytes())
+    truth = decode(BenchTruthFile, (dataset / "private" / "truth.json").read_bytes())
+    return track, truth
+
+
+@pytest.fixture(scope="module")
+def made(references, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made")
+    assert make(references, folder / "bench", "--keep-scenes", str(folder / "itself")) == 0
+    return folder
+
+
+def test_tiers_and_views_are_cases(made):
+    track, truth = halves(made / "bench")
+    names = [image.file_name for image in track.images]
+    assert names == sorted(
+        f"den__{tier}__view_{view:02d}.png"
+        for tier in ("easy", "medium", "hard")
+        for view in (0, 1)
+    )
+    assert {(i.environment, i.theme, i.split) for i in track.images} == {("indoor", "shapes", None)}
+    assert [c.name for c in track.categories] == ["box", "cube"]
+    assert [i.id for i in track.images] == [1, 2, 3, 4, 5, 6]
+    scored = {
+        image.tier: {o.name for o in truth.images[str(image.id)].scored} for image in track.images
+    }
+    assert scored == {
+        "easy": {"Red"}, "medium": {"Red", "Green"}, "hard": {"Red", "Green", "Blue"}
+    }  # fmt: skip
+
+
+def test_what_is_no_tier_stays_as_it_is(made):
+    """Camera and everything that is not of a later tier are the same in every tier of a view."""
+    track, truth = halves(made / "bench")
+    by_view: dict[int, set[str]] = {}
+    for image in track.images:
+        one = truth.images[str(image.id)]
+        by_view.setdefault(image.view, set()).add(str(one.camera))
+    assert [len(cameras) for cameras in by_view.values()] == [1, 1]
+    private = made / "bench" / "private"
+    depth = {
+        tier: np.load(private / "depth" / f"den__{tier}__view_00.npz")["depth_z_m"]
+        for tier in ("easy", "medium", "hard")
+    }
+    assert (depth["medium"] <= depth["easy"]).all()
+    assert (depth["hard"] <= depth["medium"]).all()
+    assert (depth["medium"] < depth["easy"]).any()
+    assert (depth["hard"] < depth["medium"]).any()
+
+
+def test_nothing_private_is_readable_from_the_public_half(made):
+    track, truth = halves(made / "bench")
+    public, private = made / "bench" / "public", made / "bench" / "private"
+    files = [p for p in public.rglob("*") if p.is_file()]
+    assert {p.suffix for p in files} == {".json", ".png"}
+    text = (public / "track.json").read_text("utf-8")
+    secrets = {sha256_of_file(p) for p in private.rglob("*") if p.is_file()}
+    for one in truth.images.values():
+        secrets |= {getattr(one.sha256, name) for name in one.sha256.__struct_fields__}
+        secrets |= {one.snapshot_sha256} | {o.name for o in one.scored}
+    assert not [secret for secret in secrets if secret in text]
+    # No hash at all: none of anything private can be hidden in it.
+    assert not re.search(r"[0-9a-f]{32}", text)
+    for path in files:
+        if path.suffix == ".png":
+            data = path.read_bytes()
+            assert not [c for c in (b"tEXt", b"zTXt", b"iTXt", b"eXIf", b"tIME") if c in data]
+    assert truth.track_sha256 == sha256_of_file(public / "track.json")
+    assert set(truth.images) == {str(i.id) for i in track.images}
+
+
+def test_hashes_of_the_private_half_are_of_its_files(made):
+    track, truth = halves(made / "bench")
+    for image in track.images:
+        stem = image.file_name.removesuffix(".png")
+        hashes = truth.images[str(image.id)].sha256
+        private = made / "bench" / "private"
+        assert hashes.reference == sha256_of_file(
+            made / "bench" / "public" / "images" / image.file_name
+        )
+        assert hashes.depth == sha256_of_file(private / "depth" / f"{stem}.npz")
+        assert hashes.instances == sha256_of_file(private / "instances" / f"{stem}.npz")
+        assert hashes.raster == sha256_of_file(private / "raster" / f"{stem}.npz")
+
+
+def test_the_reference_submitted_as_itself_has_its_own_surface(made):
+    """Bit for bit: R is exactly 1 then, whatever the tolerance."""
+    track = made / "bench" / "public" / "track.json"
+    run = made / "run"
+    arguments = ["readout", str(made / "itself"), "--task", "bench", "--track", str(track)]
+    assert cli.run([*arguments, "-o", str(run), "--no-render", "-q"]) == 0
+    for line in (run / "per_image.jsonl").read_bytes().splitlines():
+        row = decode(BenchRow, line)
+        assert row.valid is True, row
+        raster = np.load(made / "bench" / "private" / "raster" / f"{row.scene}.npz")
+        surface = np.load(run / row.surface.file)
+        assert (surface["depth_z_m"] == raster["depth_z_m"]).all()
+        assert (np.isfinite(raster["depth_z_m"]) == (raster["instance"] >= 0)).all()
+        assert "own_depth_z_m" not in surface
+
+
+def test_bytes_are_the_same_from_one_worker_and_two(references, made, build_scenes, tmp_path):
+    """Two families, so that two workers have something to do; denoised pictures, too."""
+    build_scenes("fresh(); quad('Q', category='leaf'); camera(); save('leaf')", tmp_path / "two")
+    (tmp_path / "two" / "den").symlink_to(references / "den")
+    for workers in ("1", "2"):
+        place = tmp_path / workers
+        assert make(tmp_path / "two", place, "--workers", workers, "--no-cache") == 0
+    files = sorted(p.relative_to(tmp_path / "1") for p in (tmp_path / "1").rglob("*.*"))
+    assert len(files) == 2 + 7 * 4
+    for file in files:
+        assert (tmp_path / "1" / file).read_bytes() == (tmp_path / "2" / file).read_bytes(), file
+    again = made / "bench" / "private" / "raster" / "den__hard__view_01.npz"
+    assert (tmp_path / "1" / again.relative_to(made / "bench")).read_bytes() == again.read_bytes()
+
+
+def test_a_scene_that_cannot_become_cases_says_why_and_the_others_are_made(
+    refused, tmp_path, capsys
+):
+    assert make(refused, tmp_path / "bench", "--json") == 1
+    found = json.loads(capsys.readouterr().out)["families"]
+    reasons = {f["family"]: f["reason"] for f in found}
+    told = {
+        "nothing_to_score": "no eligible object",
+        "looks_away": "sees nothing",
+        "no_hard": "hard has the objects of medium",
+        "part_before_whole": "'Red' is of tier medium",
+        "unknown_tier": "easy, medium or hard",
+        "orthographic": "orthographic",
+        "shifted": "shifted",
+        "no_camera": "no view",
+        "good": None,
+    }
+    assert set(reasons) == set(told)
+    for family, words in told.items():
+        assert (reasons[family] is None) if words is None else (words in reasons[family]), family
+    track, _ = halves(tmp_path / "bench")
+    assert [i.file_name for i in track.images] == ["good__view_00.png"]
+    assert track.images[0].tier is None
+    left = {p.stem for p in (tmp_path / "bench").rglob("*.npz")}
+    assert left == {"good__view_00"}
+
+
+def test_a_dataset_is_never_written_over_by_chance(made, references, tmp_path, capsys):
+    before = sha256_of_file(made / "bench" / "private" / "truth.json")
+    assert make(references, made / "bench") == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert sha256_of_file(made / "bench" / "private" / "truth.json") == before
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("keep me", encoding="utf-8")
+    assert make(references, tmp_path / "notes", "--overwrite") == 2
+    assert (tmp_path / "notes" / "mine.txt").read_text("utf-8") == "keep me"
+    (tmp_path / "empty").mkdir()
+    assert make(tmp_path / "empty", tmp_path / "d") == 2
+    assert "no scene" in capsys.readouterr().err
