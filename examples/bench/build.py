@@ -1,6 +1,6 @@
 """Build the reference families from KayKit's assets: eight scenes, three tiers, two views each.
 
-    python examples/bench/build.py --kaykit FOLDER -o references [--family kitchen]
+python examples/bench/build.py --kaykit FOLDER -o references [--family kitchen]
 """
 
 from __future__ import annotations

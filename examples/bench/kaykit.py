@@ -75,8 +75,11 @@ class Stage:
 
     def box(self, name: str, low: tuple, high: tuple, color: tuple) -> Any:
         """A plain box of the architecture."""
-        corners = [(x, y, z) for z in (low[2], high[2]) for x, y in
-                   ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))]
+        corners = [
+            (x, y, z)
+            for z in (low[2], high[2])
+            for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))
+        ]
         faces = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
         data = bpy.data.meshes.new(name)
         data.from_pydata(corners, [], faces)

@@ -182,14 +182,10 @@ class _Family:
         )
         folder.path.mkdir()
         try:
-            case = {
-                "tier": wanted.tier,
-                "view": wanted.camera,
-                "size_wh": options.size_wh,
-                "glb": options.scenes is not None,
-            }
+            case = {"tier": wanted.tier, "view": wanted.camera, "size_wh": options.size_wh}
+            with_glb = {**case, "glb": options.scenes is not None}
             request = {"kind": "case", "blend": self._blend, "output": str(folder.path)}
-            twice(lambda: self._blender.request({**request, "case": case}))
+            twice(lambda: self._blender.request({**request, "case": with_glb}))
             content = {**_content(files), "case": case}
             return self._written(folder, files, frozenset(said["unscored"]), wanted, content)
         finally:
