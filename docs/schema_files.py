@@ -26,8 +26,11 @@ from legoworld.records.execution import ExecutionFile
 from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
 from legoworld.records.labels import LabelsFile
+from legoworld.records.predictions import Prediction
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.records.run_file import RunFile, RunSummary
+from legoworld.records.run_rows import RunRow
 from legoworld.records.track import TrackFile
 
 FOLDER = Path(__file__).with_name("schemas")
@@ -55,6 +58,10 @@ FORMATS: dict[str, Any] = {
     "frozen": FrozenFile,
     "instances": InstancesFile,
     "labels": LabelsFile,
+    "run": RunFile,
+    "run-per-image": RunRow,
+    "run-prediction": Prediction,
+    "run-summary": RunSummary,
     "track": TrackFile,
 }
 

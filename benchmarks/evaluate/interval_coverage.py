@@ -15,11 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from synthetic import coco_like
+from synthetic import coco_like, run_of
 
 from legoworld.evaluation.bootstrap import resample_counts
+from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
 from legoworld.evaluation.detection.inputs.predictions import (
     check_predictions,
+    kind_of,
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import read_truth
@@ -33,8 +35,6 @@ from legoworld.evaluation.detection.matching.overlaps import image_overlaps
 from legoworld.evaluation.detection.problem import build_problem
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
-from legoworld.evaluation.run import Run, RunImage
-from legoworld.tracks.vocabulary import from_json
 
 POPULATION, TRACK, TRACKS, JUDGED, DRAWS = 800, 100, 120, 60, 200
 
@@ -44,20 +44,13 @@ def population_table(*, equal: bool) -> MatchTable:
     protocol = detection_protocol("coco")
     per_image = 9 if equal else 20
     document, results = coco_like(POPULATION, POPULATION * per_image, seed=5, n_categories=40)
-    run = Run(
-        folder=Path("run"),
-        task="coco",
-        configuration={"vocabulary_sha256": from_json(document["categories"], "").sha256},
-        images=tuple(
-            RunImage(id=i["id"], file_name=i["file_name"], size_wh=None, status="ok")
-            for i in document["images"]
-        ),
-    )
+    run = run_of(document, "coco")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "truth.json"
         path.write_text(json.dumps(document))
         truth = read_truth(path, run, protocol)
-    predictions = check_predictions(results, run=run, truth=truth, protocol=protocol)
+    batches = [as_predictions(results, kind_of(protocol))]
+    predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
     if equal:
         predictions = with_equal_confidence(predictions)
     problem = build_problem(truth, predictions, protocol)

@@ -6,7 +6,7 @@
 
 Prints of each stage its seconds, the CPU seconds of all its processes, and the largest memory of
 this process in it; first what the made-up data alone take, which are given back once they are
-checked, as a command gives back what it has read. With --official also the official evaluator's,
+written into files. With --official also the official evaluator's,
 and the largest difference of any number and of the whole precision array. Linux only.
 """
 
@@ -23,12 +23,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from synthetic import coco_like, lvis_like
+from synthetic import coco_like, lvis_like, run_of
 
 from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.inputs.predictions import (
     check_predictions,
+    kind_of,
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import read_truth
@@ -41,8 +42,7 @@ from legoworld.evaluation.detection.ranking.accumulation import accumulate, metr
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.evaluation.detection.scoring import frequencies_of
-from legoworld.evaluation.run import Run, RunImage
-from legoworld.tracks.vocabulary import from_json
+from legoworld.records.folders.prediction_files import stored_batches
 from legoworld.workers.tasks import Crew
 
 
@@ -85,26 +85,22 @@ def main() -> None:
     document, results = make(options.images, options.predictions)
     print(f"{'made-up data':<69} {memory('VmRSS') - before:5.2f} GB, the benchmark's own")
     protocol = detection_protocol(options.task)
-    run = Run(
-        folder=Path("run"),
-        task=options.task,
-        configuration={"vocabulary_sha256": from_json(document["categories"], "").sha256},
-        images=tuple(
-            RunImage(id=i["id"], file_name=i["file_name"], size_wh=None, status="ok")
-            for i in document["images"]
-        ),
-    )
+    run = run_of(document, options.task)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "truth.json"
         path.write_text(json.dumps(document))
+        results_path = Path(folder) / "predictions.json"
+        lines = (json.dumps(entry, separators=(",", ":")) for entry in results)
+        results_path.write_text("[\n" + ",\n".join(lines) + "\n]\n")
+        del results
         with timed("truth read and checked"):
             truth = read_truth(path, run, protocol)
-    del document
-    with timed("predictions checked and ordered"):
-        predictions = check_predictions(results, run=run, truth=truth, protocol=protocol)
-        if options.equal:
-            predictions = with_equal_confidence(predictions)
-    del results  # as a command gives back what it has read
+        del document
+        with timed("predictions read, checked and ordered"):
+            batches = stored_batches([results_path], kind_of(protocol))
+            predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
+            if options.equal:
+                predictions = with_equal_confidence(predictions)
     with timed("matching, greedy and score-free"):
         problem = build_problem(truth, predictions, protocol)
         matches = matches_of(problem, truth, predictions, crew)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pycocotools import mask as coco_mask
+
+from legoworld.evaluation.run import Run
+from legoworld.records.run_file import Configuration, RunHead
+from legoworld.records.run_rows import RunImage
+from legoworld.tracks.vocabulary import from_json
 
 WIDTH, HEIGHT = 640, 480
 
@@ -23,6 +29,20 @@ def coco_like(
         annotation["iscrowd"] = int(k % 100 == 99)
     results = _results(random, truth, n_predictions, n_categories)
     return truth, results
+
+
+def run_of(document: Document, task: str) -> Run:
+    """A run of all of a truth's images."""
+    configuration = Configuration(
+        task=task,
+        attempted=len(document["images"]),
+        vocabulary_sha256=from_json(document["categories"], "").sha256,
+    )
+    images = (
+        RunImage(image_id=i["id"], file_name=i["file_name"], status="ok")
+        for i in document["images"]
+    )
+    return Run(folder=Path("run"), head=RunHead(configuration=configuration), images=tuple(images))
 
 
 def lvis_like(

@@ -17,31 +17,35 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
+from legoworld.records.base import canonical
 from legoworld.records.folders.prediction_files import (
     prediction_files,
     predictions_of,
-    stored_entries,
+    stored_batches,
     write_predictions,
 )
+from legoworld.records.predictions import Prediction, Rle
 
 WAYS = ("nothing", "json.loads", "kept", "an image at a time")
 
 
-def made_up(n_images: int, n_predictions: int) -> Iterator[list[dict[str, Any]]]:
-    """Masks by image, the same every time."""
+def made_up(n_images: int, n_predictions: int) -> Iterator[list[str]]:
+    """Masks by image as JSON, the same every time."""
     drawn = random.Random(0)
     for image in range(1, n_images + 1):
         n = n_predictions * image // n_images - n_predictions * (image - 1) // n_images
         yield [
-            {
-                "image_id": image,
-                "category_id": drawn.randrange(1, 1204),
-                "segmentation": {"size": [480, 640], "counts": f"{drawn.getrandbits(1200):x}"},
-                "score": round(drawn.random(), 4),
-            }
+            canonical(
+                Prediction(
+                    image_id=image,
+                    category_id=drawn.randrange(1, 1204),
+                    segmentation=Rle(size=(480, 640), counts=f"{drawn.getrandbits(1200):x}"),
+                    score=round(drawn.random(), 4),
+                )
+            )
             for _ in range(n)
         ]
 
@@ -53,7 +57,7 @@ def read(way: str, files: list[Path], n_images: int) -> int:
 
         return len([e for f in files for e in json.loads(f.read_text(encoding="utf-8"))])
     if way == "kept":
-        return len(list(stored_entries(files)))
+        return len([*chain.from_iterable(stored_batches(files, Prediction))])
     if way == "nothing":
         return 0
     return sum(map(len, predictions_of(range(1, n_images + 1), files)))

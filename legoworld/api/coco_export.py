@@ -4,21 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
-from legoworld.evaluation.detection.inputs.masks import areas_px, bounding_box, compressed
+from legoworld.evaluation.detection.inputs.masks import (
+    EncodedMask,
+    areas_px,
+    bounding_box,
+    compressed,
+)
+from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns
 from legoworld.evaluation.detection.inputs.prediction_order import order_of
-from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results
+from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
 from legoworld.evaluation.detection.protocols import PROTOCOLS
-from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
+from legoworld.evaluation.run import (
+    Run,
+    RunUnusableError,
+    read_predictions,
+    read_rows,
+    read_run,
+)
 from legoworld.files import write_text
-from legoworld.records.base import UNSET, Record, as_json, canonical, readable, to_record
-from legoworld.records.coco_file import CocoAnnotation, CocoCategory, CocoFile, CocoImage, CocoInfo
-from legoworld.records.evaluation_view import Box, Result, Rle
-from legoworld.records.folders.evaluation_reading import read_rows
-from legoworld.records.folders.run_folder import ROWS
+from legoworld.records.base import UNSET, Record, canonical, readable
+from legoworld.records.coco_file import (
+    CocoAnnotation,
+    CocoCategory,
+    CocoFile,
+    CocoImage,
+    CocoInfo,
+    ObjectNames,
+)
+from legoworld.records.predictions import Box, Rle
 from legoworld.shipped import catalog
 from legoworld.tracks.dataset_versions import dataset_of
 from legoworld.tracks.track import load_track
@@ -46,14 +62,14 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
             next_step="read depth from the run's own files, one per photo",
         )
     vocabulary = _vocabulary(run, track)
-    images = [_image(i.id, i.file_name, i.size_wh) for i in run.images]
+    images = [_image(i.image_id, i.file_name, i.size_wh) for i in run.images]
     predictions = _predictions(run, vocabulary)
     document = CocoFile(
         info=CocoInfo(
             description=f"legoworld run of {run.task}: predictions as annotations",
             task=run.task,
             vocabulary_sha256=vocabulary.sha256,
-            images_without_result=tuple(i.id for i in run.images if i.status != "ok"),
+            images_without_result=tuple(i.image_id for i in run.images if i.status != "ok"),
         ),
         images=tuple(images),
         annotations=tuple(_annotations(run, predictions)),
@@ -65,7 +81,7 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
 
 def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
     """The categories of the run: the track's, or the shipped dataset's."""
-    expected = run.configuration.get("vocabulary_sha256")
+    expected = run.configuration.vocabulary_sha256
     vocabulary = load_track(track).vocabulary if track is not None else None
     if vocabulary is None:
         vocabulary = load(catalog.folder("datasets") / dataset_of(run.task) / "categories.json")
@@ -92,9 +108,9 @@ def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> Co
 
 def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
     return check_results(
-        read_predictions(run),
-        status_by_image={i.id: i.status for i in run.images},
-        sizes_wh={i.id: i.size_wh for i in run.images if i.size_wh is not None},
+        read_predictions(run, kind_of(PROTOCOLS[run.task])),
+        status_by_image={i.image_id: i.status for i in run.images},
+        sizes_wh={i.image_id: i.size_wh for i in run.images if i.size_wh is not None},
         vocabulary=vocabulary,
         protocol=PROTOCOLS[run.task],
         order=order_of(run.configuration),
@@ -106,9 +122,8 @@ def _annotations(run: Run, predictions: Predictions) -> Iterator[CocoAnnotation]
     """Predictions numbered from 1 in the run's order; a scene's with the names of their objects."""
     names = _objects(run)
     place: dict[int, int] = {}
-    results = [to_record(Result, entry) for entry in predictions.entries]
     for number, (result, (box, area)) in enumerate(
-        zip(results, _extents(results), strict=True), start=1
+        zip(predictions.entries, _extents(predictions.entries), strict=True), start=1
     ):
         image_id = result.image_id
         nth = place[image_id] = place.get(image_id, -1) + 1
@@ -125,30 +140,26 @@ def _annotations(run: Run, predictions: Predictions) -> Iterator[CocoAnnotation]
         )
 
 
-def _objects(run: Run) -> dict[int, list[dict[str, Any]]]:
+def _objects(run: Run) -> dict[int, list[ObjectNames]]:
     """Name and objects of every prediction, in order, for images whose row records them."""
-    found: dict[int, list[dict[str, Any]]] = {}
-    for row in read_rows(run.folder / ROWS):
-        exported = row.get("exported")
-        if isinstance(exported, list) and len(exported) == row.get("n_predictions"):
-            found[int(row["image_id"])] = [
-                {key: one[key] for key in ("name", "objects") if key in one} for one in exported
-            ]
-    return found
+    return {
+        row.image_id: [ObjectNames(name=one.name, objects=one.objects) for one in row.exported]
+        for row in read_rows(run)
+        if row.exported and len(row.exported) == row.n_predictions
+    }
 
 
-def _extents(results: Sequence[Result]) -> list[tuple[Box, float]]:
+def _extents(predictions: PredictionColumns) -> list[tuple[Box, float]]:
     """Box and area of each prediction: a mask's extent and pixel count, a box's width x height."""
-    masks = [_mask(r.segmentation) for r in results if r.segmentation]
-    if masks:
-        boxes = (tuple(bounding_box(mask)) for mask in masks)
-        return list(zip(boxes, areas_px(masks).tolist(), strict=True))
-    found: list[Box] = [r.bbox or () for r in results]
-    return [(box, float(box[2] * box[3])) for box in found]
+    if predictions.sizes_wh is not None:
+        masks = [_mask(p.segmentation) for p in predictions if p.segmentation]
+        return list(zip(map(bounding_box, masks), areas_px(masks).tolist(), strict=True))
+    boxes = [p.bbox for p in predictions if p.bbox]
+    return [(box, float(box[2] * box[3])) for box in boxes]
 
 
-def _mask(rle: Rle) -> dict[str, Any]:
-    return compressed(as_json(rle), rle.size)
+def _mask(rle: Rle) -> EncodedMask:
+    return compressed({"size": [*rle.size], "counts": rle.counts}, rle.size)
 
 
 def _readable(document: CocoFile) -> str:

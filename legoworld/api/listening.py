@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.run_rows import RunRow
 
 
 def _nothing(_told: object) -> None:
@@ -26,7 +26,7 @@ class Listener:
 
     total: Callable[[int], None] = _nothing
     kept: Callable[[int], None] = _nothing
-    row: Callable[[dict[str, Any]], None] = _nothing
+    row: Callable[[RunRow], None] = _nothing
     scored: Callable[[DepthRow | ReconstructionRow], None] = _nothing
     notice: Callable[[str], None] = _nothing
     warn: Callable[[str], None] = _nothing

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from legoworld.errors import UsageError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
@@ -15,6 +15,7 @@ from legoworld.readouts.tasks import Protocol, protocol
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
 from legoworld.records.execution import ExecutionFile
 from legoworld.records.report_page import Advice
+from legoworld.records.run_rows import RunRow
 from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
@@ -57,7 +58,7 @@ class PhotoScore:
     execution: how the program ended, None for a scene folder; overlay: None for an unread scene.
     """
 
-    row: dict[str, Any]
+    row: RunRow
     summary: DetectionSummary | DepthSummary | None
     advice: tuple[Advice, ...]
     execution: ExecutionFile | None
@@ -82,7 +83,7 @@ def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> Ph
     reading = protocol(request.task, track.vocabulary)
     say("reading the scene")
     row = _read(request, scene, track, reading, output / "run", say, trace)
-    if row["status"] != "ok":
+    if row.status != "ok":
         return PhotoScore(row=row, summary=None, advice=(), execution=execution, overlay=None)
     _look(request, scene, reading, output / "look")
     say("evaluating")
@@ -147,7 +148,7 @@ def _read(
     run: Path,
     say: Say,
     trace: Say,
-) -> dict[str, Any]:
+) -> RunRow:
     result = run_readout(
         RunRequest(
             image_options=ImageOptions(

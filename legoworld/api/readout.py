@@ -21,7 +21,9 @@ from legoworld.api.settings import (
 from legoworld.errors import CatalogError, UsageError
 from legoworld.readouts.tasks import protocol
 from legoworld.records.base import as_json
-from legoworld.records.folders.run_folder import RUN
+from legoworld.records.folders.run_reading import RUN
+from legoworld.records.run_file import RunSummary
+from legoworld.records.run_rows import RunRow
 from legoworld.remote import Place
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout, shard_images
@@ -37,20 +39,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """A finished run folder. rows: the rows of per_image.jsonl, by image id.
+    """A finished run folder. rows: those of per_image.jsonl, by image id.
 
     strangers: scene folders that match no image of the track.
     """
 
     folder: Place
-    rows: tuple[dict[str, Any], ...]
-    summary: dict[str, Any]
+    rows: tuple[RunRow, ...]
+    summary: RunSummary
     strangers: tuple[Stranger, ...]
 
     @property
     def complete(self) -> bool:
         """Whether every image was read."""
-        return all(row["status"] == "ok" for row in self.rows)
+        return all(row.status == "ok" for row in self.rows)
 
     @property
     def table(self) -> list[dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +22,7 @@ from legoworld.api.settings import (
 from legoworld.errors import UsageError
 from legoworld.readouts import pictures
 from legoworld.readouts.tasks import Protocol
-from legoworld.records.base import as_json
+from legoworld.records.base import as_json, canonical
 from legoworld.records.instances import InstanceRow
 from legoworld.running.inspection import Inspection, OpenScene, look, write_inspection
 from legoworld.running.inspection import open_scene as read_folder
@@ -228,7 +229,10 @@ class SceneView:
             )
         inspection = self._inspection
         exports = protocol.task.predict(image_id, inspection.grouping.instances, inspection.view)
-        return [prediction for prediction, _ in exports]
+        found: list[dict[str, Any]] = json.loads(
+            canonical([prediction for prediction, _ in exports])
+        )
+        return found
 
     def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB: outlines, boxes and names over a photo of the same size.

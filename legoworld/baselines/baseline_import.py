@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from legoworld.baselines.baseline_run import BaselineResult, write_run
-from legoworld.baselines.records import Record, ResultMissingError, failed_record
+from msgspec.structs import replace
+
+from legoworld.baselines.baseline_run import write_run
+from legoworld.baselines.records import ResultMissingError
 from legoworld.baselines.request import common_configuration
 from legoworld.errors import UsageError, one_line
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.pluralize import in_another_folder
 from legoworld.readouts.tasks import Protocol
+from legoworld.records.folders.run_journal import JournalledImage
+from legoworld.records.run_file import BaselineAbout, Configuration, ImageRecord, Imported
+from legoworld.running.image_record import failed_record
+from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import Track, TrackImage
 
 
@@ -72,28 +77,29 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
     return frozenset(names[str(entry)] for entry in entries)
 
 
-def not_run_on(image: TrackImage) -> Record:
+def not_run_on(image: TrackImage) -> ImageRecord:
     """The record of an image that the results say nothing about."""
     return failed_record(image, ResultMissingError("not among the images it was run on"))
 
 
 def import_configuration(
-    request: ImportRequest, images: Sequence[TrackImage], imported: Mapping[str, Any]
-) -> dict[str, Any]:
+    request: ImportRequest, images: Sequence[TrackImage], imported: Imported
+) -> Configuration:
     """What an import's results depend on. imported: what was given and what was declared of it."""
     ran_on = sorted(request.ran_on) if request.ran_on is not None else None
-    return common_configuration(request.protocol, request.track, images, partial=False) | {
-        "baseline": request.name,
-        "imported": dict(imported),
-        "images_run_sha256": sha256_of_text(canonical_json(ran_on)) if ran_on else None,
-        "subset": request.subset,
-        "used_truth": None,
-    }
+    return replace(
+        common_configuration(request.protocol, request.track, images, partial=False),
+        baseline=request.name,
+        imported=imported,
+        images_run_sha256=sha256_of_text(canonical_json(ran_on)) if ran_on else None,
+        subset=request.subset,
+        used_truth=None,
+    )
 
 
 def write_import(
-    request: ImportRequest, records: Sequence[Record], configuration: dict[str, Any]
-) -> BaselineResult:
+    request: ImportRequest, records: Sequence[JournalledImage], configuration: Configuration
+) -> RunResult:
     """The run folder's canonical files, from journalled records in the track's order."""
-    baseline = {"name": request.name, "imported": configuration["imported"]}
+    baseline = BaselineAbout(name=request.name, imported=configuration.imported)
     return write_run(request.run, records, configuration, baseline)

@@ -5,42 +5,39 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from msgspec import structs
 
 from legoworld import __version__
-from legoworld.baselines.conversation import Conversation
-from legoworld.baselines.records import (
-    PhotoMissingError,
-    Record,
-    failed_record,
-    is_intact,
-)
+from legoworld.baselines.conversation import Conversation, Provenance
+from legoworld.baselines.records import PhotoMissingError, is_intact
 from legoworld.baselines.request import BaselineRequest, configuration_of, selected_images
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share, word_for
 from legoworld.readouts.depth import depth_file
-from legoworld.records.baseline_run import PhotoEntry
 from legoworld.records.folders import run_folder
+from legoworld.records.folders.run_journal import JournalledImage, append, journal
+from legoworld.records.folders.run_reading import RUN_SCHEMA, recorded_configuration
+from legoworld.records.run_file import (
+    BaselineAbout,
+    Configuration,
+    ImageRecord,
+    ImageSource,
+    RunCoverage,
+    RunFile,
+    RunSummary,
+)
+from legoworld.records.run_rows import RunRow
+from legoworld.running.image_record import failed_record
+from legoworld.running.readout_run import Progress, RunResult
 from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.environment import passed
 
-PROVENANCE = "provenance"
-
-Progress = Callable[[dict[str, Any]], None]
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class BaselineResult:
-    """What a run left in its folder."""
-
-    rows: tuple[dict[str, Any], ...]
-    summary: dict[str, Any]
 
 
 def run_baseline(
@@ -50,7 +47,7 @@ def run_baseline(
     notice: Say,
     log: Say,
     kept: Callable[[int], None] = lambda _n: None,
-) -> BaselineResult:
+) -> RunResult:
     """Predict every image of the request that has no valid result yet, then write the run.
 
     Raises UsageError, ConfigurationMismatchError or BaselineFailedError before an image is
@@ -68,7 +65,7 @@ def run_baseline(
         )
     with run_folder.locked(request.run):
         earlier = run_folder.earlier_records(
-            request.run, known, overwrite=request.overwrite, unknown=(PROVENANCE,)
+            request.run, known, overwrite=request.overwrite, unknown=("provenance",)
         )
         done = _intact(earlier, images, photos, request.run)
         del earlier  # predictions are many: from here on they are on disk only
@@ -78,8 +75,8 @@ def run_baseline(
             predicted = share(len(done), len(images), "image", "images")
             notice(f"{predicted} {word_for(len(done), 'has', 'have')} a valid result already")
 
-        def begin(provenance: dict[str, Any]) -> None:
-            configuration = {**known, PROVENANCE: provenance}
+        def begin(provenance: Provenance) -> None:
+            configuration = structs.replace(known, provenance=provenance)
             run_folder.begin(request.run, configuration, overwrite=request.overwrite and not began)
             began.append(True)
 
@@ -92,29 +89,29 @@ def run_baseline(
         return write_run(
             request.run,
             [records[image.id] for image in images],
-            run_folder.recorded_configuration(request.run) or known,
-            {
-                "name": request.card.name,
-                "title": request.card.about.title,
-                "licence": request.card.about.licence,
-                "label_map": request.labels,
+            recorded_configuration(request.run) or known,
+            BaselineAbout(
+                name=request.card.name,
+                title=request.card.about.title,
+                licence=request.card.about.licence,
+                label_map=request.labels,
                 # Names only. They are no part of the configuration: a run resumes without them.
-                "variables": passed(request.variables),
-            },
+                variables=tuple(passed(request.variables)),
+            ),
         )
 
 
 def _intact(
-    earlier: Sequence[Record], images: Sequence[TrackImage], photos: dict[int, Path], run: Path
-) -> dict[int, Record]:
+    earlier: Sequence[ImageRecord], images: Sequence[TrackImage], photos: dict[int, Path], run: Path
+) -> dict[int, ImageRecord]:
     """The earlier records that need not be made again, by image id."""
-    by_id = {record["row"]["image_id"]: record for record in earlier}
+    by_id = {record.row.image_id: record for record in earlier}
     return {
         i.id: by_id[i.id]
         for i in images
         if i.id in by_id
         and i.id in photos
-        and is_intact(by_id[i.id], run, PhotoEntry(photo_sha256=sha256_of_file(photos[i.id])))
+        and is_intact(by_id[i.id], run, ImageSource(photo_sha256=sha256_of_file(photos[i.id])))
     }
 
 
@@ -123,7 +120,7 @@ def _every_record(
     images: list[TrackImage],
     todo: list[TrackImage],
     photos: dict[int, Path],
-) -> Iterator[Record]:
+) -> Iterator[ImageRecord]:
     yield from conversation.records(images, [i for i in todo if i.id in photos])
     for image in todo:
         if image.id not in photos:
@@ -137,91 +134,94 @@ def _every_record(
 
 def _journalled(
     request: BaselineRequest,
-    done: dict[int, Record],
-    made: Iterator[Record],
+    done: dict[int, ImageRecord],
+    made: Iterator[ImageRecord],
     progress: Progress,
-) -> dict[int, Record]:
+) -> dict[int, JournalledImage]:
     """Every record on disk, in the order they are made; without its predictions afterwards.
 
     The journal is opened with the first new record: until a model has said what it is, nothing
     in the folder is touched.
     """
     first = next(made, None)
-    with run_folder.journal(request.run) as journal:
-        records = {i: run_folder.append(journal, record) for i, record in done.items()}
+    with journal(request.run) as stream:
+        records = {i: append(stream, record) for i, record in done.items()}
         while first is not None:
-            records[first["row"]["image_id"]] = run_folder.append(journal, first)
-            progress(first["row"])
+            records[first.row.image_id] = append(stream, first)
+            progress(first.row)
             first = next(made, None)
     return records
 
 
 def write_run(
     folder: Path,
-    records: Sequence[Record],
-    configuration: dict[str, Any],
-    baseline: dict[str, Any],
-) -> BaselineResult:
+    records: Sequence[JournalledImage],
+    configuration: Configuration,
+    baseline: BaselineAbout,
+) -> RunResult:
     """The canonical files of a baseline's run, from journalled records in the images' order.
 
     Depth files of images without a result, of an earlier photo or refused, are deleted.
     """
-    rows = tuple(record["row"] for record in records)
-    if configuration["task"] == "eth3d":
+    rows = tuple(record.row for record in records)
+    if configuration.task == "eth3d":
         for row in rows:
-            if row["status"] != "ok":
-                (folder / depth_file(row["scene"])).unlink(missing_ok=True)
+            if row.status != "ok":
+                (folder / depth_file(row.scene)).unlink(missing_ok=True)
     summary = summarise(configuration, rows)
     run_folder.finish(
         folder,
         records=records,
         run=_run_document(configuration, baseline),
         summary=summary,
-        with_predictions=configuration["task"] != "eth3d",
+        with_predictions=configuration.task != "eth3d",
     )
-    return BaselineResult(rows=rows, summary=summary)
+    return RunResult(rows=rows, summary=summary)
 
 
-def summarise(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummary:
     """summary.json: coverage by status, what was predicted, what was counted on the way."""
-    ok = [row for row in rows if row["status"] == "ok"]
+    ok = [row for row in rows if row.status == "ok"]
     counts: Counter[str] = Counter()
     for row in ok:
-        counts.update(row.get("counts", {}))
-    summary: dict[str, Any] = {
-        "schema_version": SCHEMA_VERSION,
-        "task": configuration["task"],
-        "partial": configuration["partial"],
-        "coverage": {
-            "attempted": configuration["attempted"],
-            "ok": len(ok),
-            "by_status": dict(sorted(Counter(row["status"] for row in rows).items())),
-        },
-        "counts": dict(sorted(counts.items())),
-        "warnings": sum(len(row["warnings"]) for row in rows),
-    }
-    if configuration["task"] == "eth3d":
-        summary["depth_bytes"] = sum(row["depth"]["bytes"] for row in ok)
-    else:
-        summary["coverage"]["ok_empty"] = sum(row["n_predictions"] == 0 for row in ok)
-        summary["predictions"] = sum(row["n_predictions"] for row in ok)
-        summary["empty_masks_dropped"] = sum(row["empty_masks_dropped"] for row in ok)
-    return summary
+        counts.update(row.counts or {})
+    summary = RunSummary(
+        schema_version=SCHEMA_VERSION,
+        task=configuration.task,
+        partial=bool(configuration.partial),
+        coverage=RunCoverage(
+            attempted=configuration.attempted,
+            ok=len(ok),
+            by_status=dict(Counter(row.status for row in rows)),
+        ),
+        counts=dict(counts),
+        warnings=sum(len(row.warnings) for row in rows),
+    )
+    if configuration.task == "eth3d":
+        depth_bytes = sum(row.depth.bytes for row in ok if row.depth)
+        return structs.replace(summary, depth_bytes=depth_bytes)
+    made = [row.n_predictions or 0 for row in ok]
+    return structs.replace(
+        summary,
+        coverage=structs.replace(summary.coverage, ok_empty=made.count(0)),
+        predictions=sum(made),
+        empty_masks_dropped=sum(row.empty_masks_dropped or 0 for row in ok),
+    )
 
 
-def _run_document(configuration: dict[str, Any], baseline: dict[str, Any]) -> dict[str, Any]:
+def _run_document(configuration: Configuration, baseline: BaselineAbout) -> RunFile:
     import platform
 
     import numpy as np
 
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "finished_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "configuration": configuration,
-        "baseline": baseline,
-        "versions": {
+    return RunFile(
+        schema_version=RUN_SCHEMA,
+        finished_at=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        configuration=configuration,
+        baseline=baseline,
+        versions={
             "legoworld": __version__,
             "numpy": np.__version__,
             "python": platform.python_version(),
         },
-    }
+    )

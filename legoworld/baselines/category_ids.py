@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Final, Literal, get_args
 
 from legoworld.baselines.foreign_results import Entry
@@ -98,9 +98,9 @@ def doubt(ids: Counter[int], vocabulary: Vocabulary, task: str) -> str | None:
     return None
 
 
-def most_frequent(entries: Sequence[Entry], vocabulary: Vocabulary) -> str:
+def most_frequent(category_ids: Iterable[int], vocabulary: Vocabulary) -> str:
     """The most frequent category names with their counts, in words."""
-    counts = Counter(e["category_id"] for e in entries)
+    counts = Counter(category_ids)
     shown = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:_SHOWN_CATEGORIES]
     names = ", ".join(f"{vocabulary.name_of(i)} {count:,}" for i, count in shown)
     in_all = counted(len(counts), "category", "categories")

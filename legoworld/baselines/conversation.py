@@ -14,18 +14,19 @@ from legoworld.baselines.records import (
     ImageCrashedError,
     ImageTimeoutError,
     PhotoMissingError,
-    Record,
     answered_record,
-    failed_record,
 )
 from legoworld.baselines.request import BaselineRequest, child_request
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.records.baseline_messages import Message
-from legoworld.records.baseline_run import PhotoEntry
+from legoworld.records.run_file import ImageRecord, ImageSource
+from legoworld.running.image_record import failed_record
 from legoworld.tracks.track import TrackImage
 
 Photos = Mapping[int, Path]
+Provenance = dict[str, Any]
+"""What a model says of itself, as run.json keeps it."""
 
 #: An image whose process dies is tried once more, in a fresh one: the cause may lie elsewhere.
 _TRIES = 2
@@ -50,7 +51,7 @@ class Conversation:
         request: BaselineRequest,
         photos: Photos,
         batches: Mapping[int, int],
-        begin: Callable[[dict[str, Any]], None],
+        begin: Callable[[Provenance], None],
         log: Callable[[str], None],
         notice: Callable[[str], None],
     ) -> None:
@@ -65,7 +66,7 @@ class Conversation:
         self._deaths: Counter[int] = Counter()
         self._environment: dict[str, Any] = {}
 
-    def records(self, images: list[TrackImage], todo: list[TrackImage]) -> Iterator[Record]:
+    def records(self, images: list[TrackImage], todo: list[TrackImage]) -> Iterator[ImageRecord]:
         """A record of every image of `todo`, as they are made. images: the whole run's, in order.
 
         Images that share a batch with a pending one are predicted again with it, so that a batch
@@ -92,7 +93,7 @@ class Conversation:
             ) as process:
                 yield from self._listen(process)
 
-    def _listen(self, process: BaselineProcess) -> Iterator[Record]:
+    def _listen(self, process: BaselineProcess) -> Iterator[ImageRecord]:
         """One process from its first message to its end."""
         self._hello(process)
         working: list[int] = []
@@ -164,7 +165,7 @@ class Conversation:
         """Those of the ids a process wrote down that still have no record."""
         return list(dict.fromkeys(i for i in image_ids if i in self._pending))
 
-    def _answered(self, image_id: int, message: Message) -> Record:
+    def _answered(self, image_id: int, message: Message) -> ImageRecord:
         image = self._pending.pop(image_id)
         path = self._photos[image.id]
         try:
@@ -176,10 +177,10 @@ class Conversation:
                 expected="photos that stay for as long as the run",
             )
             return failed_record(image, gone)
-        source = PhotoEntry(photo_sha256=photo_sha256, environment=self._environment)
+        source = ImageSource(photo_sha256=photo_sha256, environment=self._environment)
         return answered_record(image, message, self._request.rules, source)
 
-    def _unusable(self, line: Unreadable, working: list[int]) -> Iterator[Record]:
+    def _unusable(self, line: Unreadable, working: list[int]) -> Iterator[ImageRecord]:
         """A line that is no message fails the image it names, or those that are worked on."""
         failed = working if line.image_id is None else self._waited_for([line.image_id])
         self._log(f"legoworld: a line of the baseline cannot be used: {line.reason}")
@@ -188,7 +189,7 @@ class Conversation:
         )
         yield from self._fail(failed, error)
 
-    def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[Record]:
+    def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[ImageRecord]:
         """Name the images it died of; those that were tried before are given up."""
         ended = process.how_it_ended()
         if not self._pending:  # it had answered for all of them
@@ -206,7 +207,7 @@ class Conversation:
         )
         yield from self._fail([i for i in working if self._deaths[i] >= _TRIES], error)
 
-    def _fail(self, image_ids: list[int], error: LegoWorldError) -> Iterator[Record]:
+    def _fail(self, image_ids: list[int], error: LegoWorldError) -> Iterator[ImageRecord]:
         for image_id in image_ids:
             yield failed_record(self._pending.pop(image_id), error)
 

@@ -13,7 +13,6 @@ from legoworld.baselines.baseline_import import (
     import_configuration,
     write_import,
 )
-from legoworld.baselines.baseline_run import BaselineResult, Progress
 from legoworld.baselines.depth_folder import (
     DepthSource,
     planar_depth,
@@ -21,10 +20,8 @@ from legoworld.baselines.depth_folder import (
 )
 from legoworld.baselines.depth_matching import Match, Matches, match_files
 from legoworld.baselines.records import (
-    Record,
     ResultMissingError,
     depth_record,
-    failed_record,
     is_intact,
 )
 from legoworld.errors import LegoWorldError, UsageError
@@ -33,9 +30,12 @@ from legoworld.evaluation.depth.pictures import SUFFIXES
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.pluralize import counted
 from legoworld.readouts.depth import depth_file
-from legoworld.records.baseline_run import ImportedFrom, PhotoEntry, ReadArray
 from legoworld.records.folders import run_folder
+from legoworld.records.folders.run_journal import append, journal
+from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom, ReadArray
 from legoworld.running.disk import check_disk
+from legoworld.running.image_record import failed_record
+from legoworld.running.readout_run import Progress, RunResult
 from legoworld.tracks.track import TrackImage
 
 Say = Callable[[str], None]
@@ -44,39 +44,39 @@ _FLOAT16: Final = "the file holds float16: three digits, and nothing beyond 6550
 
 def import_depth(
     request: ImportRequest, source: DepthSource, *, progress: Progress, notice: Say
-) -> BaselineResult:
+) -> RunResult:
     """Import a folder of depth arrays; goes on where an interrupted import stopped.
 
     An array that `evaluate` could not score is a row of the run. When no array at all can be
     used, the first one's error is raised and nothing is kept.
     """
     images = list(request.track.images)
-    imported = {
-        "folder": source.folder.resolve().name,
-        "space": source.space,
-        "unit": source.unit,
-        "array": source.array,
-        "suffix": source.suffix,
-        "cameras_sha256": sha256_of_text(
+    imported = Imported(
+        folder=source.folder.resolve().name,
+        space=source.space,
+        unit=source.unit,
+        array=source.array,
+        suffix=source.suffix,
+        cameras_sha256=sha256_of_text(
             canonical_json({n: [*c.intrinsics_px] for n, c in source.cameras.items()})
         )
         if source.cameras
         else None,
-    }
+    )
     matches = match_files(source.folder, images, source.suffix)
     _refuse_unusable(request, source, images, matches)
     _notice_names(matches, notice)
     with run_folder.locked(request.run):
         configuration = import_configuration(request, images, imported)
         earlier = run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
-        by_id = {record["row"]["image_id"]: record for record in earlier}
+        by_id = {record.row.image_id: record for record in earlier}
         sizes = [i.size_wh for i in images if i.id not in by_id and i.size_wh is not None]
         check_disk(request.run, sizes, notice, next_step="free some space, or choose another -o")
-        with run_folder.journal(request.run) as journal:
+        with journal(request.run) as stream:
             records = []
             for record in _depth_records(request, source, matches, by_id):
-                records.append(run_folder.append(journal, record))
-                progress(record["row"])
+                records.append(append(stream, record))
+                progress(record.row)
         return write_import(request, records, configuration)
 
 
@@ -84,8 +84,8 @@ def _depth_records(
     request: ImportRequest,
     source: DepthSource,
     matches: Matches,
-    earlier: Mapping[int, Record],
-) -> Iterator[Record]:
+    earlier: Mapping[int, ImageRecord],
+) -> Iterator[ImageRecord]:
     for image in request.track.images:
         try:
             if not request.was_run_on(image):
@@ -93,7 +93,7 @@ def _depth_records(
             match = _existing(matches, image)
             file = match.path.relative_to(source.folder).as_posix()
             digest = sha256_of_file(match.path)
-            entry = PhotoEntry(source=ImportedFrom(file=file, sha256=digest, matched_by=match.how))
+            entry = ImageSource(source=ImportedFrom(file=file, sha256=digest, matched_by=match.how))
             if image.id in earlier and is_intact(earlier[image.id], request.run, entry):
                 yield earlier[image.id]
                 continue
@@ -105,15 +105,15 @@ def _depth_records(
 
 
 def _depth_record(
-    image: TrackImage, request: ImportRequest, entry: PhotoEntry, array: DepthArray
-) -> Record:
+    image: TrackImage, request: ImportRequest, entry: ImageSource, array: DepthArray
+) -> ImageRecord:
     """The record with what of the file was read, and a warning where it is less than float32."""
     stored = array.stored
     assert stored is not None
     read = ReadArray(array=stored.array, dtype=stored.dtype, shape=tuple(stored.shape))
     record = depth_record(image, request.run, replace(entry, read=read))
     if stored.dtype == "float16":
-        record["row"]["warnings"].append(_FLOAT16)
+        return replace(record, row=replace(record.row, warnings=(_FLOAT16,)))
     return record
 
 

@@ -12,7 +12,6 @@ from legoworld.baselines.baseline_import import (
     not_run_on,
     write_import,
 )
-from legoworld.baselines.baseline_run import BaselineResult
 from legoworld.baselines.box_formats import (
     BoxFormat,
     check_declared,
@@ -32,7 +31,7 @@ from legoworld.baselines.category_ids import (
 from legoworld.baselines.foreign_results import Entry
 from legoworld.baselines.labels import LabelMap, Matcher
 from legoworld.baselines.photo_names import Placed, place
-from legoworld.baselines.records import Record, detection_record
+from legoworld.baselines.records import detection_record
 from legoworld.baselines.results_file import (
     Named,
     ResultsFile,
@@ -42,14 +41,19 @@ from legoworld.baselines.results_file import (
     with_our_categories,
 )
 from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError
-from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
+from legoworld.evaluation.detection.inputs.prediction_checks import (
+    PredictionsInvalidError,
+    as_predictions,
+)
 from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
-from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results
+from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.pluralize import counted, share, word_for
-from legoworld.records.baseline_run import ImportedFrom, PhotoEntry
 from legoworld.records.folders import run_folder
+from legoworld.records.folders.run_journal import append, journal
+from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
+from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import TrackImage
 
 Say = Callable[[str], None]
@@ -69,9 +73,7 @@ class DetectionSource:
     category_ids: CategoryIds | None = None
 
 
-def import_detections(
-    request: ImportRequest, source: DetectionSource, *, notice: Say
-) -> BaselineResult:
+def import_detections(request: ImportRequest, source: DetectionSource, *, notice: Say) -> RunResult:
     """Import boxes or masks. Nothing is written when anything in them would be refused."""
     images = list(request.track.images)
     found = read_results(source.path)
@@ -82,28 +84,28 @@ def import_detections(
     checked = _checked(request, box_format, named.entries, notice)
     _say_categories(request, source, named, checked, notice)
     groups = by_image(checked.entries)
-    imported = {
-        "file": source.path.name,
-        "sha256": sha256_of_file(source.path),
-        "box_format": box_format if _of_boxes(request) else None,
-        "image_ids": placed.by,
-        "category_ids": source.category_ids or "dataset" if named.by_id else "names",
-        "label_map_sha256": sha256_of_text(canonical_json(source.labels)),
-        "left_out": named.left_out,
-        "empty_masks_dropped": checked.n_dropped_empty,
-    }
+    imported = Imported(
+        file=source.path.name,
+        sha256=sha256_of_file(source.path),
+        box_format=box_format if _of_boxes(request) else None,
+        image_ids=placed.by,
+        category_ids=source.category_ids or "dataset" if named.by_id else "names",
+        label_map_sha256=sha256_of_text(canonical_json(source.labels)),
+        left_out=named.left_out,
+        empty_masks_dropped=checked.n_dropped_empty,
+    )
 
-    def record(image: TrackImage) -> Record:
+    def record(image: TrackImage) -> ImageRecord:
         entries = columns_of(groups.get(image.id, ()))
         own = Predictions(entries=entries, warnings=(), n_dropped_empty=0)
-        return detection_record(image, own, PhotoEntry(source=ImportedFrom(file=source.path.name)))
+        return detection_record(image, own, ImageSource(source=ImportedFrom(file=source.path.name)))
 
     with run_folder.locked(request.run):
         configuration = import_configuration(request, images, imported)
         run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
-        with run_folder.journal(request.run) as journal:
+        with journal(request.run) as stream:
             records = [
-                run_folder.append(journal, record(i) if request.was_run_on(i) else not_run_on(i))
+                append(stream, record(i) if request.was_run_on(i) else not_run_on(i))
                 for i in images
             ]
         return write_import(request, records, configuration)
@@ -144,7 +146,7 @@ def _say_categories(
         left = counted(count, "prediction", "predictions")
         notice(f"label {label!r}: {left} left out, as the label map says")
     if checked.entries:
-        notice(most_frequent(checked.entries, vocabulary))
+        notice(most_frequent(checked.entries.category_id.tolist(), vocabulary))
     if source.category_ids is None:
         doubtful = doubt(named.by_id, vocabulary, request.protocol.task.name)
         if doubtful:
@@ -166,6 +168,7 @@ def _checked(
     images, sizes_wh = request.track.images, _sizes_wh(request.track.images)
     vocabulary, task = request.protocol.vocabulary, request.protocol.task.name
     assert vocabulary is not None
+    protocol = detection_protocol(task)
     entries = [with_xywh(entry, box_format) for entry in as_given]
     if not _of_boxes(request):
         entries, filled = with_masks(entries, sizes_wh)
@@ -173,11 +176,11 @@ def _checked(
             notice(f"{counted(filled, 'mask', 'masks')} of polygons, filled as pycocotools does")
     try:
         checked = check_results(
-            entries,
+            [as_predictions(entries, kind_of(protocol))],
             status_by_image={i.id: "ok" if request.was_run_on(i) else "missing" for i in images},
             sizes_wh=sizes_wh,
             vocabulary=vocabulary,
-            protocol=detection_protocol(task),
+            protocol=protocol,
             order="given",
         )
     except BoxFormatError as error:

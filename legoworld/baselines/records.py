@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+
+from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.arrays import DepthArray
@@ -14,18 +15,19 @@ from legoworld.evaluation.depth.errors import DepthPredictionError
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.resampling import check_size
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
-from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results
+from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
+from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
 from legoworld.evaluation.detection.protocols import DetectionProtocol
-from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.files import sha256_of_file
 from legoworld.readouts.depth import depth_file
-from legoworld.records.base import as_json, canonical, to_record
+from legoworld.records.base import UNSET, as_json, canonical
 from legoworld.records.baseline_messages import DepthSaid, Message
-from legoworld.records.baseline_run import PhotoEntry
+from legoworld.records.folders.prediction_files import has_its_results, predictions_sha256
+from legoworld.records.run_file import ImageRecord, ImageSource
+from legoworld.records.run_rows import DepthFile, RunRow
+from legoworld.running.image_record import failed_record, row_of
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
-
-Record = dict[str, Any]
-"""One image's {"row": per_image row, "predictions": list, "scene": run.json entry or None}."""
 
 
 class ImageFailedError(LegoWorldError):
@@ -76,48 +78,39 @@ class AnswerRules:
     vocabulary: Vocabulary | None
 
 
-def failed_record(image: TrackImage, error: LegoWorldError) -> Record:
-    """The record of an image without a result."""
-    row = _row(image) | {
-        "status": error.status,
-        "code": error.code,
-        "reason": str(error),
-        "warnings": [],
-    }
-    return {"row": row, "predictions": [], "scene": None}
-
-
 def answered_record(
-    image: TrackImage, answer: Message, rules: AnswerRules, source: PhotoEntry
-) -> Record:
+    image: TrackImage, answer: Message, rules: AnswerRules, source: ImageSource
+) -> ImageRecord:
     """A child's answer as a record; one that `evaluate` would refuse is that image's failure."""
     try:
         if answer.failed is not None:
             raise ImageFailedError(answer.failed)
         if rules.protocol is None:
             record = depth_record(image, rules.run, source)
-            _check_depth_answer(answer.depth, record["row"])
+            _check_depth_answer(answer.depth, record.row)
         else:
             record = detection_record(image, _checked(image, answer, rules), source)
     except LegoWorldError as error:
         return failed_record(image, error)
-    record["row"]["counts"] = answer.counts or {}
-    return record
+    return replace(record, row=replace(record.row, counts=answer.counts or {}))
 
 
-def detection_record(image: TrackImage, predictions: Predictions, source: PhotoEntry) -> Record:
+def detection_record(
+    image: TrackImage, predictions: Predictions, source: ImageSource
+) -> ImageRecord:
     """The record of one image's checked boxes or masks. source: its run.json entry."""
-    entries = list(predictions.entries)
-    row = _ok_row(image) | {
-        "n_predictions": len(entries),
-        "predictions_sha256": predictions_sha256(entries),
-        "empty_masks_dropped": predictions.n_dropped_empty,
-        "warnings": list(predictions.warnings),
-    }
-    return {"row": row, "predictions": entries, "scene": as_json(source)}
+    entries = tuple(predictions.entries)
+    row = replace(
+        row_of(image),
+        n_predictions=len(entries),
+        predictions_sha256=predictions_sha256(entries),
+        empty_masks_dropped=predictions.n_dropped_empty,
+        warnings=tuple(predictions.warnings),
+    )
+    return ImageRecord(row=row, predictions=entries, scene=source)
 
 
-def depth_record(image: TrackImage, run: Path, source: PhotoEntry) -> Record:
+def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageRecord:
     """The record of one image's depth file in the run, read back and checked.
 
     LegoWorldError when it is absent, unlabelled, or cannot be scored.
@@ -129,19 +122,16 @@ def depth_record(image: TrackImage, run: Path, source: PhotoEntry) -> Record:
     assert image.size_wh is not None
     check = partial(check_size, truth_wh=image.size_wh)
     array = read_labelled(path, Declaration(), check_size=check)
-    row = _ok_row(image) | {
-        "rendered_wh": list(array.size_wh),
-        "depth": {
-            "file": name,
-            "space": array.space,
-            "unit": array.unit,
-            "bytes": path.stat().st_size,
-            "sha256": sha256_of_file(path),
-            "finite_px": predicted_px(array, image),
-        },
-        "warnings": [],
-    }
-    return {"row": row, "predictions": [], "scene": as_json(source)}
+    depth = DepthFile(
+        file=name,
+        space=array.space,
+        unit=array.unit,
+        bytes=path.stat().st_size,
+        sha256=sha256_of_file(path),
+        finite_px=predicted_px(array, image),
+    )
+    row = replace(row_of(image), rendered_wh=array.size_wh, depth=depth)
+    return ImageRecord(row=row, scene=source)
 
 
 def predicted_px(array: DepthArray, image: TrackImage) -> int:
@@ -162,23 +152,14 @@ def predicted_px(array: DepthArray, image: TrackImage) -> int:
     return int(predicted.sum())
 
 
-def is_intact(record: Record, run: Path, source: PhotoEntry) -> bool:
+def is_intact(record: ImageRecord, run: Path, source: ImageSource) -> bool:
     """Whether a stored record is a result, whole, of this same source (its hashes)."""
-    row, stored = record["row"], record["scene"]
-    if row["status"] != "ok" or stored is None:
+    if record.row.status != "ok" or record.scene is None:
         return False
+    stored = as_json(record.scene)
     if any(stored.get(key) != value for key, value in as_json(source).items()):
         return False
-    if "depth" not in row:
-        return bool(row["predictions_sha256"] == predictions_sha256(record["predictions"]))
-    path: Path = run / row["depth"]["file"]
-    return path.is_file() and sha256_of_file(path) == row["depth"]["sha256"]
-
-
-def predictions_sha256(entries: list[dict[str, Any]]) -> str:
-    """Hash of an image's predictions, whatever number the image has in a track."""
-    named = [{k: v for k, v in p.items() if k != "image_id"} for p in entries]
-    return sha256_of_text(canonical_json(named))
+    return has_its_results(record, run)
 
 
 def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predictions:
@@ -192,7 +173,7 @@ def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predicti
     assert rules.vocabulary is not None
     assert image.size_wh is not None
     return check_results(
-        answer.predictions,
+        [as_predictions(answer.predictions, kind_of(rules.protocol))],
         status_by_image={image.id: "ok"},
         sizes_wh={image.id: image.size_wh},
         vocabulary=rules.vocabulary,
@@ -202,25 +183,19 @@ def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predicti
     )
 
 
-def _check_depth_answer(said: DepthSaid | None, row: dict[str, Any]) -> None:
+def _check_depth_answer(said: DepthSaid | None, row: RunRow) -> None:
     """The file that was written is the one the child spoke of."""
-    found = to_record(DepthSaid, {**row["depth"], "size_wh": row["rendered_wh"]})
+    assert row.depth
+    assert row.rendered_wh
+    found = DepthSaid(
+        sha256=row.depth.sha256 or "",
+        size_wh=row.rendered_wh,
+        space=row.depth.space or "",
+        unit=None if row.depth.unit is UNSET else row.depth.unit,
+    )
     if said != found:
         raise AnswerInvalidError(
             "the depth file is not the one the baseline spoke of",
             found=canonical(found),
             expected=canonical(said) if said else "a word about the file",
         )
-
-
-def _ok_row(image: TrackImage) -> dict[str, Any]:
-    return _row(image) | {"status": "ok", "code": "ok", "reason": None}
-
-
-def _row(image: TrackImage) -> dict[str, Any]:
-    return {
-        "image_id": image.id,
-        "file_name": image.file_name,
-        "scene": image.scene,
-        "size_wh": list(image.size_wh) if image.size_wh else None,
-    }

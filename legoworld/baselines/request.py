@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from msgspec.structs import replace
 
 from legoworld import __version__
 from legoworld.baselines.cards import BaselineCard
@@ -14,16 +15,17 @@ from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
-from legoworld.evaluation.detection.inputs.prediction_order import ORDER
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.tasks import Protocol
+from legoworld.records.base import UNSET
 from legoworld.records.baseline_messages import (
     ChildRequest,
     RequestedCategory,
     RequestedImage,
 )
 from legoworld.records.cards import OptionValue
+from legoworld.records.run_file import Configuration
 from legoworld.tracks.track import Track, TrackImage
 
 
@@ -88,45 +90,46 @@ def selected_images(track: Track, image_ids: Sequence[int], limit: int | None) -
 
 def common_configuration(
     protocol: Protocol, track: Track, images: Sequence[TrackImage], *, partial: bool
-) -> dict[str, Any]:
+) -> Configuration:
     """The part of a configuration that runs and imports share with a scene's run."""
     described = [[i.id, i.file_name, i.size_wh] for i in images]
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "kind": "baseline",
-        "task": protocol.task.name,
-        "card_version": protocol.card.version,
-        "card_sha256": protocol.card.sha256,
-        "vocabulary_sha256": protocol.vocabulary.sha256 if protocol.vocabulary else None,
-        "track_sha256": track.sha256,
-        "images_sha256": sha256_of_text(canonical_json(described)),
-        "attempted": len(images),
-        "partial": partial,
-        "legoworld": __version__,
-        **({ORDER: "given"} if protocol.vocabulary else {}),
-    }
+    return Configuration(
+        schema_version=SCHEMA_VERSION,
+        kind="baseline",
+        task=protocol.task.name,
+        card_version=protocol.card.version,
+        card_sha256=protocol.card.sha256,
+        vocabulary_sha256=protocol.vocabulary.sha256 if protocol.vocabulary else None,
+        track_sha256=track.sha256,
+        images_sha256=sha256_of_text(canonical_json(described)),
+        attempted=len(images),
+        partial=partial,
+        legoworld=__version__,
+        prediction_order="given" if protocol.vocabulary else UNSET,
+    )
 
 
-def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> dict[str, Any]:
+def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> Configuration:
     """What a run's results depend on, besides photos and what the model says of itself.
 
     The weights' own hashes are in the provenance that the process gives when it has loaded them.
     """
     weights = Path(request.weights)
     partial = request.limit is not None or bool(request.image_ids)
-    return common_configuration(request.protocol, request.track, images, partial=partial) | {
-        "baseline": request.card.name,
-        "baseline_version": request.card.about.version,
-        "baseline_card_sha256": request.card.sha256,
-        "code_sha256": request.card.code_sha256(),
-        "weights": weights.name if weights.exists() else request.weights,
-        "device": request.device.partition(":")[0],
-        "dtype": request.dtype,
-        "batch_size": request.batch_size,
-        "options": dict(request.options),
-        "label_map_sha256": sha256_of_text(canonical_json(request.labels)),
-        "used_truth": request.prompts.document if request.prompts else None,
-    }
+    return replace(
+        common_configuration(request.protocol, request.track, images, partial=partial),
+        baseline=request.card.name,
+        baseline_version=request.card.about.version,
+        baseline_card_sha256=request.card.sha256,
+        code_sha256=request.card.code_sha256(),
+        weights=weights.name if weights.exists() else request.weights,
+        device=request.device.partition(":")[0],
+        dtype=request.dtype,
+        batch_size=request.batch_size,
+        options=dict(request.options),
+        label_map_sha256=sha256_of_text(canonical_json(request.labels)),
+        used_truth=request.prompts.used if request.prompts else None,
+    )
 
 
 def child_request(

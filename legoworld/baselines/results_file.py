@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +23,7 @@ from legoworld.errors import one_line
 from legoworld.evaluation.detection.inputs.masks import MOST_COORDINATE_PX, compressed
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.pluralize import share, word_for
+from legoworld.records.predictions import Prediction
 
 _LISTS: Final = ("annotations", "predictions", "results")
 #: Only a result, or an image's results, has one of these beside what names them.
@@ -227,9 +228,9 @@ def _images(document: Entry, path: Path) -> dict[Any, Entry]:
     return found
 
 
-def by_image(entries: Sequence[Entry]) -> dict[Any, list[Entry]]:
-    """Entries by image id, in their order."""
-    groups: dict[Any, list[Entry]] = {}
-    for entry in entries:
-        groups.setdefault(entry["image_id"], []).append(entry)
+def by_image(predictions: Iterable[Prediction]) -> dict[int, list[Prediction]]:
+    """Predictions by image id, in their order."""
+    groups: dict[int, list[Prediction]] = {}
+    for prediction in predictions:
+        groups.setdefault(prediction.image_id, []).append(prediction)
     return groups

@@ -11,6 +11,7 @@ from legoworld.errors import CatalogError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode
 from legoworld.records.lvis import VerifiedTruth
+from legoworld.records.run_file import UsedTruth
 from legoworld.tracks.track import TrackImage
 
 WHAT = "each image's positive and negative categories, as prompts"
@@ -18,10 +19,10 @@ WHAT = "each image's positive and negative categories, as prompts"
 
 @dataclass(frozen=True, kw_only=True)
 class TruthPrompts:
-    """category_ids: per image id, ascending; document: how run.json says that truth was used."""
+    """category_ids: per image id, ascending; used: how run.json says it."""
 
     category_ids: dict[int, list[int]]
-    document: dict[str, str]
+    used: UsedTruth
 
 
 def read_truth_prompts(
@@ -53,7 +54,7 @@ def read_truth_prompts(
         ) from error
     return TruthPrompts(
         category_ids={i: sorted(ids) for i, ids in verified.items()},
-        document={"sha256": sha256_of_file(path), "what": WHAT},
+        used=UsedTruth(sha256=sha256_of_file(path), what=WHAT),
     )
 
 

@@ -12,10 +12,10 @@ from legoworld.commands.progress import shown_progress
 
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_import import ImportRequest
-    from legoworld.baselines.baseline_run import BaselineResult
     from legoworld.baselines.box_formats import BoxFormat
     from legoworld.baselines.category_ids import CategoryIds
     from legoworld.baselines.depth_folder import DepthSource
+    from legoworld.running.readout_run import RunResult
 
 
 @click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
@@ -171,7 +171,7 @@ def _import_detections(
     label_map: Path | None,
     *,
     quiet: bool,
-) -> BaselineResult:
+) -> RunResult:
     from legoworld.baselines.detection_import import DetectionSource, import_detections
 
     labels = baseline_output.labels(label_map, request.protocol)
@@ -204,7 +204,7 @@ def _depth_source(
     )
 
 
-def _import_depth(request: ImportRequest, source: DepthSource, *, quiet: bool) -> BaselineResult:
+def _import_depth(request: ImportRequest, source: DepthSource, *, quiet: bool) -> RunResult:
     from legoworld.baselines.depth_import import import_depth
 
     with shown_progress("image", quiet=quiet, lines=True) as shown:

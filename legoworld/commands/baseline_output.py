@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import options
 from legoworld.pluralize import counted, share
+from legoworld.records.base import UNSET
 
 if TYPE_CHECKING:
-    from legoworld.baselines.baseline_run import BaselineResult
     from legoworld.readouts.tasks import Protocol
+    from legoworld.records.run_rows import RunRow
+    from legoworld.running.readout_run import RunResult
     from legoworld.tracks.track import Track
 
 TASKS = options.Choice(["coco", "coco-masks", "lvis", "eth3d"])
@@ -43,9 +45,9 @@ def labels(path: Path | None, protocol: Protocol) -> dict[str, str | None]:
     return label_map(path, protocol.vocabulary, protocol.task.name)
 
 
-def show(result: BaselineResult, output: Path, *, as_json: bool, verbose: bool) -> int:
+def show(result: RunResult, output: Path, *, as_json: bool, verbose: bool) -> int:
     """Print the contents of the run; return the exit code."""
-    bad = [row for row in result.rows if row["status"] != "ok"]
+    bad = [row for row in result.rows if row.status != "ok"]
     if as_json:
         options.print_json({"run": str(output), "summary": result.summary, "rows": result.rows})
     else:
@@ -53,36 +55,30 @@ def show(result: BaselineResult, output: Path, *, as_json: bool, verbose: bool) 
     return 1 if bad else 0
 
 
-def _print(
-    result: BaselineResult, bad: list[dict[str, Any]], output: Path, *, verbose: bool
-) -> None:
+def _print(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool) -> None:
     summary = result.summary
     if verbose:
-        cells = [
-            (row["image_id"], row["file_name"], row["status"], _made(row)) for row in result.rows
-        ]
+        cells = [(row.image_id, row.file_name, row.status, _made(row)) for row in result.rows]
         click.echo(options.table(("image", "photo", "status", "predicted"), cells) + "\n")
     for row in bad[:50]:
-        click.echo(
-            f"{row['status']}: {row['file_name']} (image {row['image_id']}): {row['reason']}"
-        )
+        click.echo(f"{row.status}: {row.file_name} (image {row.image_id}): {row.reason}")
     if len(bad) > 50:
         click.echo(f"... and {len(bad) - 50} more, in {output / 'per_image.jsonl'}")
-    coverage = summary["coverage"]
-    line = f"{share(coverage['ok'], coverage['attempted'], 'image', 'images')} predicted"
-    if "ok_empty" in coverage:
-        what = ("box", "boxes") if summary["task"] == "coco" else ("mask", "masks")
-        made = counted(summary["predictions"], *what)
-        line += f" ({coverage['ok_empty']} without any), {made}"
-    if summary["partial"]:
+    coverage = summary.coverage
+    line = f"{share(coverage.ok, coverage.attempted, 'image', 'images')} predicted"
+    if coverage.ok_empty is not UNSET:
+        what = ("box", "boxes") if summary.task == "coco" else ("mask", "masks")
+        made = counted(summary.predictions or 0, *what)
+        line += f" ({coverage.ok_empty} without any), {made}"
+    if summary.partial:
         line += ", partial run"
     click.echo(f"{line} -> {output}")
 
 
-def _made(row: dict[str, Any]) -> object:
-    if row["status"] != "ok":
+def _made(row: RunRow) -> object:
+    if row.status != "ok":
         return "-"
-    if "depth" in row:
-        width, height = row["rendered_wh"]
-        return f"{row['depth']['finite_px'] / (width * height):.1%} {row['depth']['space']}"
-    return row["n_predictions"]
+    if row.depth and row.rendered_wh:
+        width, height = row.rendered_wh
+        return f"{row.depth.finite_px / (width * height):.1%} {row.depth.space}"
+    return row.n_predictions or 0

@@ -55,11 +55,11 @@ def command(
         here = [stack.enter_context(read_from(shard)) for shard in shards]
         folder = stack.enter_context(written_at(output, last="run.json", overwrite=overwrite))
         result = merge_shards(here, folder, images_per_file=images_per_file, overwrite=overwrite)
-    coverage = result.summary["coverage"]
+    coverage = result.summary.coverage
     if as_json:
         options.print_json({"run": str(output), "summary": result.summary})
     else:
         given = counted(len(shards), "run", "shards")
-        read = share(coverage["ok"], coverage["attempted"], "image", "images")
+        read = share(coverage.ok, coverage.attempted, "image", "images")
         click.echo(f"{given}, {read} read -> {output}")
-    return 0 if coverage["ok"] == coverage["attempted"] else 1
+    return 0 if coverage.ok == coverage.attempted else 1

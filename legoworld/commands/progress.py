@@ -6,11 +6,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Final
 
 from legoworld.api.listening import Listener
 from legoworld.commands import options
 from legoworld.pluralize import share
+from legoworld.records.run_rows import RunRow
 
 #: Seconds between two lines of progress in a log.
 _LINE_S: Final = 30.0
@@ -33,10 +34,10 @@ class LineProgress:
         """Count the images kept from an earlier run; they do not affect the rate."""
         self._kept = n
 
-    def __call__(self, row: dict[str, Any]) -> None:
+    def __call__(self, row: RunRow) -> None:
         """Count one image that was predicted in this run."""
         self._done += 1
-        self._failed += row["status"] != "ok"
+        self._failed += row.status != "ok"
         now = self._clock()
         if now < self._next and self._kept + self._done < self._total:
             return
@@ -70,9 +71,9 @@ def shown_progress(unit: str, *, quiet: bool, lines: bool = False) -> Iterator[L
             bar.total = n
             bar.refresh()
 
-        def row(done: dict[str, Any]) -> None:
+        def row(done: RunRow) -> None:
             nonlocal failed
-            failed += done["status"] != "ok"
+            failed += done.status != "ok"
             bar.set_postfix(failed=failed, refresh=False)
             bar.update()
 

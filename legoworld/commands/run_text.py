@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from legoworld.commands import options
 from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.pluralize import counted, share
+from legoworld.records.base import UNSET
 from legoworld.tracks.scene_names import Stranger, lower_top
 
 if TYPE_CHECKING:
     from legoworld.api.readout import Run
+    from legoworld.records.run_file import RunSummary
+    from legoworld.records.run_rows import RunRow
 
-Row = dict[str, Any]
 #: Maximum number of lines of one kind without -v.
 _SHORT: Final = 3
 
@@ -42,28 +44,28 @@ def show_run(
     click.echo(f"{_counts(result.summary)} -> {result.folder}")
 
 
-def failure_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
+def failure_lines(rows: Sequence[RunRow], *, verbose: bool) -> list[str]:
     """One line per kind of failure with its first image; with -v one line per image."""
-    failures = [row for row in rows if row["status"] != "ok"]
+    failures = [row for row in rows if row.status != "ok"]
     if verbose:
         return [_failure(row) for row in failures]
-    kinds: dict[tuple[str, str], list[Row]] = {}
+    kinds: dict[tuple[str, str], list[RunRow]] = {}
     for row in failures:
-        what = _kind(str(row["reason"]).partition(";")[0])
-        kinds.setdefault((row["status"], what), []).append(row)
+        what = _kind(str(row.reason).partition(";")[0])
+        kinds.setdefault((row.status, what), []).append(row)
     ordered = sorted(kinds.values(), key=lambda rows: -len(rows))
     return [_failure(alike[0], more=len(alike) - 1) for alike in ordered]
 
 
-def warning_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
+def warning_lines(rows: Sequence[RunRow], *, verbose: bool) -> list[str]:
     """The first warning of each kind with the count; with -v every warning.
 
     Two warnings are of the same kind when they differ only in quoted names and numbers.
     """
-    warned = [(row, str(text)) for row in rows for text in row["warnings"]]
+    warned = [(row, text) for row in rows for text in row.warnings]
     if verbose:
-        return [f"warning: {row['file_name']}: {text}" for row, text in warned]
-    kinds: dict[str, list[tuple[Row, str]]] = {}
+        return [f"warning: {row.file_name}: {text}" for row, text in warned]
+    kinds: dict[str, list[tuple[RunRow, str]]] = {}
     for row, text in warned:
         kinds.setdefault(re.sub(r"'[^']*'|\"[^\"]*\"|\d+(\.\d+)?", "*", text), []).append(
             (row, text)
@@ -71,11 +73,11 @@ def warning_lines(rows: Sequence[Row], *, verbose: bool) -> list[str]:
     lines = []
     for alike in sorted(kinds.values(), key=lambda found: -len(found)):
         row, text = alike[0]
-        images = len({other["image_id"] for other, _ in alike})
+        images = len({other.image_id for other, _ in alike})
         more = (
             f" ({len(alike)} like it in {counted(images, 'image', 'images')})" if alike[1:] else ""
         )
-        lines.append(f"warning: {row['file_name']}: {text}{more}")
+        lines.append(f"warning: {row.file_name}: {text}{more}")
     return lines
 
 
@@ -105,17 +107,18 @@ def unlabelled_lines(result: Run) -> list[str]:
     bare = [
         row
         for row in result.rows
-        if row["status"] == "ok"
-        and row.get("instances", {}).get("labelled") == 0
-        and not row["unmatched"]
-        and not row["unexported"]
+        if row.status == "ok"
+        and row.instances
+        and row.instances.labelled == 0
+        and not row.unmatched
+        and not row.unexported
     ]
     if not bare:
         return []
     have = counted(len(bare), "scene has", "scenes have")
-    task = result.summary["task"]
+    task = result.summary.task
     return [
-        f"{have} no label, such as {bare[0]['scene']}: give objects the custom property `category` "
+        f"{have} no label, such as {bare[0].scene}: give objects the custom property `category` "
         f"(`legoworld list schema --task {task}`)"
     ]
 
@@ -128,39 +131,39 @@ def _limited(lines: Sequence[str], what: str, *, verbose: bool) -> None:
         click.echo(f"... and {len(lines) - len(shown)} more {what} (-v lists them)")
 
 
-def _table(rows: Sequence[Row]) -> None:
+def _table(rows: Sequence[RunRow]) -> None:
     cells = [
-        (row["image_id"], row["file_name"], row["status"], *_exported(row), len(row["warnings"]))
+        (row.image_id, row.file_name, row.status, *_exported(row), len(row.warnings))
         for row in rows
     ]
     header = ("image", "photo", "status", "exported", "unexported", "warnings")
     click.echo(options.table(header, cells) + "\n")
 
 
-def _failure(row: Row, more: int = 0) -> str:
+def _failure(row: RunRow, more: int = 0) -> str:
     others = f" and {more} more" if more else ""
-    return f"{row['status']}: {row['file_name']} (image {row['image_id']}){others}: {row['reason']}"
+    return f"{row.status}: {row.file_name} (image {row.image_id}){others}: {row.reason}"
 
 
 def _label_lines(result: Run) -> list[str]:
-    unmatched: dict[str, int] = result.summary.get("unmatched_labels", {})
+    unmatched = result.summary.unmatched_labels or {}
     ordered = sorted(unmatched.items(), key=lambda item: (-item[1], item[0]))
     return [outside_the_vocabulary(name, n, _nearest(result, name)) for name, n in ordered]
 
 
-def _counts(summary: dict[str, Any]) -> str:
-    coverage = summary["coverage"]
-    line = f"{share(coverage['ok'], coverage['attempted'], 'image', 'images')} read"
-    if "ok_empty" in coverage:
-        line += f" ({coverage['ok_empty']} without any export)"
-    what = {"boxes": ("box", "boxes"), "masks": ("mask", "masks")}.get(_exports(summary["task"]))
+def _counts(summary: RunSummary) -> str:
+    coverage = summary.coverage
+    line = f"{share(coverage.ok, coverage.attempted, 'image', 'images')} read"
+    if coverage.ok_empty is not UNSET:
+        line += f" ({coverage.ok_empty} without any export)"
+    what = {"boxes": ("box", "boxes"), "masks": ("mask", "masks")}.get(_exports(summary.task))
     if what:
-        line += f", {counted(summary['predictions'], *what)}"
-    if "validity" in summary:
-        line += f", {summary['validity']['valid']} valid"
-    if summary["warnings"]:
-        line += f", {counted(summary['warnings'], 'warning', 'warnings')}"
-    if summary["partial"]:
+        line += f", {counted(summary.predictions or 0, *what)}"
+    if summary.validity:
+        line += f", {summary.validity.valid} valid"
+    if summary.warnings:
+        line += f", {counted(summary.warnings, 'warning', 'warnings')}"
+    if summary.partial:
         line += ", partial run"
     return line
 
@@ -172,22 +175,22 @@ def _exports(task: str) -> str:
     return load_card(task).declared.readout.reads
 
 
-def _exported(row: Row) -> tuple[object, object]:
-    if row["status"] != "ok":
+def _exported(row: RunRow) -> tuple[object, object]:
+    if row.status != "ok":
         return "-", "-"
-    if "surface" in row:
-        width, height = row["surface"]["raster_wh"]
-        seen = f"{row['surface']['finite_px'] / (width * height):.1%} surface"
-        return (seen if row["valid"] else f"{seen}, not valid"), "-"
-    if "depth" in row:
-        width, height = row["rendered_wh"]
-        return f"{row['depth']['finite_px'] / (width * height):.1%} depth", "-"
-    return row["n_predictions"], len(row["unexported"])
+    if row.surface:
+        width, height = row.surface.raster_wh
+        seen = f"{row.surface.finite_px / (width * height):.1%} surface"
+        return (seen if row.valid else f"{seen}, not valid"), "-"
+    if row.depth and row.rendered_wh:
+        width, height = row.rendered_wh
+        return f"{row.depth.finite_px / (width * height):.1%} depth", "-"
+    return row.n_predictions or 0, len(row.unexported or ())
 
 
 def _nearest(result: Run, label: str) -> list[str]:
     for row in result.rows:
-        for unmatched in row.get("unmatched", ()):
-            if unmatched["label"] == label:
-                return list(unmatched["nearest"])
+        for unmatched in row.unmatched or ():
+            if unmatched.label == label:
+                return list(unmatched.nearest)
     return []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -121,7 +121,7 @@ def command(
         options.print_json(_document(found, overlay))
     else:
         _print(found, overlay, output, verbose=verbose, quiet=quiet)
-    return exit_codes.DONE if found.row["status"] == "ok" else exit_codes.INCOMPLETE
+    return exit_codes.DONE if found.row.status == "ok" else exit_codes.INCOMPLETE
 
 
 def _kept_overlay(overlay: Path, photo: Path, task: str) -> Path:
@@ -131,7 +131,7 @@ def _kept_overlay(overlay: Path, photo: Path, task: str) -> Path:
     return kept
 
 
-def _document(found: PhotoScore, overlay: Path | None) -> dict[str, Any]:
+def _document(found: PhotoScore, overlay: Path | None) -> dict[str, object]:
     return {
         "row": found.row,
         "summary": found.summary,
@@ -155,7 +155,7 @@ def _print(
             "the partial scene is scored"
         )
     if found.summary is None:
-        click.echo(f"{row['status']}: {row['file_name']}: {row['reason']}")
+        click.echo(f"{row.status}: {row.file_name}: {row.reason}")
         return
     if isinstance(found.summary, DepthSummary):
         click.echo(short_depth(found.summary))

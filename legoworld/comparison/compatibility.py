@@ -68,14 +68,14 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
         "card": lambda s: _short(s.evidence.configuration.card_sha256),
         "truth": _truth_files,
         "reference sampling": lambda s: s.reference_sampling,
-        "categories": lambda s: _short(s.run["configuration"].get("vocabulary_sha256")),
+        "categories": lambda s: _short(s.run.configuration.vocabulary_sha256),
     }
     differences = []
     for name, fact in facts.items():
         ours, theirs = fact(first), fact(other)
         if ours != theirs:
             differences.append(f"{name} {ours} and {theirs}")
-    tracks = [s.run["configuration"].get("track_sha256") for s in (first, other)]
+    tracks = [s.run.configuration.track_sha256 or None for s in (first, other)]
     if None not in tracks and tracks[0] != tracks[1]:
         differences.append(f"track {_short(tracks[0])} and {_short(tracks[1])}")
     return differences + _image_differences(first, other)

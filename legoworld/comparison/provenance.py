@@ -9,6 +9,7 @@ from typing import Final
 
 from legoworld.evaluation.stored import Evaluated
 from legoworld.files import canonical_json
+from legoworld.records.base import UNSET
 from legoworld.records.comparison import ByField, MadeBy
 
 NOT_RECORDED: Final = "not recorded"
@@ -31,13 +32,12 @@ def recorded_provenance(side: Evaluated) -> list[MadeBy]:
 
     A baseline's is one for all its images. Images without a scene have nothing to record.
     """
-    scenes = side.run.get("scenes") or {}
     if side.is_scene:
-        provenances = [(scene or {}).get("provenance", NOT_RECORDED) for scene in scenes.values()]
+        sources = (side.run.scenes or {}).values()
+        provenances = [UNSET if source is None else source.provenance for source in sources]
     else:
-        recorded = side.run["configuration"].get("provenance", NOT_RECORDED)
-        provenances = [recorded] * side.summary.coverage.attempted
-    counted = Counter(canonical_json(one) for one in provenances)
+        provenances = [side.run.configuration.provenance] * side.summary.coverage.attempted
+    counted = Counter(canonical_json(NOT_RECORDED if one is UNSET else one) for one in provenances)
     ordered = sorted(counted.items(), key=lambda item: (-item[1], item[0]))
     return [MadeBy(provenance=json.loads(text), images=n) for text, n in ordered]
 

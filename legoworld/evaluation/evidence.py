@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
+from legoworld.evaluation.detection.inputs.prediction_columns import columns_of, score_column
 from legoworld.evaluation.detection.inputs.prediction_order import in_order
 from legoworld.evaluation.detection.inputs.predictions import sha256_of_entries
 from legoworld.evaluation.detection.matching import matches_file
@@ -22,7 +22,7 @@ from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_rows import DepthRow, ImageRow
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, Summary
-from legoworld.records.evaluation_view import Result, TruthCategories
+from legoworld.records.evaluation_view import TruthCategories
 from legoworld.records.evidence import (
     AnyEvidence,
     BenchEvidence,
@@ -39,6 +39,7 @@ from legoworld.records.folders.evaluation_reading import (
     read_summary,
 )
 from legoworld.records.folders.input_hash import hash_and_size, without_of
+from legoworld.records.predictions import Prediction
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 
@@ -179,19 +180,20 @@ def _numbers(
         counts = matches_file.counts_from(arrays, class_aware=aware)
         document = as_json(matched_document(counts, class_aware=aware))
         yield check_equal(f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind)))
-    predictions = decode(list[Result], (folder / VIEW / "predictions.json").read_bytes())
+    predictions = decode(list[Prediction], (folder / VIEW / "predictions.json").read_bytes())
     recorded = evidence.raw.canonical_predictions_sha256
     yield check_equal("predictions", _export_sha256(predictions, equal=False), recorded)
     recorded = evidence.equal_confidence.predictions_sha256
     yield check_equal("equal-confidence export", _export_sha256(predictions, equal=True), recorded)
 
 
-def _export_sha256(predictions: list[Result], *, equal: bool) -> str:
+def _export_sha256(predictions: list[Prediction], *, equal: bool) -> str:
     """Hash of the results that view/predictions.json shows, as `Predictions.sha256` makes it."""
-    if not equal:
-        return sha256_of_entries(map(as_json, predictions))
-    alike = columns_of([{**as_json(one), "score": EQUAL_CONFIDENCE} for one in predictions])
-    return sha256_of_entries(in_order(alike, "canonical"))
+    entries = columns_of(predictions)
+    if equal:
+        entries = replace(entries, score=score_column([EQUAL_CONFIDENCE] * len(entries)))
+        entries = in_order(entries, "canonical")
+    return sha256_of_entries(entries)
 
 
 def check_equal(what: str, found: object, recorded: object) -> Check:

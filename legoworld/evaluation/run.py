@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from legoworld.errors import LegoWorldError
 from legoworld.pluralize import counted
-from legoworld.records.folders.evaluation_reading import read_rows
-from legoworld.records.folders.prediction_files import (
-    IMAGES_PER_FILE,
-    prediction_files,
-    stored_entries,
-)
-from legoworld.records.folders.result_hashes import altered
-from legoworld.records.folders.run_folder import JOURNAL, ROWS, RUN
+from legoworld.records.base import RecordError, decode, decode_lines
+from legoworld.records.folders.prediction_files import prediction_files, stored_batches
+from legoworld.records.folders.run_journal import JOURNAL
+from legoworld.records.folders.run_reading import ROWS, RUN, altered
+from legoworld.records.predictions import Scored
+from legoworld.records.run_file import Configuration, RunHead
+from legoworld.records.run_rows import RunImage, RunRow
+
+P = TypeVar("P", bound=Scored)
 
 
 class RunUnusableError(LegoWorldError):
@@ -26,34 +27,35 @@ class RunUnusableError(LegoWorldError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunImage:
-    """One attempted image. status: ok, or why there is nothing to score."""
-
-    id: int
-    file_name: str
-    size_wh: tuple[int, int] | None
-    status: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class Run:
-    """A finished run. images: ascending id; configuration and document: run.json's."""
+    """A finished run. images: ascending id; head: of run.json."""
 
     folder: Path
-    task: str
-    configuration: dict[str, Any]
+    head: RunHead
     images: tuple[RunImage, ...]
-    document: dict[str, Any]
+
+    @property
+    def configuration(self) -> Configuration:
+        """What the run was made with."""
+        return self.head.configuration
+
+    @property
+    def task(self) -> str:
+        """Coco, coco-masks, lvis or eth3d."""
+        return self.configuration.task
 
     @property
     def partial(self) -> bool:
         """Whether the run attempted only some of its track's images."""
-        return bool(self.configuration.get("partial"))
+        return bool(self.configuration.partial)
 
 
 def read_run(folder: Path) -> Run:
     """The run in a folder. RunUnusableError when it is absent, unfinished or inconsistent."""
-    document = _read_json(folder / RUN, "a run folder holds run.json; make one with readout")
+    try:
+        head = decode(RunHead, (folder / RUN).read_bytes())
+    except (OSError, RecordError) as error:
+        raise _unreadable(folder, RUN, error) from error
     if (folder / JOURNAL).exists():
         raise RunUnusableError(
             f"the run in {folder.name} has not ended",
@@ -61,37 +63,35 @@ def read_run(folder: Path) -> Run:
             expected="a finished run",
             next_step="run its command again: it goes on where it stopped",
         )
+    _refuse_altered(folder, head, [folder / ROWS])
     try:
-        configuration = document["configuration"]
-        _refuse_altered(folder, document, [folder / ROWS])
-        task = configuration["task"]
-        images = tuple(sorted(map(_image, read_rows(folder / ROWS)), key=lambda i: i.id))
-        attempted = configuration["attempted"]
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError, OSError) as error:
-        raise RunUnusableError(
-            f"the run in {folder.name} cannot be read",
-            found=f"{type(error).__name__}: {error}",
-            expected=f"{RUN} and {ROWS} as a run writes them",
-        ) from error
-    if len({i.id for i in images}) != len(images) or len(images) != attempted or not images:
+        images = decode_lines(RunImage, (folder / ROWS).read_bytes())
+    except (OSError, RecordError) as error:
+        raise _unreadable(folder, ROWS, error) from error
+    n, attempted = len({i.image_id for i in images}), head.configuration.attempted
+    if n != len(images) or n != attempted or not n:
         raise RunUnusableError(
             f"the run in {folder.name} does not cover its own track",
-            found=f"rows: {len(images)}, of different images: {len({i.id for i in images})}",
+            found=f"rows: {len(images)}, of different images: {n}",
             expected=f"{counted(attempted, 'image', 'images')}, one row each",
             next_step="run its command again",
         )
-    return Run(
-        folder=folder,
-        task=str(task),
-        configuration=configuration,
-        images=images,
-        document=document,
-    )
+    ordered = sorted(images, key=lambda i: i.image_id)
+    return Run(folder=folder, head=head, images=tuple(ordered))
 
 
-def _refuse_altered(folder: Path, document: Any, files: list[Path]) -> None:
+def read_rows(run: Run) -> list[RunRow]:
+    """The run's rows in full, ascending id. RunUnusableError."""
+    try:
+        rows = decode_lines(RunRow, (run.folder / ROWS).read_bytes())
+    except (OSError, RecordError) as error:
+        raise _unreadable(run.folder, ROWS, error) from error
+    return sorted(rows, key=lambda row: row.image_id)
+
+
+def _refuse_altered(folder: Path, head: RunHead, files: list[Path]) -> None:
     """RunUnusableError where a file is not the one the run wrote."""
-    for name in altered(folder, document, files):
+    for name in altered(folder, head, files):
         raise RunUnusableError(
             f"{folder.name}/{name} is not the one that the run wrote",
             found="another sha256",
@@ -100,16 +100,15 @@ def _refuse_altered(folder: Path, document: Any, files: list[Path]) -> None:
         )
 
 
-def read_predictions(run: Run) -> list[Any]:
-    """Every prediction of the run, file after file, unchecked beyond being lists.
+def read_predictions(run: Run, kind: type[P]) -> Iterator[list[P]]:
+    """Every prediction of the run, as a kind of prediction, some MiB at a time.
 
     PredictionsUnreadableError names a file that is absent or damaged, RunUnusableError one that is
     not as the run wrote it.
     """
     files = _prediction_files(run)
-    entries = list(stored_entries(files))
-    _refuse_altered(run.folder, run.document, files)
-    return entries
+    _refuse_altered(run.folder, run.head, files)
+    yield from stored_batches(files, kind)
 
 
 def run_inputs(run: Run) -> list[tuple[str, Path]]:
@@ -122,39 +121,31 @@ def run_inputs(run: Run) -> list[tuple[str, Path]]:
 
 
 def _prediction_files(run: Run) -> list[Path]:
-    per_file = run.configuration.get(IMAGES_PER_FILE)
-    return prediction_files(run.folder, per_file, len(run.images))
+    return prediction_files(run.folder, run.configuration.images_per_file or None, len(run.images))
 
 
 def run_view(run: Run) -> dict[str, Any]:
-    """view/run.json: what a report says of the run and of each of its images, without any time.
+    """view/run.json: run.json without its time, and the rows, as they are in their files.
 
-    Nor does it say into how many files the predictions are divided: no number depends on it.
+    Into how many files the predictions are divided is left out: no number depends on it.
     """
-    document = _read_json(run.folder / RUN, "a finished run")
-    document["configuration"].pop(IMAGES_PER_FILE, None)
+    name = RUN
+    try:
+        document = decode(dict[str, Any], (run.folder / RUN).read_bytes())
+        name = ROWS
+        rows = decode_lines(dict[str, Any], (run.folder / ROWS).read_bytes())
+    except (OSError, RecordError) as error:
+        raise _unreadable(run.folder, name, error) from error
+    document["configuration"].pop("images_per_file", None)
     return {
         **{key: document.get(key) for key in ("configuration", "versions", "scenes", "baseline")},
-        "images": sorted(read_rows(run.folder / ROWS), key=lambda row: int(row["image_id"])),
+        "images": sorted(rows, key=lambda row: int(row["image_id"])),
     }
 
 
-def _image(row: dict[str, Any]) -> RunImage:
-    size = row.get("size_wh")
-    return RunImage(
-        id=int(row["image_id"]),
-        file_name=str(row["file_name"]),
-        size_wh=(int(size[0]), int(size[1])) if size else None,
-        status=str(row["status"]),
+def _unreadable(folder: Path, name: str, error: OSError | RecordError) -> RunUnusableError:
+    return RunUnusableError(
+        f"{folder.name}/{name} cannot be read",
+        found=getattr(error, "strerror", None) or str(error),
+        expected=f"{RUN} and {ROWS} as a run writes them; make a run with readout",
     )
-
-
-def _read_json(path: Path, expected: str) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise RunUnusableError(
-            f"{path.parent.name}/{path.name} cannot be read",
-            found=getattr(error, "strerror", None) or str(error),
-            expected=expected,
-        ) from error

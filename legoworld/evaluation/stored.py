@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +26,6 @@ from legoworld.records.folders.evaluation_reading import (
     PER_IMAGE,
     SUMMARY,
     VIEW,
-    Row,
     read_category_rows,
     read_evaluation_evidence,
     read_image_rows,
@@ -37,6 +35,8 @@ from legoworld.records.folders.evaluation_reading import (
 )
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.records.run_file import ImageSource, RunView, UsedTruth
+from legoworld.records.run_rows import RunRow
 
 T = TypeVar("T")
 RUN_VIEW: Final = f"{VIEW}/run.json"
@@ -62,7 +62,7 @@ class Evaluated:
     name: str
     summary: TaskSummary
     evidence: TaskEvidence
-    run: dict[str, Any]
+    run: RunView
     rows: tuple[TaskRow, ...]
     categories: tuple[CategoryRow, ...]
 
@@ -134,7 +134,7 @@ class Evaluated:
     @property
     def max_side(self) -> int | None:
         """What a scene's depth was read out at, where that is smaller than the photos."""
-        asked: int | None = self.run["configuration"].get("max_side")
+        asked = self.run.configuration.max_side
         return asked if asked and self.resampled else None
 
     @property
@@ -148,14 +148,18 @@ class Evaluated:
         return not self.detection.equal_confidence.already_equal
 
     @property
-    def used_truth(self) -> Any:
+    def used_truth(self) -> UsedTruth | None:
         """What the run says of truth it was prompted with; None for a run that saw none."""
-        return self.run["configuration"].get("used_truth")
+        return self.run.configuration.used_truth or None
 
     @cached_property
-    def run_rows(self) -> dict[int, Row]:
+    def run_rows(self) -> dict[int, RunRow]:
         """The run's own row of each image, by image id."""
-        return {int(row["image_id"]): row for row in self.run["images"]}
+        return {row.image_id: row for row in self.run.images}
+
+    def source(self, image_id: int) -> ImageSource | None:
+        """What an image's result was made from; None where the run does not say."""
+        return (self.run.scenes or {}).get(str(image_id))
 
     @cached_property
     def matches(self) -> dict[str, NDArray[Any]]:
@@ -203,10 +207,11 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     for name in found:
         checked(folder, evidence, name)
     summary = read_summary(folder)
-    run = json.loads((folder / RUN_VIEW).read_text(encoding="utf-8"))
+    with reading(folder, RUN_VIEW) as path:
+        run = decode(RunView, path.read_bytes())
     name = "scene"
     if summary.kind != "scene":
-        name = str(run["configuration"].get("baseline") or unnamed or folder.resolve().name)
+        name = str(run.configuration.baseline or unnamed or folder.resolve().name)
     return Evaluated(
         folder=folder,
         name=name,

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import EQUAL_CONFIDENCE
+from legoworld.records.predictions import Prediction, Rle
 from legoworld.scene.instances import Instance
 from legoworld.visibility.view import View
 
-Export = tuple[dict[str, Any], Instance]
+Export = tuple[Prediction, Instance]
 """A prediction and its instance."""
 
 
@@ -21,31 +22,29 @@ def exported(instances: Sequence[Instance], view: View) -> list[Instance]:
     return [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
 
 
-def box_predictions(
-    image_id: int, instances: Sequence[Instance], view: View
-) -> list[dict[str, Any]]:
+def box_predictions(image_id: int, instances: Sequence[Instance], view: View) -> list[Prediction]:
     """COCO box results of one image, in canonical order: category id, then the box's numbers."""
     return [prediction for prediction, _ in box_exports(image_id, instances, view)]
 
 
 def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
     """`box_predictions`, each with its instance."""
-    rows: list[Export] = []
-    for instance in exported(instances, view):
-        assert instance.category is not None
-        prediction = {
-            "image_id": image_id,
-            "category_id": instance.category.id,
-            "bbox": list(bbox_xywh_px(view, instance.id)),
-            "score": EQUAL_CONFIDENCE,
-        }
-        rows.append((prediction, instance))
-    return sorted(rows, key=lambda r: (r[0]["category_id"], r[0]["bbox"]))
+    found = [(i, bbox_xywh_px(view, i.id)) for i in exported(instances, view)]
+    return [
+        (
+            Prediction(
+                image_id=image_id,
+                category_id=_category_id(instance),
+                bbox=box,
+                score=EQUAL_CONFIDENCE,
+            ),
+            instance,
+        )
+        for instance, box in sorted(found, key=lambda f: (_category_id(f[0]), f[1]))
+    ]
 
 
-def mask_predictions(
-    image_id: int, instances: Sequence[Instance], view: View
-) -> list[dict[str, Any]]:
+def mask_predictions(image_id: int, instances: Sequence[Instance], view: View) -> list[Prediction]:
     """Mask results of one image, in canonical order: category id, then the RLE's bytes.
 
     Without bbox: the official evaluators would use the box's area as the mask's.
@@ -55,23 +54,25 @@ def mask_predictions(
 
 def mask_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
     """`mask_predictions`, each with its instance."""
-    rows: list[Export] = []
     runs = ColumnRuns(view.buffers.instance)
-    for instance in exported(instances, view):
-        assert instance.category is not None
-        prediction = {
-            "image_id": image_id,
-            "category_id": instance.category.id,
-            "segmentation": runs.rle(instance.id),
-            "score": EQUAL_CONFIDENCE,
-        }
-        rows.append((prediction, instance))
-    return sorted(rows, key=_by_category_and_counts)
+    found = [(i, runs.counts(i.id)) for i in exported(instances, view)]
+    return [
+        (
+            Prediction(
+                image_id=image_id,
+                category_id=_category_id(instance),
+                segmentation=Rle(size=runs.size_hw, counts=counts),
+                score=EQUAL_CONFIDENCE,
+            ),
+            instance,
+        )
+        for instance, counts in sorted(found, key=lambda f: (_category_id(f[0]), f[1]))
+    ]
 
 
-def _by_category_and_counts(export: Export) -> tuple[int, bytes]:
-    prediction, _ = export
-    return prediction["category_id"], prediction["segmentation"]["counts"].encode()
+def _category_id(instance: Instance) -> int:
+    assert instance.category is not None
+    return instance.category.id
 
 
 def bbox_xywh_px(view: View, instance_id: int) -> tuple[int, int, int, int]:
@@ -87,7 +88,7 @@ class ColumnRuns:
     """
 
     def __init__(self, instance: NDArray[np.int32]) -> None:
-        self._height, self._width = instance.shape
+        self.size_hw: tuple[int, int] = (instance.shape[0], instance.shape[1])
         flat = instance.T.ravel()
         first = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1))
         ids = flat[first]
@@ -95,8 +96,8 @@ class ColumnRuns:
         self._ids, self._first = ids[order], first[order]
         self._end = np.append(first[1:], flat.size)[order]
 
-    def rle(self, instance_id: int) -> dict[str, Any]:
-        """Compressed RLE of one instance, byte for byte as pycocotools encodes its mask."""
+    def counts(self, instance_id: int) -> str:
+        """Compressed RLE counts of one instance, byte for byte as pycocotools encodes its mask."""
         from pycocotools import mask as coco_mask
 
         low, high = np.searchsorted(self._ids, (instance_id, instance_id + 1))
@@ -105,10 +106,10 @@ class ColumnRuns:
         counts[0:-1:2][:1] = first[:1]
         counts[2:-1:2] = first[1:] - end[:-1]
         counts[1::2] = end - first
-        counts[-1] = self._height * self._width - (end[-1] if len(end) else 0)
+        height, width = self.size_hw
+        counts[-1] = height * width - (end[-1] if len(end) else 0)
         if counts[-1] == 0:
             counts = counts[:-1]
-        size = [self._height, self._width]
-        rle: Any = {"size": size, "counts": counts}
-        encoded = coco_mask.frPyObjects(rle, self._height, self._width)
-        return {"size": size, "counts": encoded["counts"].decode("ascii")}
+        rle: Any = {"size": [height, width], "counts": counts}
+        encoded: bytes = coco_mask.frPyObjects(rle, height, width)["counts"]
+        return encoded.decode("ascii")

@@ -80,13 +80,16 @@ def _decoded(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
         raise RecordError("lists or objects are nested too deeply") from error
 
 
-def decode_lines(kind: type[_T], data: bytes) -> list[_T]:
-    """JSON Lines as values of a type; the place of an error begins with its line, from 1."""
+def decode_lines(kind: type[_T], data: bytes, *, first: int = 1) -> list[_T]:
+    """JSON Lines as values of a type; the place of an error begins with its line.
+
+    first: the number of the first line.
+    """
     decoder = _decoder(kind)
     try:
         return decoder.decode_lines(data)
     except (msgspec.DecodeError, RecursionError):
-        for number, line in enumerate(data.split(b"\n"), start=1):
+        for number, line in enumerate(data.split(b"\n"), start=first):
             if line.strip():
                 try:
                     decode(kind, line)

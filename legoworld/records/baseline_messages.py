@@ -80,7 +80,7 @@ class Message(Record, frozen=True, kw_only=True):
     refused: Refusal | None = None
     working_on: tuple[int, ...] | None = None
     image_id: int | None = None
-    predictions: list[dict[str, Any]] | None = None
+    predictions: tuple[dict[str, Any], ...] | None = None
     depth: DepthSaid | None = None
     failed: str | None = None
     counts: dict[str, int] | None = None

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.evaluation_view import Box, Number, Segmentation
+from legoworld.records.evaluation_view import Segmentation
+from legoworld.records.predictions import Box, Number
 
 
 class CocoInfo(Record, frozen=True, kw_only=True):
@@ -33,6 +32,13 @@ class CocoCategory(Record, frozen=True, kw_only=True):
     name: str
 
 
+class ObjectNames(Record, frozen=True, kw_only=True):
+    """Of a scene's prediction: the label's owner, and the objects whose surfaces it has."""
+
+    name: str | UnsetType = UNSET
+    objects: tuple[str, ...] | UnsetType = UNSET
+
+
 class CocoAnnotation(Record, frozen=True, kw_only=True):
     """A prediction as an annotation: its mask as compressed RLE, none for a box.
 
@@ -47,7 +53,7 @@ class CocoAnnotation(Record, frozen=True, kw_only=True):
     segmentation: Segmentation
     iscrowd: int
     score: Number
-    attributes: dict[str, Any] | UnsetType = UNSET
+    attributes: ObjectNames | UnsetType = UNSET
 
 
 class CocoFile(Record, frozen=True, kw_only=True):

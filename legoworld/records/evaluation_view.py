@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from legoworld.records.base import UNSET, Record, UnsetType
-
-Number = int | float
-Box = tuple[Number, ...]
+from legoworld.records.predictions import Box, Number, Prediction, Rle
 
 
 class Fit(Record, frozen=True, kw_only=True):
@@ -32,15 +30,8 @@ class DepthView(Record, frozen=True, kw_only=True):
     fit: Fit
 
 
-class Rle(Record, frozen=True, kw_only=True):
-    """A mask's run lengths, or pycocotools' compressed counts; size is (height, width)."""
-
-    size: tuple[int, int]
-    counts: str | tuple[int, ...]
-
-
 #: A mask, or polygons of x, y, x, y, ...
-Segmentation = Rle | tuple[Box, ...]
+Segmentation = Rle | tuple[tuple[Number, ...], ...]
 
 
 class TrueImage(Record, frozen=True, kw_only=True):
@@ -84,17 +75,7 @@ class TruthView(TruthCategories, frozen=True, kw_only=True):
     annotations: tuple[TrueAnnotation, ...]
 
 
-class Result(Record, frozen=True, kw_only=True):
-    """A prediction as it was scored: a box, or a mask."""
-
-    image_id: int
-    category_id: int
-    score: Number
-    bbox: Box | UnsetType = UNSET
-    segmentation: Rle | UnsetType = UNSET
-
-
-class ShownPrediction(Result, frozen=True, kw_only=True):
+class ShownPrediction(Prediction, frozen=True, kw_only=True):
     """One of view/predictions.json. outcome_50: what the evaluator made of it at IoU 0.5."""
 
     outcome_50: Literal["tp", "fp", "ignored", "unverified", "over_cap"]

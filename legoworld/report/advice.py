@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.pluralize import counted
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
-from legoworld.records.folders.evaluation_reading import Row
 from legoworld.records.report_page import Advice, DrawnPrediction
+from legoworld.records.run_rows import RunRow
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, parts_of_truths
 from legoworld.report.shapes import drawn_predictions
@@ -61,17 +61,17 @@ def detection_advice(
             found += _labels(side.run_row)
     if not scene:
         found = [replace(a, do="") for a in found]
-    found += [Advice(level="warn", what=str(w)) for w in side.run_row.get("warnings") or ()]
+    found += [Advice(level="warn", what=w) for w in side.run_row.warnings]
     return sorted_advice(found)
 
 
-def failure_advice(run_row: Row) -> list[Advice]:
+def failure_advice(run_row: RunRow) -> list[Advice]:
     """Why there is no output at all; nothing when there is one."""
-    if run_row["status"] == "ok":
+    if run_row.status == "ok":
         return []
-    reason = str(run_row.get("reason") or "the run gives no reason")
+    reason = run_row.reason or "the run gives no reason"
     what, _, do = reason.partition("; next: ")
-    return [Advice(level="bad", what=f"no output ({run_row['status']}): {what}", do=do)]
+    return [Advice(level="bad", what=f"no output ({run_row.status}): {what}", do=do)]
 
 
 def _missed(
@@ -96,7 +96,7 @@ def _missed(
             iou = side.errors.cover_iou[g] or 0.0
             one = _covered(task, name, side.entries[cover], names, iou)
             found.append(replace(one, truths=(g,), predictions=(cover,)))
-    unlabelled = [str(u["name"]) for u in side.run_row.get("unlabelled") or ()]
+    unlabelled = [u.name for u in side.run_row.unlabelled or ()]
     for name, missed in sorted(by_name.items(), key=lambda x: (-len(x[1]), x[0])):
         alike = [u for u in unlabelled if _alike(name, u)]
         if alike:
@@ -277,22 +277,22 @@ def _counted(side: SideImage) -> list[Advice]:
     return found
 
 
-def _labels(run_row: Row) -> list[Advice]:
+def _labels(run_row: RunRow) -> list[Advice]:
     found = [
         Advice(
             level="warn",
-            what=f"the label {u['label']!r} ({u['count']} x) is not in the vocabulary",
-            do=f"nearest names: {', '.join(u['nearest'])}" if u.get("nearest") else "",
+            what=f"the label {u.label!r} ({u.count} x) is not in the vocabulary",
+            do=f"nearest names: {', '.join(u.nearest)}" if u.nearest else "",
         )
-        for u in run_row.get("unmatched") or ()
+        for u in run_row.unmatched or ()
     ]
-    for u in run_row.get("unexported") or ():
-        what = f"{u['name']} ({u['category']}) is labelled but has no pixel: {u['reason']}"
-        found.append(Advice(level="warn", what=what, do=_UNSEEN.get(u["reason"], "")))
-    nested = run_row.get("nested") or {}
-    if nested.get("instances"):
-        are = counted(nested["instances"], "instance is", "instances are")
-        what = f"{are} nested in another: {nested['px']} px"
+    for one in run_row.unexported or ():
+        what = f"{one.name} ({one.category}) is labelled but has no pixel: {one.reason}"
+        found.append(Advice(level="warn", what=what, do=_UNSEEN.get(one.reason, "")))
+    nested = run_row.nested
+    if nested and nested.instances:
+        are = counted(nested.instances, "instance is", "instances are")
+        what = f"{are} nested in another: {nested.px} px"
         found.append(Advice(level="note", what=f"{what} are cut out of the outer one"))
     return found
 

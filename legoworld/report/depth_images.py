@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from msgspec.structs import replace
@@ -15,8 +15,9 @@ from legoworld.evaluation.depth.view import decoded
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
-from legoworld.records.folders.evaluation_reading import Row
 from legoworld.records.report_page import Advice, DepthDrawing
+from legoworld.records.run_file import ImageSource
+from legoworld.records.run_rows import RunRow
 from legoworld.report.advice import failure_advice, sorted_advice
 
 #: The code of a pixel without depth.
@@ -37,8 +38,8 @@ class DepthImage:
     """
 
     rows: tuple[DepthRow, ...]
-    run_rows: tuple[Row, ...]
-    scenes: tuple[dict[str, Any] | None, ...]
+    run_rows: tuple[RunRow, ...]
+    scenes: tuple[ImageSource | None, ...]
     view: DepthDrawing | None
     truth_z_m: F32 | None
     aligned_z_m: tuple[F32 | None, ...]
@@ -53,7 +54,7 @@ def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
         yield DepthImage(
             rows=rows,
             run_rows=tuple(side.run_rows[image_id] for side in sides),
-            scenes=tuple((s.run.get("scenes") or {}).get(str(image_id)) for s in sides),
+            scenes=tuple(side.source(image_id) for side in sides),
             view=depth_view(views),
             truth_z_m=decoded(known.truth_z_m, known.size_wh) if known else None,
             aligned_z_m=tuple(
@@ -107,7 +108,7 @@ def _errors(aligned: F32, truth: F32) -> NDArray[np.float64]:
     return found
 
 
-def depth_advice(row: DepthRow, run_row: Row, *, scene: bool) -> tuple[Advice, ...]:
+def depth_advice(row: DepthRow, run_row: RunRow, *, scene: bool) -> tuple[Advice, ...]:
     """Everything to say of one side's depth of a photo; what to do only where it is a scene."""
     found = failure_advice(run_row)
     if not found and isinstance(row, ScoredDepthRow):
@@ -116,7 +117,7 @@ def depth_advice(row: DepthRow, run_row: Row, *, scene: bool) -> tuple[Advice, .
         found.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
     if not scene:
         found = [replace(a, do="") for a in found]
-    warnings = {*row.warnings, *(run_row.get("warnings") or ())}
+    warnings = {*row.warnings, *run_row.warnings}
     found += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
     return sorted_advice(found)
 

@@ -9,11 +9,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.inputs.masks import Rle, compressed, overlaps
+from legoworld.evaluation.detection.inputs.masks import EncodedMask, compressed, overlaps
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted
-from legoworld.records import evaluation_view as mask_records
 from legoworld.records.base import UnsetType
 from legoworld.records.evaluation_rows import DetectionRow
 from legoworld.records.evaluation_view import (
@@ -22,7 +21,9 @@ from legoworld.records.evaluation_view import (
     TrueAnnotation,
     TrueImage,
 )
-from legoworld.records.folders.evaluation_reading import Row
+from legoworld.records.predictions import Rle
+from legoworld.records.run_file import ImageSource
+from legoworld.records.run_rows import RunRow
 from legoworld.report.error_kinds import ImageErrors, image_errors
 from legoworld.report.sources import ReportInputError
 
@@ -38,8 +39,8 @@ class SideImage:
     """
 
     row: DetectionRow
-    run_row: Row
-    scene: dict[str, Any] | None
+    run_row: RunRow
+    scene: ImageSource | None
     entries: tuple[ShownPrediction, ...]
     errors: ImageErrors
 
@@ -80,7 +81,7 @@ def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
                 SideImage(
                     row=row[image.id],
                     run_row=side.run_rows[image.id],
-                    scene=(side.run.get("scenes") or {}).get(str(image.id)),
+                    scene=side.source(image.id),
                     entries=predictions,
                     errors=_errors(side.task, image, found, predictions),
                 )
@@ -142,14 +143,14 @@ def shapes(
     return [mask_of(row, image) for row in rows]
 
 
-def mask_of(row: TrueAnnotation | ShownPrediction, image: TrueImage) -> Rle:
+def mask_of(row: TrueAnnotation | ShownPrediction, image: TrueImage) -> EncodedMask:
     """A truth's or a prediction's compressed mask."""
     return compressed(as_lists(row.segmentation), (image.height, image.width))
 
 
 def as_lists(segmentation: Segmentation | UnsetType) -> dict[str, Any] | list[list[float]]:
     """A mask or polygons as pycocotools takes them."""
-    if not isinstance(segmentation, mask_records.Rle):
+    if not isinstance(segmentation, Rle):
         return [[*polygon] for polygon in segmentation or ()]
     counts = segmentation.counts
     kept = counts if isinstance(counts, str) else [*counts]

@@ -138,7 +138,7 @@ def _answer(
 ) -> DetectionAnswer:
     return DetectionAnswer(
         label=side.name,
-        status=answer.run_row["status"],
+        status=answer.run_row.status,
         facts=tuple(run_facts(answer.run_row, answer.scene)),
         tables=tuple(run_tables(answer.run_row)),
         advice=detection_advice(task, image, answer, names, scene=side.is_scene),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,7 @@ from typing import Any, Final
 from msgspec.structs import asdict
 
 from legoworld.evaluation.stored import Evaluated
-from legoworld.records.base import as_json
+from legoworld.records.base import as_json, canonical
 from legoworld.records.comparison import Comparison
 from legoworld.records.report_page import Facts
 from legoworld.records.report_tables import SideOrigin, UsedData, UsedInput, UsedVersion
@@ -36,13 +37,13 @@ def provenance(side: Evaluated) -> SideOrigin:
     """What the page says of where one side's numbers come from."""
     evidence, run = side.evidence, side.run
     cards = _cards()
-    versions = {**(run.get("versions") or {}), **evidence.versions}
+    versions = {**(run.versions or {}), **evidence.versions}
     return SideOrigin(
         label=side.name,
         folder=side.folder.name,
         commands=(_made_run(side, cards), _evaluated(side)),
         partial=side.summary.partial,
-        configuration=_flat(run.get("configuration") or {}),
+        configuration=_flat(json.loads(canonical(run.configuration))),
         evaluation=_flat(as_json(evidence.configuration)),
         versions=tuple(
             UsedVersion(name=n, version=v, licence=_LICENCES.get(n, "see the package"))
@@ -67,23 +68,23 @@ def compare_command(comparison: Comparison, sides: Sequence[Evaluated]) -> str:
 
 
 def _made_run(side: Evaluated, cards: list[dict[str, Any]]) -> str:
-    configuration = side.run.get("configuration") or {}
+    configuration = side.run.configuration
     run = _run_name(side)
-    track = _known(cards, configuration.get("track_sha256") or "") or "TRACK.json"
+    track = _known(cards, configuration.track_sha256 or "") or "TRACK.json"
     if not side.is_scene:
-        name = configuration.get("baseline") or "NAME"
-        verb = "import FILE_OR_DIR" if configuration.get("imported") else f"run {_word(name)}"
+        name = configuration.baseline or "NAME"
+        verb = "import FILE_OR_DIR" if configuration.imported else f"run {_word(name)}"
         return (
             f"legoworld baseline {verb} --task {side.task} --track {_word(track)} -o {_word(run)}"
         )
     words = ["legoworld", "readout", "SCENES", "--task", side.task]
-    if configuration.get("track_sha256"):
+    if configuration.track_sha256:
         words += ["--track", track]
-    if configuration.get("source"):
-        words += ["--source", str(configuration["source"])]
-    if configuration.get("max_side"):
-        words += ["--max-side", str(configuration["max_side"])]
-    if configuration.get("require_frozen"):
+    if configuration.source:
+        words += ["--source", configuration.source]
+    if configuration.max_side:
+        words += ["--max-side", str(configuration.max_side)]
+    if configuration.require_frozen:
         words.append("--require-frozen")
     return shlex.join([*words, "-o", run])
 
@@ -119,11 +120,11 @@ def _data_licence(side: Evaluated, cards: list[dict[str, Any]]) -> list[UsedData
 
 def _model_licence(side: Evaluated) -> list[UsedData]:
     """The specialist's own licence, as its card has it."""
-    baseline = side.run.get("baseline") or {}
-    if "licence" not in baseline:
+    baseline = side.run.baseline
+    if baseline is None or not baseline.licence:
         return []
-    names = {key: str(baseline.get(key, "")) for key in ("name", "title", "licence")}
-    return [UsedData(**names, said="the specialist")]
+    name, title = baseline.name or "", baseline.title or ""
+    return [UsedData(name=name, title=title, licence=baseline.licence, said="the specialist")]
 
 
 def _cards() -> list[dict[str, Any]]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.records.report_page import PageCamera, PageScene
+from legoworld.records.run_file import ImageSource
+from legoworld.records.run_rows import RunRow
 from legoworld.report.photos import page_picture
 
 RENDER: Final = "final.png"
@@ -39,9 +41,7 @@ class SceneFiles:
     _render_of: dict[str, tuple[int | None, str]] = field(default_factory=dict)
     _glb_of: dict[str, tuple[int | None, str]] = field(default_factory=dict)
 
-    def page_scene(
-        self, scene: Mapping[str, Any] | None, row: Mapping[str, Any]
-    ) -> PageScene | None:
+    def page_scene(self, scene: ImageSource | None, row: RunRow) -> PageScene | None:
         """What the page shows of one scene; scene, row: a run's own records of it.
 
         Only files of the recorded hash are shown: the page never shows another scene than the one
@@ -49,7 +49,7 @@ class SceneFiles:
         """
         if not self.folders or scene is None:
             return None
-        files, name = scene.get("files") or {}, str(scene.get("scene"))
+        files, name = scene.files or {}, scene.scene or ""
         render, render_said = self._file(
             name, RENDER, files.get(RENDER), self._render_of, self._add_render
         )
@@ -133,17 +133,16 @@ def why_not_shown(glb: bytes) -> str:
     return ""
 
 
-def _camera(scene: Mapping[str, Any], row: Mapping[str, Any]) -> PageCamera | None:
-    camera, projection = scene.get("camera"), scene.get("projection")
-    size_wh = row.get("rendered_wh")
-    if not (camera and projection and size_wh):
+def _camera(scene: ImageSource, row: RunRow) -> PageCamera | None:
+    camera, projection = scene.camera, scene.projection
+    if not (camera and projection and row.rendered_wh):
         return None
     return PageCamera(
-        world_from_cam=tuple(tuple(map(float, r[:4])) for r in camera["world_from_camera"][:3]),
-        fx=float(projection["fx"]),
-        fy=float(projection["fy"]),
-        cx=float(projection["cx"]),
-        cy=float(projection["cy"]),
-        orthographic=bool(projection["orthographic"]),
-        size_wh=(int(size_wh[0]), int(size_wh[1])),
+        world_from_cam=tuple(tuple(map(float, r[:4])) for r in camera.world_from_camera[:3]),
+        fx=float(projection.fx),
+        fy=float(projection.fy),
+        cx=float(projection.cx),
+        cy=float(projection.cy),
+        orthographic=projection.orthographic,
+        size_wh=row.rendered_wh,
     )

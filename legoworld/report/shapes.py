@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-from legoworld.evaluation.detection.inputs.masks import bounding_box
+from legoworld.evaluation.detection.inputs.masks import EncodedMask, bounding_box
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.records.base import UNSET
-from legoworld.records.evaluation_view import Rle
+from legoworld.records.predictions import Rle
 from legoworld.records.report_page import Drawn, DrawnPrediction
+from legoworld.records.run_rows import Exported
 from legoworld.report.detection_images import DetectionImage, SideImage, mask_of
 
 _PLACES = 2
@@ -44,8 +44,8 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
         mask = mask_of(entry, image.image) if masks else None
         found.append(
             DrawnPrediction(
-                n=str(own["name"]) if own else UNSET,
-                m=tuple(map(str, own["objects"])) if own else UNSET,
+                n=own.name if own else UNSET,
+                m=own.objects if own else UNSET,
                 c=entry.category_id,
                 s=entry.score,
                 o=entry.outcome_50,
@@ -59,19 +59,17 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
     return found
 
 
-def _scene_objects(side: SideImage) -> list[dict[str, Any] | None]:
+def _scene_objects(side: SideImage) -> Sequence[Exported | None]:
     """Name and objects of every prediction of a scene, which its run lists in the same order."""
-    exported = side.run_row.get("exported")
-    if not isinstance(exported, list) or len(exported) != len(side.entries):
+    exported = side.run_row.exported
+    if not exported or len(exported) != len(side.entries):
         return [None] * len(side.entries)
     return exported
 
 
-def _text(mask: Mapping[str, object]) -> str:
+def _text(mask: EncodedMask) -> str:
     """pycocotools' compressed counts of a mask."""
-    counts = mask["counts"]
-    assert isinstance(counts, bytes)
-    return counts.decode("ascii")
+    return mask["counts"].decode("ascii")
 
 
 def _rounded(values: Iterable[float]) -> tuple[float, ...]:

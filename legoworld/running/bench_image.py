@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+
+from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.surface import VisibleSurface
 from legoworld.records.provenance import ProvenanceFile
-from legoworld.running.image_record import ImageOptions, Record, row_of, scene_entry, verdict
+from legoworld.records.run_file import ImageRecord
+from legoworld.records.run_rows import RunRow
+from legoworld.running.image_record import ImageOptions, failed, row_of, source_of
 from legoworld.running.submission import (
     BenchRules,
     artefact_checks,
@@ -16,10 +19,10 @@ from legoworld.running.submission import (
     names_in_common,
     read_render,
     read_surface,
-    validity_of,
+    with_validity,
 )
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.folder import GLB, PROVENANCE, SceneFolder
+from legoworld.scene.folder import GLB, PICTURE, PROVENANCE, SceneFolder
 from legoworld.scene.freeze import FrozenFiles
 from legoworld.scene.opened import OpenedScene, twice
 from legoworld.scene.reading import ReadScene, read_hashed_side_file, read_scene
@@ -36,44 +39,46 @@ class Submission:
 
 
 def read_submission(
-    submission: Submission, options: ImageOptions, blender: BlenderProcess
-) -> Record:
+    submission: Submission, options: ImageOptions, rules: BenchRules, blender: BlenderProcess
+) -> ImageRecord:
     """Read one submission out. An error becomes its verdict; what was made before it is kept.
 
     A scene that loses its Blender process is asked for once more, in a fresh one.
     """
-    rules = options.bench
-    assert rules is not None
-    row = row_of(submission.image)
-    checks = artefact_checks(submission.folder)
+    row, folder = row_of(submission.image), submission.folder
+    checks = artefact_checks(folder)
     try:
         scene = twice(lambda: _read(submission, options, blender))
     except LegoWorldError as error:
-        return _judged(row, error, validity_of({**checks, **blend_checks(error)}))
-    made: dict[str, Any] = validity_of({**checks, **blend_checks(None)})
-    opened = OpenedScene(submission.folder, scene.files, blender, options.cache)
-    known = row | made
+        return failed(with_validity(row, {**checks, **blend_checks(error)}), error)
+    row = with_validity(row, {**checks, **blend_checks(None)})
+    opened = OpenedScene(folder, scene.files, blender, options.cache)
+    assert submission.image.hfov_deg is not None
     try:
-        surface = _surface(known, submission.image, scene, opened, rules, options)
-        if rules.card is not None:
-            read_render(known, opened, rules.card, rules, options.run, options.threads)
-        provenance = read_hashed_side_file(
-            submission.folder, PROVENANCE, ProvenanceFile, scene.files
+        row, surface = read_surface(
+            row,
+            scene.snapshot,
+            submission.image.hfov_deg,
+            opened,
+            rules,
+            options.run,
+            options.threads,
         )
+        if rules.card is not None:
+            row = read_render(row, opened, rules.card, rules, options.run, options.threads)
+        provenance = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
     except LegoWorldError as error:
-        return _judged(row, error, {k: v for k, v in known.items() if k not in row})
-    known |= {
-        "status": "ok",
-        "code": "ok",
-        "reason": None,
-        "frozen": scene.files.frozen,
-        "files_sha256": scene.files.sha256,
-        "snapshot_sha256": scene.snapshot_sha256,
-        "warnings": _warnings(known, submission.folder, scene, surface),
-    }
+        return failed(row, error)
+    row = replace(
+        row,
+        frozen=scene.files.frozen,
+        files_sha256=scene.files.sha256,
+        snapshot_sha256=scene.snapshot_sha256,
+        warnings=tuple(_warnings(row, folder, scene, surface)),
+    )
     stored = provenance.value if provenance else None
-    entry = scene_entry(submission.folder, scene, surface.projection, stored)
-    return {"row": known, "predictions": [], "scene": entry}
+    source = source_of(folder, scene, surface.projection, stored)
+    return ImageRecord(row=row, scene=source)
 
 
 def _read(submission: Submission, options: ImageOptions, blender: BlenderProcess) -> ReadScene:
@@ -86,40 +91,21 @@ def _read(submission: Submission, options: ImageOptions, blender: BlenderProcess
     )
 
 
-def _surface(
-    row: dict[str, Any],
-    image: TrackImage,
-    scene: ReadScene,
-    opened: OpenedScene,
-    rules: BenchRules,
-    options: ImageOptions,
-) -> VisibleSurface:
-    assert image.hfov_deg is not None
-    return read_surface(
-        row, scene.snapshot, image.hfov_deg, opened, rules, options.run, options.threads
-    )
-
-
-def _judged(row: dict[str, Any], error: LegoWorldError, made: dict[str, Any]) -> Record:
-    """The verdict of a submission, with what was found and made of it before."""
-    record = verdict(dict(row), error)
-    record["row"] |= made
-    return record
-
-
 def _warnings(
-    row: dict[str, Any], folder: SceneFolder, scene: ReadScene, surface: VisibleSurface
+    row: RunRow, folder: SceneFolder, scene: ReadScene, surface: VisibleSurface
 ) -> list[str]:
     warnings = [*scene.files.warnings, *scene.snapshot.warnings]
     if scene.snapshot.camera.type == "ORTHO":
         warnings.append("the camera is orthographic: R takes its pose and not its projection")
     if not surface.finite_px:
         warnings.append("the camera sees nothing: every pixel is without geometry")
-    if row["validity"]["scene_glb"]["ok"]:
+    validity = row.validity
+    assert validity
+    if validity.scene_glb.ok:
         other = names_in_common(folder, scene.snapshot)
         warnings += [other] if other else []
     else:
-        warnings.append(f"not valid: {GLB}: {row['validity']['scene_glb']['found']}")
-    if not row["validity"]["final_png"]["ok"]:
-        warnings.append(f"not valid: final.png: {row['validity']['final_png']['found']}")
+        warnings.append(f"not valid: {GLB}: {validity.scene_glb.found}")
+    if not validity.final_png.ok:
+        warnings.append(f"not valid: {PICTURE}: {validity.final_png.found}")
     return warnings

@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from legoworld.errors import LegoWorldError, SceneInvalidError
-from legoworld.files import sha256_of_file
-from legoworld.records.folders.row_files import files_of
-from legoworld.records.provenance import ProvenanceFile
+from legoworld.records.folders.prediction_files import has_its_results
+from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.remote import PlaceError, child, fetch_folder
 from legoworld.running.bench_image import Submission, read_submission
 from legoworld.running.image_record import (
     ImageOptions,
-    Record,
-    labels_of,
-    predictions_sha256,
+    failed_record,
     record_of,
-    row_of,
     sha256_by_name,
-    verdict,
     verdict_instead,
 )
 from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import files_in
-from legoworld.scene.folder import BLEND, GLB, PROVENANCE, SIMULATIONS, SceneFolder, find_scene
+from legoworld.scene.folder import BLEND, GLB, SIMULATIONS, SceneFolder, find_scene
 from legoworld.scene.freeze import (
     FrozenFiles,
     Hashes,
@@ -36,7 +30,7 @@ from legoworld.scene.freeze import (
     hashed_dependencies,
 )
 from legoworld.scene.outside import leaves_scenes
-from legoworld.scene.reading import read_hashed_side_file, read_scene
+from legoworld.scene.reading import read_scene
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.engines import machine_lost
 from legoworld.workers.scratch import scratch_folder
@@ -61,7 +55,7 @@ class SceneReader:
         self._lent = bool(started)
         self._blender = started.pop() if started else BlenderProcess(limits)
 
-    def do(self, image: TrackImage) -> Record:
+    def do(self, image: TrackImage) -> ImageRecord:
         """One image's record; see `read_image`."""
         try:
             with _at_hand(image, self._options) as options:
@@ -81,43 +75,33 @@ class SceneReader:
             self._blender.close()
 
 
-def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess) -> Record:
+def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess) -> ImageRecord:
     """Read one image out. Whatever its scene causes becomes the row's status and reason.
 
     Raises what is this machine's; see `judged`.
     """
-    row = row_of(image)
     try:
         folder, files = _found(image, options)
         if options.bench is not None:
-            found_there = Submission(image=image, folder=folder, files=files)
-            return read_submission(found_there, options, blender)
+            submission = Submission(image=image, folder=folder, files=files)
+            return read_submission(submission, options, options.bench, blender)
         scene = read_scene(
             folder, source=options.source, blender=blender, cache=options.cache, files=files
         )
-        labels = labels_of(folder, scene, options.protocol)
-        found = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
-        provenance = found.value if found else None
-        return record_of(row, image, folder, scene, labels, provenance, options)
+        return record_of(image, folder, scene, options)
     except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
         written = [options.run, *([options.cache.folder] if options.cache else [])]
-        return verdict(row_of(image), judged(error, written))
+        return failed_record(image, judged(error, written))
 
 
-def lost_record(image: TrackImage, what: str) -> Record:
+def lost_record(image: TrackImage, what: str) -> ImageRecord:
     """The record of an image whose machine was lost each time it was tried."""
     return failed_record(image, machine_lost(what))
 
 
-def failed_record(image: TrackImage, error: LegoWorldError) -> Record:
-    """The record of an image that nothing was read of."""
-    return verdict(row_of(image), error)
-
-
-def arrived(record: Record, options: ImageOptions) -> Record:
-    """The record, or a verdict where another machine wrote a file that is not seen here."""
-    row = record["row"]
-    if all((options.run / file["file"]).is_file() for file in files_of(row)):
+def arrived(record: ImageRecord, options: ImageOptions) -> ImageRecord:
+    """The record, or a verdict where another machine wrote a depth file that is not seen here."""
+    if all((options.run / file.file).is_file() for file in record.row.files):
         return record
     error = FileNotSharedError(
         "a file of the image is not in the run folder",
@@ -128,44 +112,37 @@ def arrived(record: Record, options: ImageOptions) -> Record:
     return verdict_instead(record, error)
 
 
-def still_valid(record: Record, image: TrackImage, options: ImageOptions) -> bool:
+def still_valid(record: ImageRecord, image: TrackImage, options: ImageOptions) -> bool:
     """Whether a stored record is what reading the image again would give."""
-    if record["row"]["status"] != "ok" or record["scene"] is None:
+    if record.row.status != "ok" or record.scene is None:
         return False
     try:
         with _at_hand(image, options) as local:
-            return _unchanged(record, image, local)
-    except (LegoWorldError, OSError, ValueError, KeyError, TypeError):
+            return _unchanged(record.scene, image, local) and has_its_results(record, local.run)
+    except (LegoWorldError, OSError, ValueError):
         return False  # reading it again tells what is wrong
 
 
-def _unchanged(record: Record, image: TrackImage, options: ImageOptions) -> bool:
-    row, scene = record["row"], record["scene"]
+def _unchanged(scene: ImageSource, image: TrackImage, options: ImageOptions) -> bool:
+    """Whether the scene's files are those that it was read from."""
     folder, now = _found(image, options)
-    if sha256_by_name(now.artefacts) != scene["files"] or now.frozen != scene["frozen"]:
+    if sha256_by_name(now.artefacts) != scene.files or now.frozen != scene.frozen:
         return False
-    if sha256_by_name(_dependencies_now(folder, now, scene, options)) != scene["dependencies"]:
-        return False
-    if "predictions_sha256" in row:
-        return bool(row["predictions_sha256"] == predictions_sha256(record["predictions"]))
-    return all(_is_there(options.run / file["file"], file["sha256"]) for file in files_of(row))
-
-
-def _is_there(path: Path, sha256: str) -> bool:
-    return path.is_file() and sha256_of_file(path) == sha256
+    recorded = scene.dependencies or {}
+    return sha256_by_name(_dependencies_now(folder, now, recorded, options)) == recorded
 
 
 def _dependencies_now(
-    folder: SceneFolder, now: FrozenFiles, scene: dict[str, Any], options: ImageOptions
+    folder: SceneFolder, now: FrozenFiles, recorded: Collection[str], options: ImageOptions
 ) -> Hashes:
     """The content now of what a scene was read with; empty where it is not known where that is."""
     read_by = BLEND if options.source == "blend" else GLB
     file = now.artefacts.get(read_by)
     names = options.cache.dependencies(file.sha256, folder.path) if options.cache and file else None
     if names is None:
-        if any(leaves_scenes(name, folder) for name in scene["dependencies"]):
+        if any(leaves_scenes(name, folder) for name in recorded):
             return {}
-        names = sorted({*scene["dependencies"], *files_in(folder.path, [SIMULATIONS])})
+        names = sorted({*recorded, *files_in(folder.path, [SIMULATIONS])})
     return hashed_dependencies(folder, names, now, read_by=read_by).dependencies
 
 

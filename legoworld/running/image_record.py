@@ -4,20 +4,41 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
-from legoworld.files import as_unicode, canonical_json, sha256_of_file, sha256_of_text
+from legoworld.files import as_unicode, sha256_of_file
 from legoworld.readouts.depth import depth_file, resampled_size, write_depth
 from legoworld.readouts.tasks import Protocol
+from legoworld.records.base import UNSET
+from legoworld.records.folders.prediction_files import predictions_sha256
 from legoworld.records.labels import LabelsFile
+from legoworld.records.predictions import Prediction
 from legoworld.records.provenance import ProvenanceFile
+from legoworld.records.run_file import (
+    CameraOfScene,
+    ImageRecord,
+    ImageSource,
+    ProjectionOfView,
+    RenderOfScene,
+)
+from legoworld.records.run_rows import (
+    DepthFile,
+    Exported,
+    InstanceCounts,
+    Nested,
+    RunRow,
+    Unexported,
+    Unlabelled,
+    Unmatched,
+)
 from legoworld.remote import Place
 from legoworld.running.submission import BenchRules
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import LABELS, SceneFolder, Source
+from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source
 from legoworld.scene.freeze import Hashes
 from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels, labels_in, resolve_labels
@@ -30,9 +51,6 @@ from legoworld.visibility.view import View, unseen_reasons, view
 #: Version of the rows of a readout; 2: `exported` names what each prediction is of.
 ROW_SCHEMA: Final = 2
 _UNLABELLED_SHOWN: Final = 20
-
-Record = dict[str, Any]
-"""One image's {"row": per_image row, "predictions": list, "scene": run.json entry or None}."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,39 +68,43 @@ class ImageOptions:
     bench: BenchRules | None = None
 
 
-def row_of(image: TrackImage) -> dict[str, Any]:
-    """What every row says of its image."""
-    return {
-        "image_id": image.id,
-        "file_name": as_unicode(image.file_name),
-        "scene": as_unicode(image.scene),
-        "size_wh": list(image.size_wh) if image.size_wh else None,
-    }
+def failed_record(image: TrackImage, error: LegoWorldError) -> ImageRecord:
+    """The record of an image without a result, and why it has none."""
+    return failed(row_of(image), error)
 
 
-def verdict(row: dict[str, Any], error: LegoWorldError) -> Record:
-    """The record of an image that was not read: `row_of` it, and why.
-
-    `trace` is in it where the error has one: to be said, not to be kept.
-    """
-    row |= {"status": error.status, "code": error.code, "reason": str(error), "warnings": []}
-    traced = {"trace": error.trace} if error.trace else {}
-    return {"row": row, "predictions": [], "scene": None, **traced}
-
-
-def verdict_instead(record: Record, error: LegoWorldError) -> Record:
+def verdict_instead(record: ImageRecord, error: LegoWorldError) -> ImageRecord:
     """A verdict in the place of a record that was made."""
-    kept = ("image_id", "file_name", "scene", "size_wh")
-    return verdict({key: record["row"][key] for key in kept}, error)
+    row = record.row
+    kept = RunRow(
+        image_id=row.image_id,
+        file_name=row.file_name,
+        scene=row.scene,
+        size_wh=row.size_wh,
+        status=row.status,
+    )
+    return failed(kept, error)
 
 
-def predictions_sha256(predictions: list[dict[str, Any]]) -> str:
-    """Hash of what was read, whatever number the image has in a track."""
-    named = [{k: v for k, v in p.items() if k != "image_id"} for p in predictions]
-    return sha256_of_text(canonical_json(named))
+def row_of(image: TrackImage) -> RunRow:
+    """The row of an image before anything is known of its result."""
+    return RunRow(
+        image_id=image.id,
+        file_name=as_unicode(image.file_name),
+        scene=as_unicode(image.scene),
+        size_wh=image.size_wh,
+        status="ok",
+        code="ok",
+    )
 
 
-def labels_of(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:
+def failed(row: RunRow, error: LegoWorldError) -> ImageRecord:
+    """The record of an image without a result, with what its row says of it besides."""
+    verdict = replace(row, status=error.status, code=error.code, reason=str(error))
+    return ImageRecord(row=verdict, trace=error.trace or UNSET)
+
+
+def _labels_of(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:
     """The labels of a scene under a protocol. Raises LabelsInvalidError."""
     if protocol.vocabulary is None:
         return Labels(objects={}, collections={}, warnings=())
@@ -96,171 +118,188 @@ def labels_of(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labe
 
 
 def record_of(
-    row: dict[str, Any],
-    image: TrackImage,
-    folder: SceneFolder,
-    scene: ReadScene,
-    labels: Labels,
-    provenance: ProvenanceFile | None,
-    options: ImageOptions,
-) -> Record:
-    """The record of a scene that was read, into `row`; a depth file is written on the way."""
+    image: TrackImage, folder: SceneFolder, scene: ReadScene, options: ImageOptions
+) -> ImageRecord:
+    """The record of a scene that was read; a depth file is written on the way.
+
+    Raises what is wrong with labels.json or provenance.json.
+    """
+    labels = _labels_of(folder, scene, options.protocol)
+    provenance = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
     snapshot = scene.snapshot
     grouping = group(snapshot, labels)
     full_size = image.size_wh or snapshot.render.size_wh
-    size_wh = resampled_size(full_size, options.max_side)
-    seen = view(snapshot, grouping, size_wh, threads=options.threads)
-    warnings = [*scene.files.warnings, *snapshot.warnings, *labels.warnings, *grouping.warnings]
-    if aspect_differs(snapshot.render, full_size):
-        w, h = snapshot.render.size_wh
+    seen = view(
+        snapshot,
+        grouping,
+        resampled_size(full_size, options.max_side),
+        threads=options.threads,
+    )
+    row = replace(
+        row_of(image),
+        size_wh=full_size,
+        rendered_wh=resampled_size(full_size, options.max_side),
+        scene_size_wh=snapshot.render.size_wh,
+        aspect_differs=aspect_differs(snapshot.render, full_size),
+        frozen=scene.files.frozen,
+        files_sha256=scene.files.sha256,
+        snapshot_sha256=scene.snapshot_sha256,
+        geometry_px=int(seen.area_px.sum()),
+        warnings=(
+            *scene.files.warnings,
+            *snapshot.warnings,
+            *labels.warnings,
+            *grouping.warnings,
+            *_view_warnings(scene, full_size, seen),
+        ),
+    )
+    predictions: tuple[Prediction, ...] = ()
+    if options.protocol.task.predict is None:
+        row = replace(row, depth=_write_depth_file(image, seen, options))
+    else:
+        exports = options.protocol.task.predict(image.id, grouping.instances, seen)
+        predictions = tuple(prediction for prediction, _ in exports)
+        row = replace(
+            _instance_report(row, scene, grouping, seen, options),
+            n_predictions=len(predictions),
+            exported=tuple(_exported(instance) for _, instance in exports),
+            predictions_sha256=predictions_sha256(predictions),
+        )
+    source = source_of(folder, scene, seen.projection, provenance.value if provenance else None)
+    return ImageRecord(row=row, predictions=predictions, scene=source)
+
+
+def _view_warnings(scene: ReadScene, full_size: tuple[int, int], seen: View) -> list[str]:
+    render, warnings = scene.snapshot.render, []
+    if aspect_differs(render, full_size):
+        w, h = render.size_wh
         warnings.append(
             f"the scene's own picture is {w}x{h}, the image {full_size[0]}x{full_size[1]}: "
             "another aspect, so the view is fitted by Blender's sensor rule"
         )
-    hit = int(seen.area_px.sum())
-    if not hit:
+    if not seen.area_px.any():
         warnings.append("the camera sees nothing: every pixel is without geometry")
-    row |= {
-        "status": "ok",
-        "code": "ok",
-        "reason": None,
-        "size_wh": list(full_size),
-        "rendered_wh": list(size_wh),
-        "scene_size_wh": list(snapshot.render.size_wh),
-        "aspect_differs": aspect_differs(snapshot.render, full_size),
-        "frozen": scene.files.frozen,
-        "files_sha256": scene.files.sha256,
-        "snapshot_sha256": scene.snapshot_sha256,
-        "geometry_px": hit,
-    }
-    predictions: list[dict[str, Any]] = []
-    if options.protocol.task.predict is None:
-        row["depth"] = _write_depth_file(image, seen, options)
-    else:
-        exports = options.protocol.task.predict(image.id, grouping.instances, seen)
-        predictions = [prediction for prediction, _ in exports]
-        row["n_predictions"] = len(predictions)
-        row["exported"] = [_exported(instance) for _, instance in exports]
-        row["predictions_sha256"] = predictions_sha256(predictions)
-        row |= _instance_report(scene, grouping, seen, options)
-    row["warnings"] = warnings
-    return {
-        "row": row,
-        "predictions": predictions,
-        "scene": scene_entry(folder, scene, seen.projection, provenance),
-    }
+    return warnings
 
 
-def _write_depth_file(image: TrackImage, seen: View, options: ImageOptions) -> dict[str, Any]:
+def _write_depth_file(image: TrackImage, seen: View, options: ImageOptions) -> DepthFile:
     name = depth_file(as_unicode(image.scene if image.scene != "." else image.file_name))
     path = options.run / name
     write_depth(path, seen.buffers.depth_z_m, seen.projection)
-    return {
-        "file": name,
-        "space": "depth",
-        "unit": "m",
-        "bytes": path.stat().st_size,
-        "sha256": sha256_of_file(path),
-        "finite_px": int(np.isfinite(seen.buffers.depth_z_m).sum()),
-    }
+    return DepthFile(
+        file=name,
+        space="depth",
+        unit="m",
+        bytes=path.stat().st_size,
+        sha256=sha256_of_file(path),
+        finite_px=int(np.isfinite(seen.buffers.depth_z_m).sum()),
+    )
 
 
 def _instance_report(
-    scene: ReadScene, grouping: Grouping, seen: View, options: ImageOptions
-) -> dict[str, Any]:
-    """What became of every label: exported, unseen and why, or outside the vocabulary."""
+    row: RunRow, scene: ReadScene, grouping: Grouping, seen: View, options: ImageOptions
+) -> RunRow:
+    """The row with the outcome of every label: exported, unseen and why, or outside."""
     vocabulary = options.protocol.vocabulary
     assert vocabulary is not None
     labelled = [i for i in grouping.instances if i.category is not None]
     unlabelled = [i for i in grouping.instances if i.category is None]
-    unexported: list[dict[str, str]] = []
+    nested = [i for i in grouping.nested if seen.area_px[i] > 0]
+    return replace(
+        row,
+        instances=InstanceCounts(
+            total=len(grouping.instances),
+            labelled=len(labelled),
+            visible_labelled=sum(bool(seen.area_px[i.id]) for i in labelled),
+            visible_unlabelled=sum(bool(seen.area_px[i.id]) for i in unlabelled),
+        ),
+        unlabelled=_largest_unlabelled(unlabelled, seen),
+        unlabelled_px=int(sum(seen.area_px[i.id] for i in unlabelled)),
+        nested=Nested(instances=len(nested), px=int(sum(seen.area_px[i] for i in nested))),
+        matched=_matched_names(labelled),
+        unmatched=tuple(
+            Unmatched(label=text, count=count, nearest=tuple(vocabulary.nearest(text)))
+            for text, count in grouping.outside_vocabulary.items()
+        ),
+        unexported=_unexported(scene, grouping, labelled, seen, options),
+    )
+
+
+def _unexported(
+    scene: ReadScene,
+    grouping: Grouping,
+    labelled: list[Instance],
+    seen: View,
+    options: ImageOptions,
+) -> tuple[Unexported, ...]:
+    """Labelled instances without a pixel, by name."""
+    found: list[Unexported] = []
     unseen = [i.id for i in labelled if seen.area_px[i.id] == 0]
     if unseen:
         reasons = unseen_reasons(
             scene.snapshot, grouping, seen, among=unseen, threads=options.threads
         )
-        unexported = [
-            {"name": i.name, "category": i.category.name, "reason": reasons[i.id]}
+        found = [
+            Unexported(name=i.name, category=i.category.name, reason=reasons[i.id])
             for i in labelled
             if i.category is not None and i.id in reasons
         ]
+    vocabulary = options.protocol.vocabulary
+    assert vocabulary is not None
     for name, text in grouping.unseen_owners:
         match = vocabulary.match(text)
         category = match.name if match else text
-        unexported.append({"name": name, "category": category, "reason": "not_rendered"})
-    nested = [i for i in grouping.nested if seen.area_px[i] > 0]
-    return {
-        "instances": {
-            "total": len(grouping.instances),
-            "labelled": len(labelled),
-            "visible_labelled": sum(bool(seen.area_px[i.id]) for i in labelled),
-            "visible_unlabelled": sum(bool(seen.area_px[i.id]) for i in unlabelled),
-        },
-        "unlabelled": _largest_unlabelled(unlabelled, seen),
-        "unlabelled_px": int(sum(seen.area_px[i.id] for i in unlabelled)),
-        "nested": {"instances": len(nested), "px": int(sum(seen.area_px[i] for i in nested))},
-        "matched": _matched_names(labelled),
-        "unmatched": [
-            {"label": text, "count": count, "nearest": vocabulary.nearest(text)}
-            for text, count in grouping.outside_vocabulary.items()
-        ],
-        "unexported": sorted(unexported, key=lambda u: (u["name"], u["reason"])),
-    }
+        found.append(Unexported(name=name, category=category, reason="not_rendered"))
+    return tuple(sorted(found, key=lambda u: (u.name, u.reason)))
 
 
-def _exported(instance: Instance) -> dict[str, Any]:
-    """What a prediction is of: the label's owner, and the objects whose surfaces it has."""
+def _exported(instance: Instance) -> Exported:
     assert instance.category is not None
-    return {
-        "name": instance.name,
-        "category": instance.category.name,
-        "objects": list(instance.objects),
-    }
+    return Exported(
+        name=instance.name, category=instance.category.name, objects=tuple(instance.objects)
+    )
 
 
-def _largest_unlabelled(unlabelled: list[Instance], seen: View) -> list[dict[str, Any]]:
+def _largest_unlabelled(unlabelled: list[Instance], seen: View) -> tuple[Unlabelled, ...]:
     """The visible unlabelled instances by area: what an author may have forgotten to label."""
     visible = [i for i in unlabelled if seen.area_px[i.id] > 0]
     visible.sort(key=lambda i: (-int(seen.area_px[i.id]), i.id))
-    return [
-        {"name": i.name, "area_px": int(seen.area_px[i.id])} for i in visible[:_UNLABELLED_SHOWN]
-    ]
+    return tuple(
+        Unlabelled(name=i.name, area_px=int(seen.area_px[i.id]))
+        for i in visible[:_UNLABELLED_SHOWN]
+    )
 
 
 def _matched_names(labelled: list[Instance]) -> dict[str, str]:
     """Labels that are not written as the vocabulary writes them, and what they were taken for."""
-    return dict(
-        sorted(
-            {
-                i.label_text: i.category.name
-                for i in labelled
-                if i.category and i.label_text and i.label_text != i.category.name
-            }.items()
-        )
-    )
+    return {
+        i.label_text: i.category.name
+        for i in labelled
+        if i.category and i.label_text and i.label_text != i.category.name
+    }
 
 
-def scene_entry(
+def source_of(
     folder: SceneFolder,
     scene: ReadScene,
     projection: Projection,
     provenance: ProvenanceFile | None,
-) -> dict[str, Any]:
+) -> ImageSource:
     """What run.json records of a scene. projection: what its buffers were made with."""
     snapshot = scene.snapshot
-    return {
-        "scene": as_unicode(folder.name),
-        "frozen": scene.files.frozen,
-        "files": sha256_by_name(scene.files.artefacts),
-        "dependencies": sha256_by_name(scene.files.dependencies),
-        "snapshot_sha256": scene.snapshot_sha256,
-        "camera": dict(vars(snapshot.camera)),
-        "projection": dict(vars(projection)),
-        "render": dict(vars(snapshot.render)),
-        "provenance": "not recorded" if provenance is None else provenance,
-    }
+    return ImageSource(
+        scene=as_unicode(folder.name),
+        frozen=scene.files.frozen,
+        files=sha256_by_name(scene.files.artefacts),
+        dependencies=sha256_by_name(scene.files.dependencies),
+        snapshot_sha256=scene.snapshot_sha256,
+        camera=CameraOfScene(**vars(snapshot.camera)),
+        projection=ProjectionOfView(**vars(projection)),
+        render=RenderOfScene(**vars(snapshot.render)),
+        provenance="not recorded" if provenance is None else provenance,
+    )
 
 
 def sha256_by_name(files: Hashes) -> dict[str, str | None]:
     """Hashes as run.json records them."""
-    return {name: found.sha256 if found else None for name, found in sorted(files.items())}
+    return {name: found.sha256 if found else None for name, found in files.items()}

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Final
+
+from msgspec.structs import replace
 
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import atomic_path
 from legoworld.readouts.tasks import TASKS
+from legoworld.records.base import RecordError, as_json, decode
 from legoworld.records.folders import run_folder
-from legoworld.records.folders.prediction_files import IMAGES_PER_FILE, with_division
-from legoworld.records.folders.row_files import files_of
-from legoworld.records.folders.run_folder import Record
+from legoworld.records.folders.run_journal import JOURNAL, JournalledImage, append, journal
+from legoworld.records.folders.run_reading import (
+    RUN,
+    SUMMARY,
+    damaged,
+    finished_records,
+    refuse_altered,
+)
 from legoworld.records.repeats import repeated
+from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary, Shard
+from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult, run_document, summarise
 
 #: What one shard's configuration holds that another's of the same run does not.
-_OWN = ("attempted", "partial", "shard", IMAGES_PER_FILE)
+_OWN: Final = ("attempted", "partial", "shard", "images_per_file")
 
 
 def merge_shards(
@@ -35,41 +44,41 @@ def merge_shards(
     a folder is no shard, one is missing or given twice, or has lost predictions.
     """
     documents = [_finished_document(folder) for folder in shards]
-    configurations = [document["configuration"] for document in documents]
-    alone = len(shards) == 1 and not configurations[0].get("shard")
+    configurations = [document.configuration for document in documents]
+    alone = len(shards) == 1 and not configurations[0].shard
     whole = configurations[0] if alone else _whole(list(shards), configurations)
-    configuration = with_division(whole, images_per_file)
-    with_predictions = TASKS[configuration["task"]].predict is not None
+    configuration = run_folder.divided(whole, images_per_file)
+    with_predictions = TASKS[configuration.task].predict is not None
     _refuse_division(images_per_file, with_predictions=with_predictions)
     _refuse_own_output(shards, output)
     with run_folder.locked(output):
         # Records of an earlier merge are not kept: the shards may have been run again since.
         run_folder.begin(output, configuration, overwrite=overwrite)
-        (output / run_folder.JOURNAL).unlink(missing_ok=True)
+        (output / JOURNAL).unlink(missing_ok=True)
         records = _brought_together(shards, output)
-        rows = [record["row"] for record in records]
+        rows = [record.row for record in records]
         summary = _summary_of(shards[0], documents[0]) if alone else summarise(configuration, rows)
         document = documents[0] if alone else run_document(configuration)
         run_folder.finish(
             output,
             records=records,
-            run={**document, "configuration": configuration},
+            run=replace(document, configuration=configuration),
             summary=summary,
             with_predictions=with_predictions,
         )
     return RunResult(rows=tuple(rows), summary=summary)
 
 
-def _brought_together(shards: Sequence[Path], output: Path) -> list[Record]:
+def _brought_together(shards: Sequence[Path], output: Path) -> list[JournalledImage]:
     """Every record by ascending image id, its predictions in the journal of the output."""
     records = []
-    with run_folder.journal(output) as journal:
+    with journal(output) as stream:
         for folder in shards:
-            for record in run_folder.finished_records(folder):
+            for record in finished_records(folder):
                 _refuse_losses(folder, record)
-                _take_files(folder, output, record["row"])
-                records.append(run_folder.append(journal, record))
-    return sorted(records, key=lambda record: int(record["row"]["image_id"]))
+                _take_files(folder, output, record.row)
+                records.append(append(stream, record))
+    return sorted(records, key=lambda record: record.row.image_id)
 
 
 def _refuse_division(images_per_file: int | None, *, with_predictions: bool) -> None:
@@ -93,97 +102,98 @@ def _refuse_own_output(shards: Sequence[Path], output: Path) -> None:
             )
 
 
-def _refuse_losses(folder: Path, record: Record) -> None:
-    row, found = record["row"], len(record["predictions"])
-    expected = row.get("n_predictions", 0)
+def _refuse_losses(folder: Path, record: ImageRecord) -> None:
+    found, expected = len(record.predictions), record.row.n_predictions or 0
     if found != expected:
         raise UsageError(
             f"{folder.name} has not all of its predictions",
-            found=f"{found} of image {row['image_id']}",
+            found=f"{found} of image {record.row.image_id}",
             expected=f"{expected}, as its row says",
             next_step="run its command again: what is lost is read again",
         )
 
 
-def _summary_of(folder: Path, document: dict[str, Any]) -> dict[str, Any]:
+def _summary_of(folder: Path, document: RunFile) -> RunSummary:
     try:
-        text = (folder / run_folder.SUMMARY).read_text(encoding="utf-8")
-        summary: dict[str, Any] = json.loads(text)
-        run_folder.refuse_altered(folder, document, [folder / run_folder.SUMMARY])
-        if any(type(summary["coverage"][key]) is not int for key in ("ok", "attempted")):
-            raise TypeError("no coverage in it")
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise run_folder.RunDamagedError(
-            f"{folder.name}/{run_folder.SUMMARY} cannot be read",
-            found=getattr(error, "strerror", None) or str(error),
-            expected="what a finished run writes",
-            next_step="run its command again with --overwrite",
-        ) from error
+        summary = decode(RunSummary, (folder / SUMMARY).read_bytes())
+    except (OSError, RecordError) as error:
+        raise damaged(folder, SUMMARY, error) from error
+    refuse_altered(folder, document, [folder / SUMMARY])
     return summary
 
 
-def _finished_document(folder: Path) -> dict[str, Any]:
-    """run.json of a run that has ended, without its scenes."""
+def _finished_document(folder: Path) -> RunFile:
+    """run.json of a run that has ended."""
     try:
-        document = json.loads((folder / run_folder.RUN).read_text(encoding="utf-8"))
-        task = document["configuration"]["task"]
-        if (folder / run_folder.JOURNAL).exists():
-            raise ValueError("it has not ended")
-        if task not in TASKS:
-            raise ValueError(f"task {task!r}")
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        document = decode(RunFile, (folder / RUN).read_bytes())
+        if (folder / JOURNAL).exists():
+            raise RecordError("it has not ended")
+        if document.configuration.task not in TASKS:
+            raise RecordError(f"task {document.configuration.task!r}")
+    except (OSError, RecordError) as error:
         raise UsageError(
             f"{folder.name} is not a finished shard",
             found=getattr(error, "strerror", None) or str(error),
             expected="the output of `legoworld readout --shard i/n`, or one undivided run alone",
             next_step="run its command again: it goes on where it stopped",
         ) from error
-    return {key: value for key, value in document.items() if key != "scenes"}
+    return document
 
 
-def _whole(folders: list[Path], configurations: list[dict[str, Any]]) -> dict[str, Any]:
+def _whole(folders: list[Path], configurations: list[Configuration]) -> Configuration:
     """The configuration of the undivided run; refuses shards that do not make one up."""
-    for folder, configuration in zip(folders, configurations, strict=True):
-        if not configuration.get("shard"):
-            raise UsageError(
-                f"{folder.name} is not a shard",
-                found="a run of its whole track",
-                expected="outputs of `legoworld readout --shard i/n`, or one undivided run alone",
-            )
-    first = configurations[0]
-    for folder, other in zip(folders[1:], configurations[1:], strict=True):
-        changed = sorted(
-            key for key in {*first, *other} - {*_OWN} if first.get(key) != other.get(key)
-        )
-        if changed or first["shard"]["of"] != other["shard"]["of"]:
+    shards = [_shard_of(f, c) for f, c in zip(folders, configurations, strict=True)]
+    first, of = _compared(configurations[0]), shards[0].of
+    for folder, other, shard in zip(folders[1:], configurations[1:], shards[1:], strict=True):
+        theirs = _compared(other)
+        changed = sorted(k for k in {*first, *theirs} if first.get(k) != theirs.get(k))
+        if changed or of != shard.of:
             raise ConfigurationMismatchError(
                 f"{folders[0].name} and {folder.name} are shards of different runs",
                 found=f"different {', '.join(changed) or 'numbers of shards'}",
                 expected="shards of one track, read with the same options and versions",
                 next_step="run the odd one again",
             )
-    of = first["shard"]["of"]
-    indices = sorted(c["shard"]["index"] for c in configurations)
-    if indices != list(range(1, of + 1)):
-        missing = sorted({*range(1, of + 1)} - {*indices})
-        twice = repeated(indices)
+    _refuse_gaps(sorted(shard.index for shard in shards), of)
+    whole = shards[0].whole
+    return replace(configurations[0], attempted=whole.attempted, partial=whole.partial, shard=None)
+
+
+def _shard_of(folder: Path, configuration: Configuration) -> Shard:
+    if not configuration.shard:
         raise UsageError(
-            "the shards do not make up the run",
-            found="; ".join(
-                f"{what}: {', '.join(f'{i}/{of}' for i in some[:10])}"
-                for what, some in (("missing", missing), ("given twice", twice))
-                if some
-            ),
-            expected=f"each of 1/{of} to {of}/{of} once",
-            next_step="run the missing ones, then merge again",
+            f"{folder.name} is not a shard",
+            found="a run of its whole track",
+            expected="outputs of `legoworld readout --shard i/n`, or one undivided run alone",
         )
-    return {**first, **first["shard"]["whole"], "shard": None}
+    return configuration.shard
 
 
-def _take_files(shard: Path, output: Path, row: dict[str, Any]) -> None:
+def _compared(configuration: Configuration) -> Mapping[str, object]:
+    """What must be the same in all shards of a run."""
+    return {k: v for k, v in as_json(configuration).items() if k not in _OWN}
+
+
+def _refuse_gaps(indices: list[int], of: int) -> None:
+    if indices == list(range(1, of + 1)):
+        return
+    missing = sorted({*range(1, of + 1)} - {*indices})
+    raise UsageError(
+        "the shards do not make up the run",
+        found="; ".join(
+            f"{what}: {', '.join(f'{i}/{of}' for i in some[:10])}"
+            for what, some in (("missing", missing), ("given twice", repeated(indices)))
+            if some
+        ),
+        expected=f"each of 1/{of} to {of}/{of} once",
+        next_step="run the missing ones, then merge again",
+    )
+
+
+def _take_files(shard: Path, output: Path, row: RunRow) -> None:
     """Bring a row's own files over: linked where one disk holds both, copied otherwise."""
-    for file in files_of(row):
-        source, target = shard / file["file"], output / file["file"]
+    for file in row.files:
+        source, target = shard / file.file, output / file.file
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(target) as temporary:
             try:

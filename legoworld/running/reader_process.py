@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import Final
 
 from legoworld.errors import WorkerCrashedError
-from legoworld.running.image import SceneReader, failed_record
-from legoworld.running.image_record import ImageOptions, Record
+from legoworld.records.run_file import ImageRecord
+from legoworld.running.image import SceneReader
+from legoworld.running.image_record import ImageOptions, failed_record
 from legoworld.scene.blender_process import Limits
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.task_process import ProcessLostError, TaskProcess
@@ -30,10 +31,10 @@ class ReaderProcess:
     """A SceneReader in a process of its own."""
 
     def __init__(self, options: ImageOptions, limits: Limits) -> None:
-        self._process: TaskProcess[TrackImage, Record] = TaskProcess(_Read(options, limits))
+        self._process: TaskProcess[TrackImage, ImageRecord] = TaskProcess(_Read(options, limits))
         self._aborted = False
 
-    def do(self, image: TrackImage) -> Record:
+    def do(self, image: TrackImage) -> ImageRecord:
         """One image's record. A process that ends is replaced and asked once more."""
         try:
             return self._process.call(image)
@@ -63,13 +64,13 @@ class _Read:
         self._limits = limits
         self._reader: SceneReader | None = None
 
-    def __call__(self, image: TrackImage) -> Record:
+    def __call__(self, image: TrackImage) -> ImageRecord:
         if self._reader is None:
             self._reader = SceneReader(self._options, self._limits)
         return self._reader.do(image)
 
 
-def _lost(image: TrackImage, error: ProcessLostError) -> Record:
+def _lost(image: TrackImage, error: ProcessLostError) -> ImageRecord:
     return failed_record(
         image,
         WorkerCrashedError(

@@ -9,7 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import IO, Any
+from typing import IO
+
+from msgspec import structs
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
@@ -18,12 +20,28 @@ from legoworld.files import as_unicode, canonical_json, sha256_of_text
 from legoworld.pluralize import share, word_for
 from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
-from legoworld.records.base import as_json
+from legoworld.records.base import UNSET
 from legoworld.records.folders import run_folder
-from legoworld.records.folders.prediction_files import with_division
+from legoworld.records.folders.run_journal import (
+    JournalledImage,
+    UnwritableRecordError,
+    append,
+    journal,
+)
+from legoworld.records.folders.run_reading import ROWS, RUN_SCHEMA, RunDamagedError
+from legoworld.records.run_file import (
+    Configuration,
+    ImageRecord,
+    RunCoverage,
+    RunFile,
+    RunSummary,
+    Shard,
+    WholeRun,
+)
+from legoworld.records.run_rows import RunRow
 from legoworld.running.disk import check_disk
 from legoworld.running.image import SceneReader, arrived, lost_record, still_valid
-from legoworld.running.image_record import ROW_SCHEMA, ImageOptions, Record, verdict_instead
+from legoworld.running.image_record import ROW_SCHEMA, ImageOptions, verdict_instead
 from legoworld.running.reader_process import ReaderProcess, worth_processes
 from legoworld.running.submission import validity_counts
 from legoworld.scene.blender_process import BlenderProcess, Limits
@@ -67,11 +85,11 @@ class RunRequest:
 class RunResult:
     """What a run left in its folder."""
 
-    rows: tuple[dict[str, Any], ...]
-    summary: dict[str, Any]
+    rows: tuple[RunRow, ...]
+    summary: RunSummary
 
 
-Progress = Callable[[dict[str, Any]], None]
+Progress = Callable[[RunRow], None]
 
 
 def run_readout(
@@ -93,35 +111,36 @@ def run_readout(
     library()  # a broken installation is no scene's verdict
     folder = request.image_options.run
     images = shard_images(request)
-    configuration = with_division(_configuration(request, images), request.images_per_file)
+    configuration = _configuration(request, images)
     with run_folder.locked(folder):
         damage = None if request.overwrite else run_folder.damage_notice(folder)
         earlier = run_folder.prepare(folder, configuration, overwrite=request.overwrite)
         if damage:
             notice(damage)
-        by_id = {record["row"]["image_id"]: record for record in earlier}
-        records = {
+        by_id = {record.row.image_id: record for record in earlier}
+        valid = {
             image.id: by_id[image.id]
             for image in images
             if image.id in by_id and still_valid(by_id[image.id], image, request.image_options)
         }
-        todo = [image for image in images if image.id not in records]
-        kept(len(records))
-        if records:
-            read = share(len(records), len(images), "image", "images")
-            notice(f"{read} {word_for(len(records), 'has', 'have')} a valid result already")
-        if request.image_options.protocol.task.exports == "depth":
+        todo = [image for image in images if image.id not in valid]
+        kept(len(valid))
+        if valid:
+            read = share(len(valid), len(images), "image", "images")
+            notice(f"{read} {word_for(len(valid), 'has', 'have')} a valid result already")
+        if request.image_options.protocol.task.predict is None:
             _check_disk(request, todo, notice)
         del earlier, by_id  # predictions are many: from here on they are on disk only
-        with run_folder.journal(folder) as journal:
-            records = {i: run_folder.append(journal, record) for i, record in records.items()}
+        with journal(folder) as stream:
+            records = {i: append(stream, record) for i, record in valid.items()}
+            valid.clear()
             for record in _read_all(request, todo):
-                if "trace" in record:
-                    trace(f"{record['row']['file_name']}: {record.pop('trace')}".rstrip())
-                stored = _appended(journal, record)
-                records[stored["row"]["image_id"]] = stored
-                progress(stored["row"])
-        rows = [records[image.id]["row"] for image in images if image.id in records]
+                if record.trace:
+                    trace(f"{record.row.file_name}: {record.trace}".rstrip())
+                stored = _appended(stream, record)
+                records[stored.row.image_id] = stored
+                progress(stored.row)
+        rows = [records[image.id].row for image in images if image.id in records]
         summary = summarise(configuration, rows)
         run_folder.finish(
             folder,
@@ -133,12 +152,12 @@ def run_readout(
     return RunResult(rows=tuple(rows), summary=summary)
 
 
-def _appended(journal: IO[bytes], record: Record) -> Record:
+def _appended(stream: IO[bytes], record: ImageRecord) -> JournalledImage:
     """The record on disk; a verdict in its place where no file can hold what was read."""
     try:
-        return run_folder.append(journal, record)
-    except run_folder.UnwritableRecordError as error:
-        return run_folder.append(journal, verdict_instead(record, error))
+        return append(stream, record)
+    except UnwritableRecordError as error:
+        return append(stream, verdict_instead(record, error))
 
 
 def selected_images(request: RunRequest) -> list[TrackImage]:
@@ -166,62 +185,70 @@ def shard_images(request: RunRequest) -> list[TrackImage]:
     return images[index - 1 :: of]
 
 
-def summarise(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummary:
     """summary.json: coverage by status, what was exported, and what labels came to nothing.
 
     RunDamagedError for rows of an earlier run that are not what a run writes.
     """
-    try:
-        return _summary(configuration, rows)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise run_folder.RunDamagedError(
-            f"a row of {run_folder.ROWS} cannot be used",
-            found=f"{type(error).__name__}: {error}",
-            expected="rows as a run writes them",
-            next_step="run its command again with --overwrite",
-        ) from error
-
-
-def _summary(configuration: dict[str, Any], rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    with_predictions = TASKS[configuration["task"]].predict is not None
-    statuses = Counter(row["status"] for row in rows)
-    ok = [row for row in rows if row["status"] == "ok"]
+    ok = [row for row in rows if row.status == "ok"]
+    summary = RunSummary(
+        schema_version=SCHEMA_VERSION,
+        task=configuration.task,
+        partial=bool(configuration.partial) or len(rows) < configuration.attempted,
+        coverage=RunCoverage(
+            attempted=configuration.attempted,
+            ok=len(ok),
+            by_status=dict(Counter(row.status for row in rows)),
+        ),
+        warnings=sum(len(row.warnings) for row in rows),
+    )
+    exports = TASKS[configuration.task].exports
+    if exports == "depth":
+        return structs.replace(summary, depth_bytes=sum(_depth_bytes(row) for row in ok))
+    if TASKS[configuration.task].predict is None:
+        return structs.replace(summary, validity=validity_counts(rows))
+    made = [_n_predictions(row) for row in ok]
     unmatched: Counter[str] = Counter()
-    unexported: Counter[str] = Counter()
     for row in ok:
-        unmatched.update({u["label"]: u["count"] for u in row.get("unmatched", ())})
-        unexported.update(u["reason"] for u in row.get("unexported", ()))
-    summary: dict[str, Any] = {
-        "schema_version": SCHEMA_VERSION,
-        "task": configuration["task"],
-        "partial": configuration["partial"] or len(rows) < configuration["attempted"],
-        "coverage": {
-            "attempted": configuration["attempted"],
-            "ok": len(ok),
-            "by_status": dict(sorted(statuses.items())),
-        },
-        "warnings": sum(len(row["warnings"]) for row in rows),
-    }
-    if with_predictions:
-        summary["coverage"]["ok_empty"] = sum(row["n_predictions"] == 0 for row in ok)
-        summary["predictions"] = sum(row["n_predictions"] for row in ok)
-        summary["unmatched_labels"] = dict(sorted(unmatched.items()))
-        summary["unexported_instances"] = dict(sorted(unexported.items()))
-        summary["nested_instances"] = sum(row["nested"]["instances"] for row in ok)
-    elif TASKS[configuration["task"]].exports == "depth":
-        summary["depth_bytes"] = sum(row["depth"]["bytes"] for row in ok)
-    else:
-        summary["validity"] = validity_counts(rows)
-    return summary
+        unmatched.update({u.label: u.count for u in row.unmatched or ()})
+    return structs.replace(
+        summary,
+        coverage=structs.replace(summary.coverage, ok_empty=made.count(0)),
+        predictions=sum(made),
+        unmatched_labels=dict(unmatched),
+        unexported_instances=dict(Counter(u.reason for r in ok for u in r.unexported or ())),
+        nested_instances=sum(row.nested.instances for row in ok if row.nested),
+    )
 
 
-def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
+def _n_predictions(row: RunRow) -> int:
+    if row.n_predictions is UNSET:
+        raise _unusable(row, "n_predictions")
+    return row.n_predictions
+
+
+def _depth_bytes(row: RunRow) -> int:
+    if not row.depth:
+        raise _unusable(row, "depth")
+    return row.depth.bytes
+
+
+def _unusable(row: RunRow, missing: str) -> RunDamagedError:
+    return RunDamagedError(
+        f"a row of {ROWS} cannot be used",
+        found=f"no {missing} of image {row.image_id}",
+        expected="rows as a run writes them",
+        next_step="run its command again with --overwrite",
+    )
+
+
+def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[ImageRecord]:
     """Records in the order they are done; worker processes end with this generator."""
     workers = max(1, min(request.workers, len(todo)))
     threads = max(1, usable_cores() // workers) if request.engine == "local" else 1
     options = replace(request.image_options, threads=threads)
     apart = request.engine == "local" and worth_processes(workers, len(todo))
-    make: Callable[[], Worker[TrackImage, Record]]
+    make: Callable[[], Worker[TrackImage, ImageRecord]]
     if apart or request.engine != "local":
         make = partial(ReaderProcess if apart else SceneReader, options, request.limits)
     else:
@@ -231,63 +258,63 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[Record]:
     with closing(ENGINES[request.engine](job, todo, workers)) as records:
         for record in records:
             yield arrived(record, options)
-            if request.fail_fast and record["row"]["status"] != "ok":
+            if request.fail_fast and record.row.status != "ok":
                 return
 
 
-def _configuration(request: RunRequest, images: list[TrackImage]) -> dict[str, Any]:
+def _configuration(request: RunRequest, images: list[TrackImage]) -> Configuration:
     """What a run's results depend on, besides the scenes; resuming needs all of it equal."""
     options = request.image_options
     protocol = options.protocol
     selected = selected_images(request)
     described = [[i.id, as_unicode(i.file_name), i.size_wh] for i in selected]
-    bench = {"bench": as_json(options.bench.recorded())} if options.bench else {}
-    return {
-        **bench,
-        "schema_version": SCHEMA_VERSION,
-        "kind": "scene",
-        "task": protocol.task.name,
-        "card_version": protocol.card.version,
-        "card_sha256": protocol.card.sha256,
-        "vocabulary_sha256": protocol.vocabulary.sha256 if protocol.vocabulary else None,
-        "track_sha256": request.track.sha256,
-        "images_sha256": sha256_of_text(canonical_json(described)),
-        "attempted": len(images),
-        "partial": request.partial or request.shard is not None,
-        "shard": _shard_entry(request, len(selected)),
-        "source": options.source,
-        "require_frozen": options.require_frozen,
-        "max_side": options.max_side,
-        "legoworld": __version__,
-        "bpy": bpy_version(),
-        "snapshot_schema": SNAPSHOT_SCHEMA,
-        "row_schema": ROW_SCHEMA,
-    }
+    return Configuration(
+        schema_version=SCHEMA_VERSION,
+        kind="scene",
+        task=protocol.task.name,
+        card_version=protocol.card.version,
+        card_sha256=protocol.card.sha256,
+        vocabulary_sha256=protocol.vocabulary.sha256 if protocol.vocabulary else None,
+        track_sha256=request.track.sha256,
+        images_sha256=sha256_of_text(canonical_json(described)),
+        attempted=len(images),
+        partial=request.partial or request.shard is not None,
+        shard=_shard_entry(request, len(selected)),
+        source=options.source,
+        require_frozen=options.require_frozen,
+        max_side=options.max_side,
+        legoworld=__version__,
+        bpy=bpy_version(),
+        snapshot_schema=SNAPSHOT_SCHEMA,
+        row_schema=ROW_SCHEMA,
+        images_per_file=request.images_per_file or UNSET,
+        bench=options.bench.recorded() if options.bench else UNSET,
+    )
 
 
-def _shard_entry(request: RunRequest, n_selected: int) -> dict[str, Any] | None:
+def _shard_entry(request: RunRequest, n_selected: int) -> Shard | None:
     """What `merge` needs to make the whole run's configuration again."""
     if request.shard is None:
         return None
-    whole = {"attempted": n_selected, "partial": request.partial}
-    return {"index": request.shard[0], "of": request.shard[1], "whole": whole}
+    whole = WholeRun(attempted=n_selected, partial=request.partial)
+    return Shard(index=request.shard[0], of=request.shard[1], whole=whole)
 
 
-def run_document(configuration: dict[str, Any]) -> dict[str, Any]:
+def run_document(configuration: Configuration) -> RunFile:
     """run.json without its scenes: the one file that holds a time."""
     import numpy as np
 
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "finished_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "configuration": configuration,
-        "versions": {
+    return RunFile(
+        schema_version=RUN_SCHEMA,
+        finished_at=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        configuration=configuration,
+        versions={
             "legoworld": __version__,
             "bpy": bpy_version(),
             "numpy": np.__version__,
             "python": sys.version.split()[0],
         },
-    }
+    )
 
 
 def _check_disk(request: RunRequest, todo: list[TrackImage], notice: Callable[[str], None]) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from legoworld.cards import Card
 from legoworld.errors import LegoWorldError, SceneInvalidError
@@ -33,6 +34,8 @@ from legoworld.records.bench_run import (
     Validity,
     WrittenFile,
 )
+from legoworld.records.run_file import BenchReading, ValidityCounts
+from legoworld.records.run_rows import RunRow
 from legoworld.scene.artefacts import check_glb, check_picture, decoded_picture
 from legoworld.scene.folder import BLEND, GLB, PICTURE, SceneFolder
 from legoworld.scene.gltf.container import parse_glb
@@ -60,9 +63,9 @@ class BenchRules:
     plane_min_share: float
     thumbnail_wh: tuple[int, int]
 
-    def recorded(self) -> dict[str, Any]:
+    def recorded(self) -> BenchReading:
         """What of it a run's configuration has on record."""
-        return {"card": self.card, "noise": self.noise}
+        return BenchReading(card=self.card, noise=self.noise)
 
 
 def bench_rules(card: Card, *, render: bool, noise: bool) -> BenchRules:
@@ -78,13 +81,16 @@ def bench_rules(card: Card, *, render: bool, noise: bool) -> BenchRules:
     )
 
 
-def validity_counts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def validity_counts(rows: Sequence[RunRow]) -> ValidityCounts:
     """How many submissions are valid, and how many fail each check."""
-    failed = dict.fromkeys(Validity.__struct_fields__, 0)
-    for row in rows:
-        for name, check in row.get("validity", {}).items():
-            failed[name] += not check["ok"]
-    return {"valid": sum(row.get("valid", False) for row in rows), "failed": failed}
+    checked = [row.validity for row in rows if row.validity]
+    return ValidityCounts(
+        valid=sum(row.valid is True for row in rows),
+        failed={
+            name: sum(not getattr(validity, name).ok for validity in checked)
+            for name in Validity.__struct_fields__
+        },
+    )
 
 
 def artefact_checks(folder: SceneFolder) -> dict[str, Check]:
@@ -118,10 +124,10 @@ def failed_check(error: LegoWorldError) -> Check:
     )
 
 
-def validity_of(checks: dict[str, Check]) -> dict[str, Any]:
-    """The part of a row that V is decided by."""
+def with_validity(row: RunRow, checks: Mapping[str, Check]) -> RunRow:
+    """The row with what V is decided by."""
     validity = Validity(**checks)
-    return {"valid": validity.valid, "validity": as_json(validity)}
+    return replace(row, valid=validity.valid, validity=validity)
 
 
 def _checked(folder: SceneFolder, name: str, check: Callable[[Path], None]) -> Check:
@@ -145,19 +151,20 @@ def _checked(folder: SceneFolder, name: str, check: Callable[[Path], None]) -> C
 
 
 def read_surface(
-    row: dict[str, Any],
+    row: RunRow,
     snapshot: Snapshot,
     hfov_deg: float,
     opened: OpenedScene,
     rules: BenchRules,
     run: Path,
     threads: int,
-) -> VisibleSurface:
-    """Write the surface file; camera, surface and integrity go into the row.
+) -> tuple[RunRow, VisibleSurface]:
+    """Write the surface file; the row with camera, surface and integrity.
 
     Raises the verdicts of a Blender process.
     """
-    size_wh = (row["size_wh"][0], row["size_wh"][1])
+    size_wh = row.size_wh
+    assert size_wh is not None
     surface = visible_surface(snapshot, size_wh, hfov_deg, threads=threads)
     facts = opened.facts(rules.thumbnail_wh)
     planes, plane = facing_planes(
@@ -166,7 +173,7 @@ def read_surface(
         max_tilt_deg=rules.plane_max_tilt_deg,
         min_share=rules.plane_min_share,
     )
-    name = surface_file(row["scene"])
+    name = surface_file(row.scene)
     write_surface(run / name, surface, plane, facts.textures)
     images_of = facts.values["images_of"]
     shown = [
@@ -181,10 +188,13 @@ def read_surface(
     file = SurfaceFile(
         **vars_of(written(run, name)), raster_wh=surface.raster_wh, finite_px=surface.finite_px
     )
-    row["camera"] = as_json(submitted_camera(snapshot, size_wh))
-    row["surface"] = as_json(file)
-    row["integrity"] = as_json(_integrity(facts, shown))
-    return surface
+    made = replace(
+        row,
+        camera=submitted_camera(snapshot, size_wh),
+        surface=file,
+        integrity=_integrity(facts, shown),
+    )
+    return made, surface
 
 
 def _integrity(facts: SceneFacts, planes: list[CameraPlane]) -> Integrity:
@@ -200,18 +210,19 @@ def card_size(size_wh: tuple[int, int], longest_side_px: int) -> tuple[int, int]
 
 
 def read_render(
-    row: dict[str, Any],
+    row: RunRow,
     opened: OpenedScene,
     card: RenderCard,
     rules: BenchRules,
     run: Path,
     threads: int,
-) -> None:
-    """Write the render; it goes into the row. Raises the verdicts of a Blender process."""
-    size_wh = card_size((row["size_wh"][0], row["size_wh"][1]), card.longest_side_px)
+) -> RunRow:
+    """Write the render; the row with it. Raises the verdicts of a Blender process."""
+    assert row.size_wh is not None
+    size_wh = card_size(row.size_wh, card.longest_side_px)
     seeds = (card.seed, card.seed + 1)[: 2 if rules.noise else 1]
     pictures = [opened.render(card_render(card, size_wh, seed, threads)) for seed in seeds]
-    name = render_file(row["scene"])
+    name = render_file(row.scene)
     with atomic_path(run / name) as temporary:
         temporary.write_bytes(pictures[0])
     file = RenderFile(
@@ -220,7 +231,7 @@ def read_render(
         card_sha256=sha256_of_text(canonical(card)),
         noise=_noise(pictures, card, rules.delta) if rules.noise else None,
     )
-    row["render"] = as_json(file)
+    return replace(row, render=file)
 
 
 def card_render(

@@ -66,11 +66,11 @@ def test_predictions_are_the_runs_own(view, tmp_path):
         SCENES, tmp_path / "run", task="coco", track=DATA / "track_coco.json", workers=1
     )
     for row in run.rows:
-        folder, size = SCENES / row["scene"], tuple(row["size_wh"])
+        folder, size = SCENES / row.scene, row.size_wh
         seen = legoworld.open_scene(folder).view(task="coco", size_wh=size)
         stored = json.loads((tmp_path / "run" / "predictions.json").read_text())
-        assert seen.predictions(row["image_id"]) == [
-            p for p in stored if p["image_id"] == row["image_id"]
+        assert seen.predictions(row.image_id) == [
+            p for p in stored if p["image_id"] == row.image_id
         ]
 
 

@@ -14,7 +14,7 @@ from comparison.evaluations import (
     row_of,
     scene_and_baseline,
 )
-from evaluation.detection_runs import checked, random_truth
+from evaluation.detection_runs import checked, random_truth, read_rows
 from evaluation.official import official_with_ids
 
 from legoworld.comparison.detections import detection_metrics
@@ -28,7 +28,6 @@ from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, cou
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.records.base import as_json
-from legoworld.records.folders.evaluation_reading import read_rows
 
 
 def official_on(folder, task, evaluation, image_ids, *, equal):

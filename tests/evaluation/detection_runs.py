@@ -10,10 +10,14 @@ from typing import Any
 import numpy as np
 from pycocotools import mask as coco_mask
 
-from legoworld.evaluation.detection.inputs.predictions import check_predictions
+from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
+from legoworld.evaluation.detection.inputs.prediction_order import canonical_key
+from legoworld.evaluation.detection.inputs.predictions import check_predictions, kind_of
 from legoworld.evaluation.detection.inputs.truth import read_truth
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import read_run
+from legoworld.records.base import to_record
+from legoworld.records.predictions import Prediction
 from legoworld.tracks.vocabulary import from_json
 
 Document = dict[str, Any]
@@ -163,7 +167,13 @@ def checked(folder: Path, task: str, truth: Document, predictions: Sequence[Any]
     protocol = detection_protocol(task)
     run = read_run(write_run(folder / "run", task, truth, predictions, **options))
     read = read_truth(write_truth(folder / "truth.json", truth), run, protocol)
-    return protocol, read, check_predictions(predictions, run=run, truth=read, protocol=protocol)
+    batches = [as_predictions(predictions, kind_of(protocol))]
+    return protocol, read, check_predictions(batches, run=run, truth=read, protocol=protocol)
+
+
+def by_canonical_key(entry: Document) -> tuple[Any, ...]:
+    """`canonical_key` of a result as JSON has it."""
+    return canonical_key(to_record(Prediction, entry))
 
 
 def match_everything(protocol: Any, truth: Any, predictions: Any):
@@ -174,3 +184,7 @@ def match_everything(protocol: Any, truth: Any, predictions: Any):
 
     problem = build_problem(truth, predictions, protocol)
     return problem, match_table(problem, states_of(problem, truth, predictions))
+
+
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]

@@ -32,25 +32,25 @@ def refused(tmp_path, task, truth, predictions, match):
 
 
 PREDICTION_FAULTS = {
-    "a NaN score": ("coco", {"score": float("nan")}, "score"),
-    "an infinite score": ("coco", {"score": float("inf")}, "score"),
-    "a score in words": ("coco", {"score": "0.9"}, "score"),
-    "no score": ("coco", {"score": None}, "score"),
+    "a NaN score": ("coco", {"score": float("nan")}, "not JSON: NaN"),
+    "an infinite score": ("coco", {"score": float("inf")}, "not JSON: NaN, infinity"),
+    "a score in words": ("coco", {"score": "0.9"}, r"got str at \$\[7\].score"),
+    "no score": ("coco", {"score": None}, r"got null at \$\[7\].score"),
     "an unknown image": ("coco", {"image_id": 999}, "image 999"),
-    "an image id in words": ("coco", {"image_id": "10"}, "no integer"),
+    "an image id in words": ("coco", {"image_id": "10"}, r"expected int, got str at \$\[7\]"),
     "an unknown category": ("coco", {"category_id": 999}, "999"),
-    "three numbers": ("coco", {"bbox": [1, 2, 3]}, "four finite numbers"),
+    "three numbers": ("coco", {"bbox": [1, 2, 3]}, r"expected array of length 4 at \$\[7\].bbox"),
     "a score no float holds": ("coco", {"score": 10**400}, "score"),
-    "a NaN box": ("coco", {"bbox": [1, 2, 3, float("nan")]}, "four finite numbers"),
+    "a NaN box": ("coco", {"bbox": [1, 2, 3, float("nan")]}, "not JSON: NaN"),
     "a negative width": ("coco", {"bbox": [9, 9, -3, 4]}, "x, y, width, height"),
-    "a polygon": ("lvis", {"segmentation": [[1, 1, 5, 1, 5, 5]]}, "polygon"),
+    "a polygon": ("lvis", {"segmentation": [[1, 1, 5, 1, 5, 5]]}, "expected object, got array"),
     "another size": ("lvis", {"segmentation": {"size": [9, 9], "counts": "a"}}, "size"),
     "cut counts": ("lvis", {"segmentation": {"size": [90, 120], "counts": "11"}}, "run lengths"),
     "foreign counts": ("lvis", {"segmentation": {"size": [90, 120], "counts": "é!"}}, "run length"),
     "half a character": (
         "lvis",
         {"segmentation": {"size": [90, 120], "counts": "\ud800"}},
-        "no run",
+        "half of a surrogate pair",
     ),
     "counts too short": ("lvis", {"segmentation": {"size": [90, 120], "counts": [5, 5]}}, "10800"),
 }
@@ -70,7 +70,8 @@ def test_a_missing_key(key, tmp_path):
     truth = random_truth("coco", seed=1)
     predictions = random_predictions("coco", truth, seed=1)
     del predictions[3][key]
-    refused(tmp_path, "coco", truth, predictions, f"(has|have) no {key}")
+    match = rf"missing required field {key} at \$\[3\]"
+    refused(tmp_path, "coco", truth, predictions, match)
 
 
 def test_positions_instead_of_cocos_ids_are_named(tmp_path):
@@ -107,15 +108,20 @@ def test_boxes_in_another_format_are_named(form, hint, tmp_path):
     refused(tmp_path, "coco", *boxes_as(form), hint)
 
 
+def box_oddities(entries, sizes):
+    ids, boxes = [e["image_id"] for e in entries], [e["bbox"] for e in entries]
+    return check_box_format(ids, boxes, sizes)
+
+
 def test_boxes_in_the_right_format_are_never_suspected():
     truth, entries = boxes_as("xywh")
     sizes = {i["id"]: (120, 90) for i in truth["images"]}
     random = np.random.default_rng(0)
     for _ in range(300):
         some = [entries[i] for i in random.integers(0, len(entries), random.integers(1, 9))]
-        assert check_box_format(some, sizes) == {}
+        assert box_oddities(some, sizes) == {}
     lone = [{"image_id": 10, "bbox": [0, 0, 1, 1]}, {"image_id": 10, "bbox": [100, 60, 24, 34]}]
-    assert check_box_format(lone, sizes) == {"boxes that leave their image by over 2 px": 1}
+    assert box_oddities(lone, sizes) == {"boxes that leave their image by over 2 px": 1}
 
 
 def test_the_id_zero_that_the_official_evaluator_loses_is_repaired_and_counted(tmp_path):
@@ -278,10 +284,10 @@ def test_lvis_versions_do_not_mix(real_data, tmp_path, capsys):
         (lambda run: (run / "journal.jsonl").write_text(""), "not ended"),
         (lambda run: (run / "run.json").unlink(), "run.json cannot be read"),
         (lambda run: (run / "per_image.jsonl").write_text(""), "does not cover"),
-        (lambda run: (run / "predictions.json").write_text("{}"), "not a list"),
+        (lambda run: (run / "predictions.json").write_text("{}"), "expected array, got object"),
         (
             lambda run: (run / "predictions.json").write_text("[1]"),
-            "is something else than a JSON object; found: 1;",
+            "expected object, got int at $[0]",
         ),
         (lambda run: (run / "predictions.json").write_text("["), "predictions.json cannot"),
     ],

@@ -7,14 +7,13 @@ import io
 import json
 
 import pytest
-from evaluation.detection_runs import random_predictions, random_truth, write_run
+from evaluation.detection_runs import by_canonical_key, random_predictions, random_truth, write_run
 from evaluation.official import direct, direct_coco
 from pycocotools import mask as coco_mask
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from legoworld.cli import run as call
-from legoworld.evaluation.detection.inputs.prediction_order import canonical_key
 from legoworld.shipped.catalog import folder
 
 TASKS = ("coco", "coco-masks", "lvis")
@@ -62,7 +61,7 @@ def test_pycocotools_loads_it_and_finds_every_prediction(task, exported, tmp_pat
     annotations = coco.loadAnns(coco.getAnnIds())
     assert [a["id"] for a in annotations] == list(range(1, len(predictions) + 1))
     payload = "bbox" if task == "coco" else "segmentation"
-    expected = sorted(predictions, key=canonical_key)
+    expected = sorted(predictions, key=by_canonical_key)
     for annotation, prediction in zip(annotations, expected, strict=True):
         keys = ("image_id", "category_id", "score", payload)
         assert [annotation[k] for k in keys] == [prediction[k] for k in keys]
@@ -91,7 +90,7 @@ def test_its_annotations_as_results_score_as_the_run_does(task, exported, tmp_pa
     payload = "bbox" if task == "coco" else "segmentation"
     keys = ("image_id", "category_id", payload, "score")
     results = [{k: a[k] for k in keys} for a in document["annotations"]]
-    ordered = sorted(predictions, key=canonical_key)
+    ordered = sorted(predictions, key=by_canonical_key)
     assert (direct(task)(path, results)[0] == direct(task)(path, ordered)[0]).all()
     if task == "coco":
         whole, _ = direct_coco(path, document["annotations"], "bbox")
@@ -113,7 +112,7 @@ def test_it_comes_back_by_import(task, exported, tmp_path, capfd):
     words = ["baseline", "import", tmp_path / "coco.json", "--task", task, "--track"]
     assert call([*map(str, [*words, tmp_path / "track.json", "-o", tmp_path / "back"])]) == 0
     back = json.loads((tmp_path / "back" / "predictions.json").read_text())
-    assert sorted(back, key=canonical_key) == sorted(predictions, key=canonical_key)
+    assert sorted(back, key=by_canonical_key) == sorted(predictions, key=by_canonical_key)
     assert "images are matched by file name" in capfd.readouterr().err
 
 
@@ -123,14 +122,14 @@ def test_annotations_keep_the_order_of_an_imported_run(exported, tmp_path):
     track = tmp_path / "track.json"
     _, document, _ = exported("coco", truth, given, "--track", track, prediction_order="given")
     assert [a["score"] for a in document["annotations"]] == [p["score"] for p in given]
-    assert given != sorted(given, key=canonical_key)
+    assert given != sorted(given, key=by_canonical_key)
 
 
 def test_a_scenes_annotations_name_their_objects(exported, tmp_path):
     truth = random_truth("coco", seed=1, images=3)
     predictions = [p for p in random_predictions("coco", truth, seed=2) if p["image_id"] != 13]
     of_image = {10: [], 16: []}
-    for n, p in enumerate(sorted(predictions, key=canonical_key)):
+    for n, p in enumerate(sorted(predictions, key=by_canonical_key)):
         of_image[p["image_id"]].append(
             {"name": f"Owner {n}", "category": "x", "objects": [f"Leg {n}", f"Top {n}"]}
         )
@@ -178,7 +177,7 @@ def test_what_is_refused(exported, tmp_path, capfd):
     bad = [{"image_id": 10, "category_id": 5, "bbox": [1, 2, 3], "score": 1.0}]
     code, _, said = exported("coco", truth, bad, *track, "--overwrite")
     assert code == 2
-    assert "four finite numbers" in said
+    assert "expected array of length 4 at $[0].bbox" in said
     sizeless = {i["id"]: {"size_wh": None} for i in truth["images"]}
     code, _, said = exported("coco", truth, [], *track, "--overwrite", rows=sizeless)
     assert code == 2

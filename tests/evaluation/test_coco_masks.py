@@ -7,13 +7,12 @@ import json
 import cv2
 import numpy as np
 import pytest
-from evaluation.detection_runs import checked, match_everything, text_counts, write_run
+from evaluation.detection_runs import checked, match_everything, read_rows, text_counts, write_run
 from evaluation.official import direct_coco, evaluate
 from pycocotools import mask as coco_mask
 
 from legoworld.cli import run as call
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.records.folders.evaluation_reading import read_rows
 from legoworld.track_making.making import make_track
 from legoworld.tracks.track import load_track, serves
 
@@ -91,13 +90,16 @@ def test_all_twelve_numbers_are_pycocotools(problem, kind, tmp_path):
     evaluation = evaluate(tmp_path, "coco-masks", truth, predictions, evaluator=kind)
     summary = evaluation.summary
     _, _, ordered = checked(tmp_path / "again", "coco-masks", truth, predictions)
-    numbers, _ = direct_coco(tmp_path / "truth.json", list(ordered.entries), "segm")
+    numbers, _ = direct_coco(tmp_path / "truth.json", ordered.entries.results(), "segm")
     assert summary.official == pytest.approx(numbers, abs=1e-12)
     assert -1 not in summary.official[:4]
     assert summary.iou_type == "segm"
     boxes, _ = direct_coco(
         tmp_path / "truth.json",
-        [{**p, "bbox": coco_mask.toBbox(p["segmentation"]).tolist()} for p in ordered.entries],
+        [
+            {**p, "bbox": coco_mask.toBbox(p["segmentation"]).tolist()}
+            for p in ordered.entries.documents()
+        ],
         "bbox",
     )
     assert abs(boxes[0] - numbers[0]) > 0.01, "masks are not scored as their boxes"
@@ -148,10 +150,10 @@ def test_a_crowd_forgives_by_the_share_of_the_detections_own_mask(tmp_path):
     protocol, read, own = checked(tmp_path, "coco-masks", truth, predictions)
     _, table = match_everything(protocol, read, own)
     state = {int(e): int(s) for e, s in zip(table.entry, table.state[0, 0], strict=True)}
-    outcome = {own.entries[e]["score"]: s for e, s in state.items()}
+    outcome = {own.entries[e].score: s for e, s in state.items()}
     assert outcome == {1.0: IGNORED, 0.9: IGNORED, 0.8: FALSE_POSITIVE, 0.7: TRUE_POSITIVE}
     at_60 = dict(zip(table.entry.tolist(), table.state[0, 2].tolist(), strict=True))
-    assert [at_60[e] for e in sorted(at_60, key=lambda e: -own.entries[e]["score"])][1] == (
+    assert [at_60[e] for e in sorted(at_60, key=lambda e: -own.entries[e].score)][1] == (
         FALSE_POSITIVE
     ), "half of it is in the crowd: enough at 0.5, too little at 0.6"
 

@@ -13,6 +13,7 @@ from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import (
     random_predictions,
     random_truth,
+    read_rows,
     write_run,
     write_truth,
 )
@@ -22,7 +23,6 @@ from legoworld.evaluation.detection.matching.matched_metrics import matched_metr
 from legoworld.evaluation.detection.matching.matches_file import EQUAL, counts_from, table_from
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
-from legoworld.records.folders.evaluation_reading import read_rows
 
 
 @pytest.fixture(params=["coco", "lvis"])

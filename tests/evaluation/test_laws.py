@@ -9,6 +9,7 @@ import pytest
 from evaluation.detection_runs import (
     random_predictions,
     random_truth,
+    read_rows,
     write_run,
     write_truth,
 )
@@ -17,7 +18,6 @@ from evaluation.official import evaluate
 from legoworld import cli
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.records.base import as_json
-from legoworld.records.folders.evaluation_reading import read_rows
 from legoworld.shipped.catalog import folder
 from legoworld.tracks.dataset_versions import dataset_of
 

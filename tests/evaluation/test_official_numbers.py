@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from evaluation.detection_runs import (
+    by_canonical_key,
     checked,
     match_everything,
     random_predictions,
@@ -17,10 +18,11 @@ from evaluation.official import direct, evaluate
 
 from legoworld.evaluation.detection.evaluators import EvaluatorDisagreesError, run_evaluator
 from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
-from legoworld.evaluation.detection.inputs.prediction_order import canonical_key
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
 from legoworld.evaluation.detection.scoring import check_agreement, frequencies_of
 from legoworld.evaluation.detection.text import official_lines
+from legoworld.records.base import to_record
+from legoworld.records.predictions import Prediction
 
 
 @pytest.mark.parametrize("levels", [None, 3, 1])
@@ -30,7 +32,7 @@ def test_random_runs(task, levels, kind, tmp_path):
     truth = random_truth(task, seed=3)
     predictions = random_predictions(task, truth, seed=4, levels=levels)
     evaluation = evaluate(tmp_path, task, truth, predictions, evaluator=kind)
-    ordered = sorted(predictions, key=canonical_key)
+    ordered = sorted(predictions, key=by_canonical_key)
     numbers, lines = direct(task)(tmp_path / "truth.json", ordered)
     assert evaluation.summary.official == pytest.approx(numbers, abs=1e-12)
     protocol, *_ = checked(tmp_path / "again", task, truth, predictions)
@@ -102,7 +104,7 @@ def test_real_files(task, iou_type, truth, results, ap, real_data, tmp_path):
     assert protocol.iou_type == iou_type
     in_file_order, _ = direct(task)(truth_path, entries)
     assert in_file_order[0] == pytest.approx(ap, abs=1e-6)
-    numbers, lines = direct(task)(truth_path, list(predictions.entries))
+    numbers, lines = direct(task)(truth_path, predictions.entries.results())
     _, table = match_everything(protocol, read, predictions)
     curves = accumulate(table, protocol)
     ours = [metric_value(m, curves, frequencies_of(read)) for m in protocol.metrics]
@@ -127,6 +129,6 @@ def test_the_official_lines_of_the_reference_sample(real_data, tmp_path):
         entries = json.loads(path.read_text(encoding="utf-8"))
         task = {"bbox": "coco", "segm": "coco-masks"}[iou_type]
         protocol, read, predictions = checked(tmp_path / iou_type, task, document, [])
-        own = replace(predictions, entries=columns_of(entries))
+        own = replace(predictions, entries=columns_of(to_record(list[Prediction], entries)))
         scores = run_evaluator(read, own, protocol, "official")
         assert [round(x, 3) for x in scores.official] == expected

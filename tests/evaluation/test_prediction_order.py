@@ -8,7 +8,10 @@ import pytest
 from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
 from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
 from legoworld.evaluation.detection.inputs.prediction_order import canonical_key, in_order
-from legoworld.evaluation.detection.inputs.texts import texts_of
+from legoworld.evaluation.detection.inputs.texts import TextBuilder
+from legoworld.files import canonical_json
+from legoworld.records.base import to_record
+from legoworld.records.predictions import Prediction
 
 
 def entries(kind, random, n=300):
@@ -33,26 +36,23 @@ def entries(kind, random, n=300):
 @pytest.mark.parametrize("kind", ["boxes", "masks", "huge"])
 def test_ordered_by_arrays_as_by_keys(kind):
     given = entries(kind, np.random.default_rng(3))
-    found = list(in_order(columns_of(given), "canonical"))
-    assert repr(found) == repr(sorted(map(plain, given), key=canonical_key))
-    found = list(in_order(columns_of(given), "given"))
-    assert repr(found) == repr(sorted(map(plain, given), key=lambda e: e["image_id"]))
+    predictions = to_record(list[Prediction], given)
+    found = in_order(columns_of(predictions), "canonical")
+    assert repr([*found]) == repr(sorted(predictions, key=canonical_key))
+    found = in_order(columns_of(predictions), "given")
+    assert repr([*found]) == repr(sorted(predictions, key=lambda p: p.image_id))
+    assert [repr(p) for p in found] == [repr(found[k]) for k in range(len(found))]
+    ordered = sorted(given, key=lambda e: e["image_id"])
+    assert list(map(canonical_json, found.documents())) == list(map(canonical_json, ordered))
 
 
-def plain(entry):
-    """The keys in the order that columns give them."""
-    payload = "bbox" if "bbox" in entry else "segmentation"
-    return {key: entry[key] for key in ("image_id", "category_id", payload, "score")}
-
-
-def test_entries_share_nothing():
-    columns = columns_of(entries("boxes", np.random.default_rng(0), 3))
-    columns[0]["bbox"].append(5)
-    next(iter(columns))["bbox"].clear()
-    assert [len(e["bbox"]) for e in columns] == [4, 4, 4]
-    masks = columns_of(entries("masks", np.random.default_rng(0), 3))
-    masks[1]["segmentation"]["size"].clear()
-    assert [e["segmentation"]["size"] for e in masks] == [[4, 5]] * 3
+def test_results_share_nothing():
+    boxes = columns_of(to_record(list[Prediction], entries("boxes", np.random.default_rng(0), 3)))
+    boxes.results()[0]["bbox"].clear()
+    assert [len(e["bbox"]) for e in boxes.results()] == [4, 4, 4]
+    masks = columns_of(to_record(list[Prediction], entries("masks", np.random.default_rng(0), 3)))
+    masks.results()[1]["segmentation"]["size"].clear()
+    assert [e["segmentation"]["size"] for e in masks.results()] == [[4, 5]] * 3
 
 
 def test_floats_are_found_where_each_value_is_one():
@@ -61,6 +61,13 @@ def test_floats_are_found_where_each_value_is_one():
         found = finite_floats([2, value])
         assert (found is not None) == is_finite(value), value
     assert finite_floats([]).shape == (0,)
+
+
+def texts_of(texts):
+    built = TextBuilder()
+    for text in texts:
+        built.add(text)
+    return built.texts()
 
 
 def test_texts_in_one_piece_are_the_texts():

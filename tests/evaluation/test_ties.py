@@ -158,7 +158,7 @@ def test_ties_of_a_run_against_full_evaluations_of_shuffled_results(tmp_path):
             "images": [{**i, "id": new[i["id"]]} for i in truth["images"]],
             "annotations": [{**a, "image_id": new[a["image_id"]]} for a in truth["annotations"]],
         }
-        entries = [{**e, "image_id": new[e["image_id"]]} for e in predictions.entries]
+        entries = [{**e, "image_id": new[e["image_id"]]} for e in predictions.entries.documents()]
         _, other = match_everything(*checked(tmp_path, "coco", again, entries))
         full.append(ap_of(other))
     assert result.expected == pytest.approx(np.mean(full), abs=4 * result.sd / np.sqrt(60) + 0.01)

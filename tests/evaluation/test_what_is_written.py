@@ -5,11 +5,15 @@ from __future__ import annotations
 import copy
 import json
 from collections import Counter
-from pathlib import Path
-from typing import Any
 
 import pytest
-from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
+from evaluation.detection_runs import (
+    random_predictions,
+    random_truth,
+    read_rows,
+    write_run,
+    write_truth,
+)
 from evaluation.official import evaluate
 
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
@@ -18,10 +22,6 @@ from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError, ch
 from legoworld.records.folders.evaluation_folder import EVIDENCE, prepare_folder
 
 TASKS = ["coco", "coco-masks", "lvis"]
-
-
-def read_rows(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]
 
 
 def scored(folder, task, truth, predictions, statuses=None):
@@ -159,35 +159,34 @@ def test_sizes_written_with_a_point_are_the_same_sizes(case, tmp_path):
 
 
 @pytest.mark.parametrize("key", ["image_id", "category_id"])
-@pytest.mark.parametrize(("value", "shown"), [("10", "'10'"), (True, "True"), (10.0, "10.0")])
+@pytest.mark.parametrize(("value", "shown"), [("10", "str"), (True, "bool"), (10.0, "float")])
 def test_ids_that_are_no_integers_are_shown(key, value, shown, tmp_path):
     truth = random_truth("coco", seed=1)
     predictions = random_predictions("coco", truth, seed=1)
     predictions[7][key] = value
     with pytest.raises(LegoWorldError) as caught:
         evaluate(tmp_path, "coco", truth, predictions)
-    assert f"1 of {len(predictions)} predictions has no integer as their {key}" in str(caught.value)
-    assert f"found: {shown}; expected: an int" in str(caught.value)
+    assert f"found: expected int, got {shown} at $[7].{key};" in str(caught.value)
 
 
 def boxes(*found):
-    return [{"image_id": 1, "bbox": list(box)} for box in found]
+    return [1] * len(found), [*found]
 
 
 def test_boxes_of_a_pixel_are_no_fractions():
-    assert check_box_format(boxes([0, 0, 1, 1], [1, 1, 1, 1]), {1: (100, 80)}) == {}
+    assert check_box_format(*boxes([0, 0, 1, 1], [1, 1, 1, 1]), {1: (100, 80)}) == {}
     with pytest.raises(BoxFormatError, match="fractions of the image's size"):
-        check_box_format(boxes([0, 0, 1, 1], [0, 0, 0.5, 1]), {1: (100, 80)})
+        check_box_format(*boxes([0, 0, 1, 1], [0, 0, 0.5, 1]), {1: (100, 80)})
     with pytest.raises(BoxFormatError, match="fractions of the image's size"):
-        check_box_format(boxes([0, 0, 0.5, 1]), {1: (9, 9)})
-    assert check_box_format(boxes([0, 0, 0.5, 1]), {1: (8, 9)}) == {}
-    assert check_box_format(boxes([0, 0, 0.5, 1.25]), {1: (100, 80)}) == {}
-    assert check_box_format([], {}) == {}
+        check_box_format(*boxes([0, 0, 0.5, 1]), {1: (9, 9)})
+    assert check_box_format(*boxes([0, 0, 0.5, 1]), {1: (8, 9)}) == {}
+    assert check_box_format(*boxes([0, 0, 0.5, 1.25]), {1: (100, 80)}) == {}
+    assert check_box_format([], [], {}) == {}
 
 
 def test_oddities_of_boxes_are_counted():
-    found = boxes([-2, 0, 5, 5], [-2.5, 0, 50, 5], [95, 70, 7, 12], [90, 0, 13, 9], [5, 5, 0, 9])
-    assert check_box_format(found * 5, {1: (100, 80)}) == {
+    found = [[-2, 0, 5, 5], [-2.5, 0, 50, 5], [95, 70, 7, 12], [90, 0, 13, 9], [5, 5, 0, 9]]
+    assert check_box_format([1] * 25, found * 5, {1: (100, 80)}) == {
         "boxes that leave their image by over 2 px": 10,
         "boxes without any area": 5,
     }

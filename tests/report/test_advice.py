@@ -10,6 +10,7 @@ import pytest
 from legoworld.records.base import to_record
 from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
+from legoworld.records.run_rows import RunRow
 from legoworld.report.advice import detection_advice
 from legoworld.report.detection_images import DetectionImage, SideImage, _errors
 
@@ -64,7 +65,7 @@ def advice(
     )
     side = SideImage(
         row=ROW,
-        run_row={"status": "ok"},
+        run_row=RunRow(image_id=1, file_name="a.jpg", status="ok"),
         scene=None,
         entries=entries,
         errors=_errors(task, image, true, entries),
@@ -160,7 +161,7 @@ def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
     entry = to_record(ShownPrediction, {**shaped("lvis", frame), **prediction(CUP, "fp")})
     side = SideImage(
         row=ROW,
-        run_row={"status": "ok"},
+        run_row=RunRow(image_id=1, file_name="a.jpg", status="ok"),
         scene=None,
         entries=(entry,),
         errors=_errors("lvis", image, true, (entry,)),

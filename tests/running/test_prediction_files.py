@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import shutil
 import tracemalloc
+from collections.abc import Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_truth
@@ -16,32 +17,47 @@ from running.run_folders import results
 from specialists.tracks import make_track
 
 from legoworld import cli
-from legoworld.files import canonical_json
+from legoworld.records.base import canonical
 from legoworld.records.folders import prediction_files as storage
 from legoworld.records.folders.prediction_files import (
     PredictionsUnreadableError,
     delete_predictions,
     prediction_files,
     predictions_of,
-    stored_entries,
+    stored_batches,
     write_predictions,
 )
+from legoworld.records.predictions import Prediction, Rle
 
-#: Per image, by ascending id: none at either end, between, and a name that a line could break at.
-IMAGES: list[list[dict[str, Any]]] = [
-    [],
-    [{"image_id": 3, "bbox": [0, 1.5, 2, 3], "note": "a\u2028b},\r"}, {"image_id": 3, "n": None}],
-    [],
-    [{"image_id": 7, "x": [{"y": [1]}, {"z": "]"}]}],
-    [{"image_id": 9, "x": {}}],
-    [],
+
+def mask(image_id: int, counts: str | tuple[int, ...]) -> Prediction:
+    rle = Rle(size=(4, 5), counts=counts)
+    return Prediction(image_id=image_id, category_id=2, score=1, segmentation=rle)
+
+
+#: Per image, by ascending id: none at either end, between, and a text that a line could break at.
+IMAGES: list[tuple[Prediction, ...]] = [
+    (),
+    (
+        Prediction(image_id=3, category_id=1, score=0.5, bbox=(0, 1.5, 2, 3)),
+        mask(3, "a\u2028b},\r"),
+    ),
+    (),
+    (mask(7, "]"),),
+    (mask(9, (1, 2)),),
+    (),
 ]
 IDS = [1, 3, 4, 7, 9, 12]
 ENTRIES = [entry for predictions in IMAGES for entry in predictions]
+DOCUMENTS = [json.loads(canonical(entry)) for entry in ENTRIES]
 
 
-def in_lines(images: list[list[dict[str, Any]]]) -> list[list[str]]:
-    return [[canonical_json(prediction) for prediction in image] for image in images]
+def in_lines(images: Sequence[Sequence[Prediction]]) -> list[list[str]]:
+    return [[canonical(prediction) for prediction in image] for image in images]
+
+
+def stored(files: list[Path]) -> list[Prediction]:
+    return [*chain.from_iterable(stored_batches(files, Prediction))]
 
 
 def written(folder: Path, images_per_file: int | None) -> list[Path]:
@@ -62,7 +78,7 @@ def any_batch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("images_per_file", [None, 1, 2, 3, 5, 6, 100])
 def test_what_is_written_is_read(images_per_file, tmp_path):
     files = written(tmp_path, images_per_file)
-    assert list(stored_entries(files)) == ENTRIES
+    assert stored(files) == ENTRIES
     assert list(predictions_of(IDS, files)) == IMAGES
     if images_per_file is not None:
         assert len(files) == -(-len(IMAGES) // images_per_file)
@@ -72,7 +88,7 @@ def test_what_is_written_is_read(images_per_file, tmp_path):
         for k, path in enumerate(files):
             mine = IMAGES[k * images_per_file : (k + 1) * images_per_file]
             assert path.name == f"{k:05}.jsonl"
-            assert path.read_text() == "".join(canonical_json(p) + "\n" for ps in mine for p in ps)
+            assert path.read_text() == "".join(canonical(p) + "\n" for ps in mine for p in ps)
 
 
 @pytest.mark.parametrize("images_per_file", [None, 2])
@@ -80,7 +96,7 @@ def test_no_prediction_at_all(images_per_file, tmp_path):
     write_predictions(tmp_path, images_per_file, [[], [], []], 3)
     files = prediction_files(tmp_path, images_per_file, 3)
     assert [f.read_text() for f in files] == (["[]\n"] if images_per_file is None else ["", ""])
-    assert not list(stored_entries(files))
+    assert not stored(files)
 
 
 @pytest.mark.parametrize(("before", "after"), [(1, 4), (4, 1), (2, None), (None, 2)])
@@ -105,15 +121,17 @@ def test_fewer_images_leave_no_file_of_the_others(tmp_path):
 @pytest.mark.parametrize("layout", [{}, {"indent": 1}, {"indent": 0}, {"separators": (",\n", ":")}])
 def test_a_list_that_others_wrote(layout, tmp_path):
     path = tmp_path / "predictions.json"
-    path.write_text(json.dumps(ENTRIES * 5, **layout))
-    assert list(stored_entries([path])) == ENTRIES * 5
+    path.write_text(json.dumps(DOCUMENTS * 5, **layout))
+    assert stored([path]) == ENTRIES * 5
 
 
 @pytest.mark.usefixtures("any_batch")
 def test_a_cut_inside_of_an_entry_is_none(tmp_path):
     path = tmp_path / "predictions.json"
-    path.write_text('[\n{"x": [\n{"a": 1},\n{"a": 2},\n{"a": 3}\n]},\n{"x": 4},\n{"x": 5}\n]\n')
-    assert list(stored_entries([path])) == json.loads(path.read_text())
+    inside = '"x": [\n{"a": 1},\n{"a": 2},\n{"a": 3}\n]'
+    entries = [f'{{"image_id": {i}, "category_id": 1, "score": 1, {inside}}}' for i in range(3)]
+    path.write_text("[\n" + ",\n".join(entries) + "\n]\n")
+    assert [p.image_id for p in stored([path])] == [0, 1, 2]
 
 
 @pytest.mark.usefixtures("any_batch")
@@ -125,8 +143,8 @@ def test_a_list_cut_off_anywhere_is_refused_as_json_refuses_it(tmp_path):
         with pytest.raises(ValueError, match=r".") as expected:
             json.loads(text[:length].decode())
         with pytest.raises(PredictionsUnreadableError) as refused:
-            list(stored_entries([whole]))
-        assert refused.value.found == str(expected.value)
+            stored([whole])
+        assert refused.value.found == f"not JSON: {expected.value}"
 
 
 @pytest.mark.usefixtures("any_batch")
@@ -143,7 +161,7 @@ def test_what_is_no_list_is_refused(text, tmp_path):
     path = tmp_path / "predictions.json"
     path.write_text(text)
     with pytest.raises(PredictionsUnreadableError, match=r"predictions\.json cannot be read"):
-        list(stored_entries([path]))
+        stored([path])
 
 
 @pytest.mark.usefixtures("any_batch")
@@ -157,25 +175,25 @@ def test_what_is_no_prediction_a_line_is_refused(text, tmp_path):
     with pytest.raises(
         PredictionsUnreadableError, match=r"predictions/00000\.jsonl cannot be read"
     ):
-        list(stored_entries([path]))
+        stored([path])
 
 
 def test_images_out_of_order_lose_predictions_and_never_get_others(tmp_path):
     """A killed run can leave files of two runs: what their rows say then tells them apart."""
     path = tmp_path / "00000.jsonl"
-    path.write_text("".join(f'{{"image_id": {i}}}\n' for i in (2, 5, 3, 3, 8)))
+    path.write_text("".join(canonical(mask(i, "")) + "\n" for i in (2, 5, 3, 3, 8)))
     found = list(predictions_of([1, 2, 3, 4, 5, 8], [path]))
-    assert found == [[], [{"image_id": 2}], [], [], [{"image_id": 5}], [{"image_id": 8}]]
+    assert found == [(), (mask(2, ""),), (), (), (mask(5, ""),), (mask(8, ""),)]
 
 
 @pytest.mark.parametrize("images_per_file", [None, 400])
 def test_reading_holds_no_file_as_a_whole(images_per_file, tmp_path):
-    images = [[{"image_id": i, "counts": "x" * 5000}] for i in range(4000)]
+    images = [[mask(i, "x" * 5000)] for i in range(4000)]
     write_predictions(tmp_path, images_per_file, in_lines(images), len(images))
     files = prediction_files(tmp_path, images_per_file, len(images))
     size = sum(f.stat().st_size for f in files)
     tracemalloc.start()
-    count = sum(1 for _ in stored_entries(files))
+    count = sum(map(len, stored_batches(files, Prediction)))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert count == 4000

@@ -11,12 +11,16 @@ from typing import Any
 
 import pytest
 from gltf.scenes import scene_at
+from msgspec.structs import replace
 from running.run_folders import readout, results, tree
 
 from legoworld import cli
-from legoworld.files import canonical_json
+from legoworld.records.base import canonical
 from legoworld.records.folders import run_journal as journal
 from legoworld.records.folders.run_folder import begin, earlier_records, refuse_strangers
+from legoworld.records.predictions import Prediction
+from legoworld.records.run_file import Configuration, ImageRecord, Shard, WholeRun
+from legoworld.records.run_rows import RunRow
 from legoworld.running import disk
 from legoworld.running.disk import OutputFullError, check_disk
 
@@ -110,34 +114,35 @@ def test_what_a_killed_start_left_is_no_stranger(tmp_path):
 
 # Configurations.
 
-CONFIGURATION = {"task": "coco", "shard": {"index": 1, "whole": {"n": 3}}, "names": ["x"] * 30}
+WHOLE = WholeRun(attempted=3, partial=False)
+SHARD = Shard(index=1, of=2, whole=WHOLE)
+CONFIGURATION = Configuration(task="coco", attempted=2, shard=SHARD, weights="x" * 60)
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
         ({"task": "lvis"}, 'task: "coco" -> "lvis"'),
-        ({"shard": None}, "shard: null -> null; shard.index: 1 -> null; shard.whole.n: 3 -> null"),
-        ({"shard": {"index": 1, "whole": {"n": 4}}}, "shard.whole.n: 3 -> 4"),
-        ({"new": {}}, "new: null -> {}"),
         (
-            {"names": ["y"] * 9},
-            f"names: {json.dumps(['x'] * 30)[:37]}... -> {json.dumps(['y'] * 9)[:37]}...",
+            {"shard": None},
+            "shard.index: 1 -> null; shard.of: 2 -> null; shard.whole.attempted: 3 -> null",
         ),
-        ({"names": ["y" * 36]}, f'-> ["{"y" * 36}"]'),
+        ({"shard": Shard(index=1, of=3, whole=WHOLE)}, "shard.of: 2 -> 3"),
+        ({"options": {}}, "options: null -> {}"),
+        ({"weights": "y" * 50}, f'weights: "{"x" * 36}... -> "{"y" * 36}...'),
+        ({"weights": "y" * 38}, f'-> "{"y" * 38}"'),
     ],
 )
 def test_every_key_that_differs_is_shown_short(changes, said, tmp_path):
     begin(tmp_path, CONFIGURATION, overwrite=False)
-    now = {**CONFIGURATION, **changes}
-    shown = said.replace("shard: null -> null; ", "")
+    now = replace(CONFIGURATION, **changes)
     for check in (
         lambda: begin(tmp_path, now, overwrite=False),
         lambda: earlier_records(tmp_path, now, overwrite=False),
     ):
         with pytest.raises(Exception, match="another configuration") as caught:
             check()
-        assert shown in str(caught.value)
+        assert said in str(caught.value)
     assert earlier_records(tmp_path, now, overwrite=False, unknown=[*changes]) == []
     assert earlier_records(tmp_path, now, overwrite=True) == []
     begin(tmp_path, now, overwrite=True)
@@ -259,15 +264,19 @@ class FullDisk:
         raise self.error
 
 
-RECORD = {"row": {"image_id": 1}, "predictions": [{"image_id": 1, "bbox": [1, 2, 3, 4]}],
-          "scene": None}  # fmt: skip
+BOX = Prediction(image_id=1, category_id=2, score=0.5, bbox=(1, 2, 3, 4))
+
+
+def record(number):
+    row = RunRow(image_id=number, file_name="a.jpg", status="ok")
+    return ImageRecord(row=row, predictions=(BOX,))
 
 
 @pytest.mark.parametrize(("named", "shown"), [(None, "run/journal.jsonl"), ("other", "other")])
 def test_a_full_disk_says_which_file(named, shown):
     error = OSError(errno.ENOSPC, "No space left on device", named)
     with pytest.raises(OSError, match="No space") as caught:
-        journal.append(FullDisk(error), RECORD)
+        journal.append(FullDisk(error), record(1))
     assert caught.value.filename == shown
 
 
@@ -275,14 +284,13 @@ def test_a_journal_gives_back_what_was_put_in_and_only_that(tmp_path):
     kept = []
     for number in range(3):  # opened three times, as by three runs
         with journal.journal(tmp_path) as stream:
-            kept.append(journal.append(stream, {**RECORD, "row": {"image_id": number}}))
-    assert [k["row"]["image_id"] for k in kept] == [0, 1, 2]
-    assert all("predictions" not in k for k in kept)
+            kept.append(journal.append(stream, record(number)))
+    assert [k.row.image_id for k in kept] == [0, 1, 2]
     records, damaged = journal.journal_records(tmp_path)
-    assert (records, damaged) == ([{**RECORD, "row": {"image_id": n}} for n in range(3)], 0)
+    assert (records, damaged) == ([record(n) for n in range(3)], 0)
     path = tmp_path / "journal.jsonl"
     whole = path.read_bytes()
-    assert whole.startswith(canonical_json(records[0]).encode() + b"\t")
+    assert whole.startswith(canonical(records[0]).encode() + b"\t")
     path.write_bytes(whole[:-1])  # torn: cut when it is next opened
     assert journal.journal_records(tmp_path) == (records[:2], 0)
     assert path.read_bytes() == b"".join(whole.splitlines(keepends=True)[:2])

@@ -12,17 +12,18 @@ import pytest
 from legoworld import cli
 from legoworld.commands import progress
 from legoworld.commands.run_text import failure_lines, stranger_lines, warning_lines
+from legoworld.records.run_rows import RunRow
 from legoworld.tracks.scene_names import Stranger, lower_top, strangers
 
 
 def row(number, status="ok", reason=None, warnings=()):
-    return {
-        "image_id": number,
-        "file_name": f"{number}.jpg",
-        "status": status,
-        "reason": reason,
-        "warnings": list(warnings),
-    }
+    return RunRow(
+        image_id=number,
+        file_name=f"{number}.jpg",
+        status=status,
+        reason=reason,
+        warnings=tuple(warnings),
+    )
 
 
 def test_failures_of_one_kind_are_one_line_and_all_with_v():

@@ -13,14 +13,18 @@ from gltf.documents import Document
 from gltf.scenes import NoBlender, scene_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from legoworld import cli
 from legoworld.errors import KernelBuildError, LegoWorldError
 from legoworld.files import as_unicode, atomic_path, canonical_json
 from legoworld.readouts.tasks import protocol
+from legoworld.records.base import canonical
+from legoworld.records.run_file import ImageRecord
+from legoworld.records.run_rows import Unmatched
 from legoworld.running import image as image_module
 from legoworld.running.image import read_image
-from legoworld.running.image_record import ImageOptions, Record
+from legoworld.running.image_record import ImageOptions
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.tracks.track import TrackImage
@@ -34,13 +38,16 @@ def folder(tmp_path: Path) -> Path:
     return scene_at(tmp_path / "scenes" / "scene")
 
 
-def read(scenes: Path, task: str = "coco", image: TrackImage = IMAGE, **more: Any) -> Record:
+def read(
+    scenes: Path, task: str = "coco", image: TrackImage = IMAGE, **more: Any
+) -> dict[str, Any]:
+    """The record as its journal holds it."""
     options = ImageOptions(
         scenes=scenes, run=scenes.parent / "run", protocol=protocol(task, None), source="glb",
         cache=None, require_frozen=False, max_side=None, threads=1,
     )  # fmt: skip
     options = ImageOptions(**{**vars(options), **more})
-    return read_image(image, options, NoBlender(Limits()))
+    return json.loads(canonical(read_image(image, options, NoBlender(Limits()))))
 
 
 # Side files of any content.
@@ -118,10 +125,10 @@ def test_a_record_that_no_file_can_hold_is_a_verdict(folder, tmp_path, monkeypat
     scene_at(folder.parent / "good")
     original = image_module.record_of
 
-    def spoilt(*arguments: Any) -> Record:
+    def spoilt(*arguments: Any) -> ImageRecord:
         record = original(*arguments)
-        record["row"]["unmatched"] = [BAD] if record["row"]["scene"] == "scene" else []
-        return record
+        unmatched = (Unmatched(label=BAD, count=1),) if record.row.scene == "scene" else ()
+        return replace(record, row=replace(record.row, unmatched=unmatched))
 
     monkeypatch.setattr(image_module, "record_of", spoilt)
     output = run(folder.parent, tmp_path / "run", code=1)

@@ -15,6 +15,7 @@ from legoworld.baselines.cards import load_baseline
 from legoworld.baselines.environments import Requirements, install_steps
 from legoworld.commands.doctor_command import _baseline
 from legoworld.commands.progress import LineProgress
+from legoworld.records.run_rows import RunRow
 
 #: As much of torch as is asked about.
 TORCH = """
@@ -147,7 +148,7 @@ def test_progress_in_lines():
     step.total(100)
     for number in range(1, 101):
         now[0] = number * 1.0
-        step({"status": "ok" if number != 50 else "failed"})
+        step(RunRow(image_id=number, file_name="", status="ok" if number != 50 else "failed"))
     assert said[0] == "1 of 100 images, 1 s an image"
     assert said[-1] == "100 of 100 images, 1 failed, 1 s an image"
     assert len(said) == 5

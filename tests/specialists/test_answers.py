@@ -21,6 +21,7 @@ from legoworld.baselines.conversation import BaselineRefusedError, Conversation
 from legoworld.baselines.request import BaselineRequest, configuration_of
 from legoworld.files import canonical_json, readable_json
 from legoworld.readouts.tasks import protocol
+from legoworld.records.base import as_json, canonical, readable
 from legoworld.records.baseline_messages import Message
 from legoworld.tracks.track import load_track
 
@@ -109,14 +110,14 @@ def records_of(
     finally:
         conversation.BaselineProcess = before  # type: ignore[misc]
     for record in records:
-        canonical_json(record).encode("utf-8")
+        canonical(record).encode("utf-8")
     for provenance in began:
         readable_json({"configuration": provenance}).encode("utf-8")
-    rows = [record["row"] for record in records]
+    rows = [record.row for record in records]
     summary = summarise(configuration_of(request, images), rows)
-    readable_json(summary).encode("utf-8")
-    assert sorted(row["image_id"] for row in rows) == [1, 2]
-    return {row["image_id"]: row for row in rows}
+    readable(summary).encode("utf-8")
+    assert sorted(row.image_id for row in rows) == [1, 2]
+    return {row.image_id: as_json(row) for row in rows}
 
 
 @pytest.mark.parametrize(

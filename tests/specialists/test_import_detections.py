@@ -138,10 +138,10 @@ REFUSED = {
     "contiguous ids": ([box(1, 0), box(1, 1)], "look like positions 0..3"),
     "ids without names": ([box(1, 0)], "map categories by name, with --label-map FILE"),
     "no score": ([{k: v for k, v in box().items() if k != "score"}], "no score"),
-    "a score that is a text": ([box(score="high")], "no usable score"),
-    "three numbers": ([box(bbox=[1, 2, 3])], "four finite numbers"),
+    "a score that is a text": ([box(score="high")], "got str at $[0].score"),
+    "three numbers": ([box(bbox=[1, 2, 3])], "expected array of length 4, got 3 at $[0].bbox"),
     "no boxes": ([{"image_id": 1, "category_id": 18, "score": 1.0}], "no bbox"),
-    "a boolean image": ([box(True)], "no integer"),
+    "a boolean image": ([box(True)], "got bool at $[0].image_id"),
     "brackets without end": ("[" * 50_000 + "]" * 50_000, "cannot be read"),
     "half a file": (json.dumps([box()] * 9)[:200], "cannot be read"),
     "a file of truth": (
@@ -307,8 +307,11 @@ def test_a_bbox_beside_a_mask_is_left_out(bring):
     ("document", "words"),
     [
         ([mask(segmentation={"size": [64, 48], "counts": "P`2"})], "[height, width]"),
-        ([mask(segmentation=[[1, 1, 5, 5]])], "a polygon list"),
-        ([mask(segmentation=[[1, 1, 5, 1, 5, 5, 7]])], "a polygon list"),
+        ([mask(segmentation=[[1, 1, 5, 5]])], "expected object, got array at $[0].segmentation"),
+        (
+            [mask(segmentation=[[1, 1, 5, 1, 5, 5, 7]])],
+            "expected object, got array at $[0].segmentation",
+        ),
         ([box()], "no segmentation"),
     ],
 )

@@ -29,7 +29,7 @@ from legoworld.records.folders.evaluation_folder import (
     prepare_folder,
     write_evaluation,
 )
-from legoworld.records.folders.run_folder import ROWS, RUN
+from legoworld.records.folders.run_reading import ROWS, RUN
 from legoworld.workers.tasks import ALONE, Crew
 
 
@@ -69,7 +69,7 @@ def evaluate_depth(
     for task, result in zip(tasks, scored_images(tasks, crew), strict=True):
         rows.append(result.row)
         if result.view is not None:
-            views[f"{task.image.image.id}.json"] = result.view
+            views[f"{task.image.image.image_id}.json"] = result.view
         if progress is not None:
             progress(result.row)
     summary = summarise(

@@ -12,11 +12,10 @@ from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
 from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.run import Run, RunImage, read_run
+from legoworld.evaluation.run import Run, read_rows, read_run
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.depth import depth_file
-from legoworld.records.folders.evaluation_reading import read_rows
-from legoworld.records.folders.run_folder import ROWS
+from legoworld.records.run_rows import RunImage, RunRow
 
 _TASK: Final = "eth3d"
 
@@ -59,11 +58,10 @@ def read_depth_run(folder: Path) -> DepthRun:
             found=f"task {run.task!r}",
             expected=f"a run of the task {_TASK!r}",
         )
-    rows = {int(row["image_id"]): row for row in read_rows(folder / ROWS)}
     return DepthRun(
         run=run,
-        kind=str(run.configuration.get("kind")),
-        images=tuple(_depth_image(folder, image, rows[image.id]) for image in run.images),
+        kind=str(run.configuration.kind or None),
+        images=tuple(_depth_image(folder, row) for row in read_rows(run)),
     )
 
 
@@ -100,14 +98,13 @@ def photo_stem(file_name: str) -> str:
     return str(PurePosixPath(file_name).with_suffix(""))
 
 
-def _depth_image(folder: Path, image: RunImage, row: dict[str, object]) -> DepthImage:
-    depth = row.get("depth")
-    recorded = depth if isinstance(depth, dict) else {}
-    rendered = row.get("rendered_wh")
+def _depth_image(folder: Path, row: RunRow) -> DepthImage:
+    recorded = row.depth or None
+    file = recorded.file if recorded else depth_file(photo_stem(row.file_name))
     return DepthImage(
-        image=image,
-        path=folder / str(recorded.get("file") or depth_file(photo_stem(image.file_name))),
-        reason=str(row["reason"]) if row.get("reason") is not None else None,
-        sha256=recorded.get("sha256"),
-        rendered_wh=(int(rendered[0]), int(rendered[1])) if isinstance(rendered, list) else None,
+        image=row,
+        path=folder / file,
+        reason=row.reason,
+        sha256=(recorded.sha256 or None) if recorded else None,
+        rendered_wh=row.rendered_wh or None,
     )

@@ -101,7 +101,7 @@ def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> Unscore
             f"invalid truth left out: {truth.nan_px} NaN, {truth.non_positive_px} not positive"
         )
     return UnscoredDepthRow(
-        image_id=image.image.id,
+        image_id=image.image.image_id,
         file_name=image.image.file_name,
         group=scene_of(image.image.file_name) or image.image.file_name,
         status="",

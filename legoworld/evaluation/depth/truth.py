@@ -24,8 +24,8 @@ from legoworld.evaluation.depth.pictures import (
     refuse_photo,
 )
 from legoworld.evaluation.depth.predictions import photo_stem
-from legoworld.evaluation.run import RunImage
 from legoworld.pluralize import share
+from legoworld.records.run_rows import RunImage
 from legoworld.tracks.colmap import Calibration, Camera, read_calibration
 
 _BAND_ROWS: Final = 64

@@ -16,12 +16,12 @@ from legoworld.evaluation.depth.rows import score_row
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.evaluation.evidence import Check, located
-from legoworld.evaluation.run import RunImage
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.records.evidence import DepthEvidence
 from legoworld.records.folders.evaluation_reading import SUMMARY
+from legoworld.records.run_rows import RunImage
 
 #: Images scored again, spread evenly over the track: a full-size one takes seconds.
 SCORED_AGAIN: Final = 10
@@ -65,7 +65,9 @@ def depth_rows(
     for image, file in list(zip(run.images, files, strict=True))[::step]:
         row = score_row(image, file, file.camera if warped else None, protocol).row
         again = as_json(row)
-        yield agreement(f"row of image {image.image.id}", again, recorded.get(image.image.id))
+        yield agreement(
+            f"row of image {image.image.image_id}", again, recorded.get(image.image.image_id)
+        )
 
 
 def _settings(summary: DepthSummary) -> Settings:

@@ -13,6 +13,7 @@ from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.detection.inputs.predictions import (
     Predictions,
     check_predictions,
+    kind_of,
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import Truth, read_truth
@@ -99,7 +100,8 @@ def evaluate_detections(
     )
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
     notice("checking the predictions")
-    predictions = check_predictions(read_predictions(run), run=run, truth=truth, protocol=protocol)
+    batches = read_predictions(run, kind_of(protocol))
+    predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
     request = ScoreRequest(
         truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed, crew=crew
     )
@@ -155,7 +157,7 @@ def _summary(
     policy = equal or own
     return DetectionSummary(
         task=protocol.task,
-        kind=run.configuration.get("kind"),
+        kind=run.configuration.kind or None,
         partial=run.partial,
         dataset_version=truth.version,
         evaluator=Evaluator(name=own.scores.name, version=own.scores.version),
@@ -191,7 +193,7 @@ def _coverage(run: Run, own: Score) -> DetectionCoverage:
         with_truth=int((n_truth > 0).sum()),
         scored_with_truth=int((scored & (n_truth > 0)).sum()),
         scored_without_predictions=sum(
-            i.status == "ok" and i.id not in with_predictions for i in run.images
+            i.status == "ok" and i.image_id not in with_predictions for i in run.images
         ),
         by_status=dict(sorted(Counter(i.status for i in run.images).items())),
     )
@@ -256,11 +258,11 @@ def _evidence(
         coverage=summary.coverage,
         configuration=configuration,
         run=RunOrigin(
-            kind=made.get("kind"),
-            source=made.get("source"),
-            track_sha256=made.get("track_sha256"),
-            images_sha256=made.get("images_sha256"),
-            vocabulary_sha256=made.get("vocabulary_sha256"),
+            kind=made.kind or None,
+            source=made.source or None,
+            track_sha256=made.track_sha256 or None,
+            images_sha256=made.images_sha256 or None,
+            vocabulary_sha256=made.vocabulary_sha256 or None,
         ),
         protocol=CardOrigin(
             task=protocol.task,

@@ -36,7 +36,7 @@ def per_image_rows(run: Run, predictions: Predictions, score: Score) -> list[Det
     agnostic = image_sums(score.agnostic, class_aware=False)
     return [
         DetectionRow(
-            image_id=image.id,
+            image_id=image.image_id,
             file_name=image.file_name,
             status=image.status,
             scored=image.status == "ok",
@@ -112,7 +112,7 @@ def views(truth: Truth, predictions: Predictions, score: Score) -> dict[str, Any
         outcome[score.table.entry[score.table.state[0, 0] == kind]] = name
     pairs = _pairs_by_entry(score)
     drawn = []
-    for k, entry in enumerate(predictions.entries):
+    for k, entry in enumerate(predictions.entries.documents()):
         pair = pairs.get(k)
         drawn.append(
             {

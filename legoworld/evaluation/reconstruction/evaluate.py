@@ -31,7 +31,7 @@ from legoworld.records.folders.evaluation_folder import (
     prepare_folder,
     write_evaluation,
 )
-from legoworld.records.folders.run_folder import ROWS, RUN
+from legoworld.records.folders.run_reading import ROWS, RUN
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.workers.tasks import ALONE, Crew
@@ -61,7 +61,7 @@ def evaluate_bench(
     run, truth = run.absolute(), truth.absolute()
     dataset, bench_run = read_dataset(truth), read_bench_run(run)
     ids = [row.image_id for row in bench_run.rows]
-    check_run(dataset, run.name, bench_run.run.configuration.get("track_sha256"), ids)
+    check_run(dataset, run.name, bench_run.run.configuration.track_sha256 or None, ids)
     inputs = recorded_inputs(_inputs(bench_run, dataset, choices), run, origins)
     configuration = _configuration(protocol, choices, draws, seed)
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)

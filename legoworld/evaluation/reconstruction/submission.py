@@ -20,7 +20,7 @@ from legoworld.evaluation.reconstruction.points import Depth, Raster
 from legoworld.evaluation.run import Run, RunUnusableError, read_run
 from legoworld.records.base import UNSET, RecordError, decode_lines
 from legoworld.records.bench_run import BenchRow, RenderFile, SurfaceFile, WrittenFile
-from legoworld.records.folders.run_folder import ROWS
+from legoworld.records.folders.run_reading import ROWS
 
 TASK: Final = "bench"
 _NO_TEXTURES: Final = np.zeros((0, 36, 64, 3), np.uint8)
@@ -36,7 +36,7 @@ class BenchRun:
     @property
     def kind(self) -> str:
         """Scene, or what made the submissions instead."""
-        return str(self.run.configuration.get("kind"))
+        return str(self.run.configuration.kind or None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.records.base import RecordError, decode, decode_lines
@@ -25,8 +24,6 @@ PER_CATEGORY: Final = "per_category.jsonl"
 MATCHES: Final = "matches.npz"
 EVIDENCE: Final = "evidence.json"
 VIEW: Final = "view"
-
-Row = dict[str, Any]
 
 
 class EvaluationFolderError(LegoWorldError):
@@ -120,8 +117,3 @@ def reading(folder: Path, name: str) -> Iterator[Path]:
             expected="what `legoworld evaluate` wrote",
             next_step="evaluate the run again with --overwrite",
         ) from error
-
-
-def read_rows(path: Path) -> list[Row]:
-    """The rows of a .jsonl file. Only a newline ends one: names may hold other line separators."""
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]

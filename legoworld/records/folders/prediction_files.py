@@ -6,35 +6,32 @@ knows the difference.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, groupby, islice
+from operator import attrgetter
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Final, TypeVar
 
-from legoworld.errors import LegoWorldError, one_line
-from legoworld.files import atomic_path
+from legoworld.errors import LegoWorldError
+from legoworld.files import atomic_path, canonical_json, sha256_of_file, sha256_of_text
+from legoworld.records.base import RecordError, as_json, decode, decode_lines
+from legoworld.records.predictions import Prediction, Scored
+from legoworld.records.run_file import ImageRecord
+
+_P = TypeVar("_P", bound=Scored)
 
 PREDICTIONS: Final = "predictions.json"
 FOLDER: Final = "predictions"
-#: The configuration's key for N; absent where there is one file.
-IMAGES_PER_FILE: Final = "images_per_file"
 #: Text that is parsed at once: enough that entries share their keys, little beside what they hold.
 _BATCH_BYTES: Final = 1 << 20
-
-Prediction = dict[str, Any]
+#: What a results list is, in messages.
+LIKE: Final = '[{"image_id", "category_id", "score", and "bbox" or "segmentation"}, ...]'
 
 
 class PredictionsUnreadableError(LegoWorldError):
     """A file of predictions is absent, damaged, or holds something else."""
 
     code = "predictions_unreadable"
-
-
-def with_division(configuration: dict[str, Any], images_per_file: int | None) -> dict[str, Any]:
-    """The configuration of the same run with another division; None: one file."""
-    others = {key: value for key, value in configuration.items() if key != IMAGES_PER_FILE}
-    return others if images_per_file is None else {**others, IMAGES_PER_FILE: images_per_file}
 
 
 def prediction_files(folder: Path, images_per_file: int | None, n_images: int) -> list[Path]:
@@ -54,51 +51,61 @@ def present_files(folder: Path) -> list[Path]:
     return [*([whole] if whole.is_file() else []), *sorted((folder / FOLDER).glob("[0-9]*.jsonl"))]
 
 
-def stored_entries(files: Iterable[Path]) -> Iterator[Any]:
-    """Every entry of these files in order, read some MiB at a time, unchecked otherwise.
+def stored_batches(files: Iterable[Path], kind: type[_P]) -> Iterator[list[_P]]:
+    """Every prediction of these files in order, as a kind of prediction, some MiB at a time.
 
-    PredictionsUnreadableError names the file that is absent, no JSON, or no list of results.
+    PredictionsUnreadableError names the file that is absent, no JSON, or no list of results, and
+    the place in it.
     """
     for path in files:
         try:
             with path.open("rb") as stream:
-                batches = _of_lines(stream) if path.suffix == ".jsonl" else _of_list(stream)
-                for batch in batches:
-                    yield from batch
-        except (OSError, ValueError, RecursionError) as error:
+                read = _of_lines if path.suffix == ".jsonl" else _of_list
+                yield from read(stream, kind)
+        except (OSError, RecordError) as error:
             raise PredictionsUnreadableError(
                 f"{path.parent.name}/{path.name} cannot be read",
                 found=getattr(error, "strerror", None) or str(error),
-                expected="the predictions of a finished run of boxes or masks",
+                expected=f"the predictions of a finished run of boxes or masks: {LIKE}",
                 next_step="delete what is there of it and run the run's command again",
             ) from error
 
 
-def predictions_of(image_ids: Iterable[int], files: Iterable[Path]) -> Iterator[list[Prediction]]:
+def predictions_of(
+    image_ids: Iterable[int], files: Iterable[Path]
+) -> Iterator[tuple[Prediction, ...]]:
     """The predictions of each of these images; ids and files ascend, as a run writes them.
 
     What is stored out of that order is left out: an image without all of its predictions differs
     from what its row says of them.
     """
-    groups = groupby(stored_entries(files), key=_image_id)
-    found = ((image_id, list(entries)) for image_id, entries in groups)
-    at, predictions = next(found, (None, []))
+    stored = chain.from_iterable(stored_batches(files, Prediction))
+    groups = groupby(stored, key=attrgetter("image_id"))
+    found = ((image_id, tuple(entries)) for image_id, entries in groups)
+    at, predictions = next(found, (None, ()))
     for image_id in image_ids:
         while at is not None and at < image_id:
-            at, predictions = next(found, (None, []))
-        yield predictions if at == image_id else []
+            at, predictions = next(found, (None, ()))
+        yield predictions if at == image_id else ()
 
 
-def _image_id(entry: Any) -> int:
-    try:
-        return int(entry["image_id"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise PredictionsUnreadableError(
-            "a file of predictions holds what is no prediction",
-            found=one_line(repr(entry), 80),
-            expected="an image_id in each",
-            next_step="delete the file and run the run's command again",
-        ) from error
+def predictions_sha256(predictions: Iterable[Prediction]) -> str:
+    """Hash of an image's predictions, whatever number the image has in a track."""
+    named = [as_json(p) for p in predictions]
+    for entry in named:
+        del entry["image_id"]
+    return sha256_of_text(canonical_json(named))
+
+
+def has_its_results(record: ImageRecord, folder: Path) -> bool:
+    """Whether a stored record's predictions, or its files in the run, are those of its row."""
+    if record.row.predictions_sha256:
+        return record.row.predictions_sha256 == predictions_sha256(record.predictions)
+    return all(_is_there(folder / file.file, file.sha256) for file in record.row.files)
+
+
+def _is_there(path: Path, sha256: object) -> bool:
+    return path.is_file() and sha256_of_file(path) == sha256
 
 
 def write_predictions(
@@ -145,49 +152,45 @@ def _write_list(stream: IO[str], lines: Iterable[str]) -> None:
     stream.write("[]\n" if before == "[\n" else "\n]\n")
 
 
-def _of_lines(stream: IO[bytes]) -> Iterator[list[Any]]:
-    """Entries of a file with one a line. ValueError for any other."""
-    while lines := stream.readlines(_BATCH_BYTES):
-        entries: list[Any] = json.loads(f"[{b','.join(lines).decode('utf-8')}]")
-        if len(entries) != len(lines):
-            raise ValueError("a line with another number of predictions than one")
-        yield entries
-
-
-def _of_list(stream: IO[bytes]) -> Iterator[list[Any]]:
-    """Entries of a JSON list. ValueError for any other text, with the place in all of it."""
+def _of_lines(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
+    """Entries of a file with one a line. RecordError for any other."""
     done = 0
+    while lines := stream.readlines(_BATCH_BYTES):
+        entries = decode_lines(kind, b"".join(lines), first=done + 1)
+        if len(entries) != len(lines):
+            raise RecordError("a line without a prediction")
+        yield entries
+        done += len(lines)
+
+
+def _of_list(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
+    """Entries of a JSON list. RecordError for any other text, with the place in all of it."""
+    done, many = 0, list[kind]  # type: ignore[valid-type]
     try:
-        for entries in _cut(stream):
+        for entries in _cut(stream, kind):
             yield entries
             done += len(entries)
-    except ValueError:
+    except RecordError:
         stream.seek(0)
-        yield _list_in(stream.read().decode("utf-8"))[done:]
+        yield decode(many, stream.read())[done:]
 
 
-def _cut(stream: IO[bytes]) -> Iterator[list[Any]]:
+def _cut(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
     """Parts of a JSON list, cut where a line ends in an object and a comma.
 
-    A cut is right exactly when what comes before it is a whole list of its own. ValueError where
+    A cut is right exactly when what comes before it is a whole list of its own. RecordError where
     it is not, as it can be in lists that others have indented.
     """
-    opening, held = "", list[bytes]()
+    many = list[kind]  # type: ignore[valid-type]
+    opening, held = b"", list[bytes]()
     while lines := stream.readlines(_BATCH_BYTES):
         if len(lines) > 1 and lines[-2].endswith(b"},\n"):
-            before = b"".join([*held, *lines[:-1]]).decode("utf-8")
-            yield _list_in(f"{opening}{before[:-2]}]")
-            opening, held = "[", lines[-1:]
+            before = b"".join([opening, *held, *lines[:-1]])
+            yield decode(many, before[:-2] + b"]")
+            opening, held = b"[", lines[-1:]
         else:
             held += lines
-    rest = _list_in(opening + b"".join(held).decode("utf-8"))
+    rest = decode(many, opening + b"".join(held))
     if opening and not rest:
-        raise ValueError("a comma before the end")
+        raise RecordError("a comma before the end")
     yield rest
-
-
-def _list_in(text: str) -> list[Any]:
-    value = json.loads(text)
-    if not isinstance(value, list):
-        raise ValueError(f"not a list of results: {type(value).__name__}")
-    return value

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-#: The keys of a row that describe a file: {"file", "sha256", "bytes", ...}; also their folders.
+#: The keys of a row that describe a file (`RunRow.files`); also their folders.
 FOLDERS: Final = ("depth", "surface", "render")
 _SUFFIXES: Final = (".npz", ".png")
-
-
-def files_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What a row says of each of its files."""
-    return [row[key] for key in FOLDERS if key in row]
 
 
 def delete_files(run: Path) -> None:

@@ -6,7 +6,6 @@ changed is no record, and its image is read again.
 
 from __future__ import annotations
 
-import json
 import os
 import zlib
 from array import array
@@ -14,17 +13,18 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Final
 
 from legoworld.errors import SceneInvalidError
 from legoworld.files import canonical_json, sync_folder
+from legoworld.records.base import RecordError, as_json, canonical, decode
+from legoworld.records.run_file import ImageRecord, ImageSource
+from legoworld.records.run_rows import RunRow
 
 JOURNAL: Final = "journal.jsonl"
 
 #: Canonical JSON has its keys in order, so a record's line begins with its predictions.
 _BEFORE_PREDICTIONS: Final = b'{"predictions":['
-
-Record = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +33,15 @@ class Places:
 
     line: int
     sizes: array[int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JournalledImage:
+    """A record that is in the journal, with the places of its predictions instead of them."""
+
+    row: RunRow
+    scene: ImageSource | None
+    at: Places
 
 
 class UnwritableRecordError(SceneInvalidError):
@@ -51,14 +60,12 @@ def journal(folder: Path) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def append(stream: IO[bytes], record: Record) -> Record:
+def append(stream: IO[bytes], record: ImageRecord) -> JournalledImage:
     """Put one record on disk before the next image is reported done.
 
-    Returns it with the places of its predictions in the journal instead of them, for `finish`.
     Raises UnwritableRecordError for one that no JSON file can hold.
     """
     line, places = _line_of(record, stream.tell())
-    kept = {"row": record["row"], "scene": record["scene"], "journal_at": places}
     try:
         while line:
             line = line[stream.write(line) :]
@@ -66,10 +73,10 @@ def append(stream: IO[bytes], record: Record) -> Record:
     except OSError as error:
         error.filename = error.filename or stream.name  # a full disk does not say which file
         raise
-    return kept
+    return JournalledImage(row=record.row, scene=record.scene, at=places)
 
 
-def journal_records(folder: Path) -> tuple[list[Record], int]:
+def journal_records(folder: Path) -> tuple[list[ImageRecord], int]:
     """The records in a folder's journal, and how many lines hold none that can be used."""
     path = folder / JOURNAL
     _drop_torn_line(path)
@@ -99,11 +106,12 @@ def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]
             yield texts
 
 
-def _line_of(record: Record, at: int) -> tuple[bytes, Places]:
+def _line_of(record: ImageRecord, at: int) -> tuple[bytes, Places]:
     """The line of a record that is put at this place, and where its predictions are."""
     try:
-        predictions = [canonical_json(p).encode("utf-8") for p in record["predictions"]]
-        rest = canonical_json({"row": record["row"], "scene": record["scene"]}).encode("utf-8")
+        predictions = [canonical(p).encode("utf-8") for p in record.predictions]
+        kept = {"row": as_json(record.row), "scene": as_json(record.scene)}
+        rest = canonical_json(kept).encode("utf-8")
     except (ValueError, TypeError, RecursionError) as error:
         raise UnwritableRecordError(
             "what was read of the scene cannot be written as JSON",
@@ -116,13 +124,13 @@ def _line_of(record: Record, at: int) -> tuple[bytes, Places]:
     return data + b"\t%08x\n" % zlib.crc32(data), Places(line=at, sizes=sizes)
 
 
-def _record_in(line: bytes) -> Record | None:
+def _record_in(line: bytes) -> ImageRecord | None:
     """The record of a line; None for one that is not as it was written."""
     data = _data_of(line)
-    if data is None:
+    try:
+        return None if data is None else decode(ImageRecord, data)
+    except RecordError:  # of another version
         return None
-    record: Record = json.loads(data)
-    return record
 
 
 def _data_of(line: bytes) -> bytes | None:

@@ -56,7 +56,7 @@ def depth_of(disparity: Array, card: dict[str, Any]) -> Array:
 
 
 def test_its_disparity_becomes_the_card_s_depth(truth: Path, card: dict[str, Any]) -> None:
-    image = RunImage(id=4, file_name=PHOTO, size_wh=(741, 500), status="ok")
+    image = RunImage(image_id=4, file_name=PHOTO, size_wh=(741, 500), status="ok")
     found = load_truth(find_truth(truth, [image])[0])
     assert found.inf_px == 27_226
     valid = np.isfinite(found.z_m)

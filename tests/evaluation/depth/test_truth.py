@@ -23,7 +23,7 @@ OTHER = "office/images/dslr_images/DSC_0219.JPG"
 
 
 def photo(name: str = NAME, size_wh: tuple[int, int] | None = (32, 20)) -> RunImage:
-    return RunImage(id=1, file_name=name, size_wh=size_wh, status="ok")
+    return RunImage(image_id=1, file_name=name, size_wh=size_wh, status="ok")
 
 
 def lidar(seed: int = 0) -> np.ndarray:

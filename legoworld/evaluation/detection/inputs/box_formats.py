@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ _MAX_SHARE_UNEXPLAINED: Final = 0.5
 _XYWH: Final = "pass x, y, width, height in pixels of the image"
 
 
+Sizes = Mapping[int, tuple[int, int]]
+
+
 class BoxFormatError(LegoWorldError):
     """Boxes are not x, y, width, height in pixels of their image."""
 
@@ -30,62 +33,74 @@ class BoxFormatError(LegoWorldError):
 
 
 def check_box_values(
-    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
-) -> dict[str, int]:
-    """BoxFormatError for a box no format explains: not four numbers, or of negative extent."""
-    boxes = [e["bbox"] for e in entries]
-    if set(map(type, boxes)) <= {list} and set(map(len, boxes)) <= {4}:
-        values = finite_floats(itertools.chain.from_iterable(boxes))
-        if values is not None and (values.reshape(-1, 4)[:, 2:] >= 0).all():
-            return {}
-    for entry in entries:
-        box = entry["bbox"]
-        if not isinstance(box, list) or len(box) != 4 or not all(map(is_finite, box)):
-            raise _error(f"image {entry['image_id']}: bbox {box!r}", "four finite numbers")
-    for index, entry in enumerate(entries):
-        if min(entry["bbox"][2:]) < 0:
-            raise _error(
-                _shown(entries, index),
-                "a width and height of at least 0",
-                _hint(*_arrays(entries, sizes_wh)),
-            )
+    image_ids: Sequence[int], boxes: Sequence[object], sizes_wh: Sizes
+) -> Mapping[str, int]:
+    """BoxFormatError for a box no format explains: not four numbers, or of negative extent.
+
+    boxes: of each of the images, whatever a file has there.
+    """
+    _checked(image_ids, boxes, sizes_wh)
     return {}
 
 
 def check_box_format(
-    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
-) -> dict[str, int]:
+    image_ids: Sequence[int], boxes: Sequence[object], sizes_wh: Sizes
+) -> Mapping[str, int]:
     """Counted oddities of boxes that can be scored. BoxFormatError for boxes that cannot."""
-    if not entries:
+    if not boxes:
         return {}
-    check_box_values(entries, sizes_wh)
-    boxes, sizes = _arrays(entries, sizes_wh)
-    outside = _outside(boxes[:, :2], boxes[:, :2] + boxes[:, 2:], sizes)
-    if (boxes <= 1.0).all() and (boxes % 1 != 0).any() and (sizes > 8).all():
-        raise _error(_shown(entries, 0), "pixels", "these look like fractions of the image's size")
-    hint = _hint(boxes, sizes)
+    found = _checked(image_ids, boxes, sizes_wh)
+    sizes = _sizes(image_ids, sizes_wh)
+    outside = _outside(found[:, :2], found[:, :2] + found[:, 2:], sizes)
+    if (found <= 1.0).all() and (found % 1 != 0).any() and (sizes > 8).all():
+        raise _error(
+            _shown(image_ids[0], boxes[0]),
+            "pixels",
+            "these look like fractions of the image's size",
+        )
+    hint = _hint(found, sizes)
     if outside.mean() > (_MAX_SHARE_OUTSIDE if hint != _XYWH else _MAX_SHARE_UNEXPLAINED):
+        worst = int(np.argmax(outside))
         raise _error(
             f"{int(outside.sum())} of {len(boxes)} boxes leave their image, such as "
-            + _shown(entries, int(np.argmax(outside))),
+            + _shown(image_ids[worst], boxes[worst]),
             "boxes inside their images",
             hint,
         )
-    over = _outside(boxes[:, :2], boxes[:, :2] + boxes[:, 2:], sizes, share=0.0)
+    over = _outside(found[:, :2], found[:, :2] + found[:, 2:], sizes, share=0.0)
     odd = {
         "boxes that leave their image by over 2 px": int(over.sum()),
-        "boxes without any area": int((boxes[:, 2:] == 0).any(axis=1).sum()),
+        "boxes without any area": int((found[:, 2:] == 0).any(axis=1).sum()),
     }
     return {what: count for what, count in odd.items() if count}
 
 
-def _arrays(
-    entries: Sequence[dict[str, Any]], sizes_wh: Mapping[int, tuple[int, int]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n, 4) boxes and the (n, 2) sizes of their images."""
-    numbers = list(itertools.chain.from_iterable(e["bbox"] for e in entries))
-    sizes = list(itertools.chain.from_iterable(sizes_wh[e["image_id"]] for e in entries))
-    return np.array(numbers, np.float64).reshape(-1, 4), np.array(sizes, np.float64).reshape(-1, 2)
+def _checked(
+    image_ids: Sequence[int], boxes: Sequence[object], sizes_wh: Sizes
+) -> NDArray[np.float64]:
+    """(n, 4) boxes of four finite numbers and no negative extent."""
+    for image_id, box in zip(image_ids, boxes, strict=True):
+        if not isinstance(box, list | tuple) or len(box) != 4:
+            raise _error(_shown(image_id, box), "four finite numbers")
+    numbers = finite_floats(itertools.chain.from_iterable(boxes))  # type: ignore[arg-type]
+    if numbers is None:
+        bad = next(k for k, box in enumerate(boxes) if not all(map(is_finite, box)))  # type: ignore[call-overload]
+        raise _error(_shown(image_ids[bad], boxes[bad]), "four finite numbers")
+    found = numbers.reshape(-1, 4)
+    negative = np.flatnonzero((found[:, 2:] < 0).any(axis=1))
+    if len(negative):
+        raise _error(
+            _shown(image_ids[negative[0]], boxes[negative[0]]),
+            "a width and height of at least 0",
+            _hint(found, _sizes(image_ids, sizes_wh)),
+        )
+    return found
+
+
+def _sizes(image_ids: Sequence[int], sizes_wh: Sizes) -> NDArray[np.float64]:
+    """(n, 2) sizes of the boxes' images."""
+    sizes = list(itertools.chain.from_iterable(sizes_wh[i] for i in image_ids))
+    return np.array(sizes, np.float64).reshape(-1, 2)
 
 
 def _outside(
@@ -119,8 +134,8 @@ def _error(found: str, expected: str, hint: str = _XYWH) -> BoxFormatError:
     )
 
 
-def _shown(entries: Sequence[dict[str, Any]], index: int) -> str:
-    return f"image {entries[index]['image_id']}: bbox {entries[index]['bbox']}"
+def _shown(image_id: int, box: object) -> str:
+    return f"image {image_id}: bbox {[*box] if isinstance(box, tuple) else box!r}"
 
 
 def is_finite(value: object) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +20,23 @@ _MOST_AREAS: Final = 255
 #: Texts that are in memory a second time while they are measured.
 _MOST_MEASURED: Final = 8000
 
-Rle = dict[str, Any]
+
+class EncodedMask(TypedDict):
+    """A mask as pycocotools takes and gives it. size: [height, width]."""
+
+    size: Sequence[int]
+    counts: bytes
+
+
 #: (n, 4) boxes x, y, w, h, or n compressed masks.
-Shapes = NDArray[np.float64] | list[Rle]
+Shapes = NDArray[np.float64] | list[EncodedMask]
 
 #: pycocotools walks a polygon's edges pixel by pixel in 32-bit integers: far-off corners cost
 #: gigabytes, and end the process from 4e8 on.
 MOST_COORDINATE_PX: Final = 1e6
 
 
-def areas_px(masks: Sequence[Rle]) -> NDArray[np.float64]:
+def areas_px(masks: Sequence[EncodedMask]) -> NDArray[np.float64]:
     """(n,) pixels of compressed masks."""
     parts = [_API.area(list(masks[i : i + _MOST_AREAS])) for i in range(0, len(masks), _MOST_AREAS)]
     areas: NDArray[np.float64] = np.concatenate([*parts, np.empty(0)]).astype(np.float64)
@@ -41,15 +48,15 @@ def overlaps(detections: Shapes, truths: Shapes, crowd: Sequence[int]) -> NDArra
     return np.asarray(_API.iou(detections, truths, list(crowd)), np.float64)
 
 
-def union(masks: Sequence[Rle]) -> Rle:
+def union(masks: Sequence[EncodedMask]) -> EncodedMask:
     """The pixels that any of some compressed masks of one size covers."""
-    merged: Rle = _API.merge(list(masks))
+    merged: EncodedMask = _API.merge(list(masks))
     return merged
 
 
-def compressed(mask: Any, size_hw: tuple[int, int]) -> Rle:
+def compressed(mask: Any, size_hw: tuple[int, int]) -> EncodedMask:
     """Polygons or any RLE as compressed RLE with bytes, the way annToRLE makes it."""
-    made: Rle
+    made: EncodedMask
     if isinstance(mask, list):
         made = _API.merge(_API.frPyObjects(mask, *size_hw))
     elif isinstance(mask["counts"], list):
@@ -111,7 +118,7 @@ def measured(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.float
     return covered, area
 
 
-def bounding_box(mask: Rle) -> list[float]:
+def bounding_box(mask: EncodedMask) -> tuple[float, float, float, float]:
     """x, y, w, h of a compressed mask's pixels, with pixel edges."""
-    box: list[float] = _API.toBbox(mask).tolist()
-    return box
+    x, y, width, height = _API.toBbox(mask).tolist()
+    return x, y, width, height

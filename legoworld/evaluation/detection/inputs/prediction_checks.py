@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from msgspec import structs
+from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
+from legoworld.evaluation.detection.inputs.masks import compressed, rle_problem
 from legoworld.pluralize import counted, share, word_for
+from legoworld.records.base import RecordError, to_record
+from legoworld.records.folders.prediction_files import LIKE
+from legoworld.records.predictions import MaskPrediction, Scored
 from legoworld.tracks.vocabulary import Vocabulary
 
+_P = TypeVar("_P", bound=Scored)
+
+Ints = NDArray[np.int64]
 #: What to do where a key is missing that a results list must have and ground truth has not.
 _ADD: Final = {
     "score": "add each detection's confidence; ground truth has none and is not imported",
@@ -23,107 +33,117 @@ class PredictionsInvalidError(LegoWorldError):
     code = "predictions_invalid"
 
 
-def _refuse(
-    bad: Sequence[object], of: int, what: str, found: str, expected: str, next_step: str = ""
-) -> None:
-    """what: of several predictions, beginning with "are" or "have"."""
-    if bad:
-        verb, _, rest = what.partition(" ")
-        one = {"are": "is", "have": "has"}[verb]
+def as_predictions(entries: Sequence[Mapping[str, object]], kind: type[_P]) -> list[_P]:
+    """Results that somebody else wrote, as a kind of prediction.
+
+    PredictionsInvalidError names the place of the first that is none.
+    """
+    try:
+        return to_record(list[kind], entries)  # type: ignore[valid-type]
+    except RecordError as error:
+        for key in (field.name for field in structs.fields(kind) if field.required):
+            without = [entry for entry in entries if key not in entry]
+            _refuse(
+                len(without),
+                len(entries),
+                f"have no {key}",
+                f"the first of them has {_keys(without[0])}" if without else "",
+                f"{key} in every prediction",
+                _ADD.get(key, ""),
+            )
         raise PredictionsInvalidError(
-            f"{share(len(bad), of, 'prediction', 'predictions')} "
-            f"{word_for(len(bad), one, verb)} {rest}",
-            found=found,
-            expected=expected,
-            next_step=next_step,
-        )
+            "a prediction cannot be used", found=str(error), expected=LIKE
+        ) from error
 
 
-def sound_keys(entries: Sequence[Any], payload: str) -> bool:
-    """Whether `check_keys` surely finds nothing, without a call for each entry."""
-    keys = {"image_id", "category_id", "score", payload}
-    if not set(map(type, entries)) <= {dict} or not all(map(keys.issubset, entries)):
-        return False
-    ids = {type(e[key]) for key in ("image_id", "category_id") for e in entries}
-    return ids <= {int} and finite_floats([e["score"] for e in entries]) is not None
-
-
-def check_keys(entries: Sequence[Any], payload: str) -> None:
-    """PredictionsInvalidError for entries without what scoring reads."""
-    strangers = [e for e in entries if not isinstance(e, dict)]
-    _refuse(
-        strangers,
-        len(entries),
-        "are something else than a JSON object",
-        f"{one_line(json.dumps(strangers[0]), 60)}" if strangers else "",
-        '{"image_id", ...}',
-    )
-    for key in ("image_id", "category_id", "score", payload):
-        bad = [e for e in entries if key not in e]
-        _refuse(
-            bad,
-            len(entries),
-            f"have no {key}",
-            f"the first of them has {_keys(bad[0])}" if bad else "",
-            f"{key} in every prediction",
-            _ADD.get(key, ""),
-        )
-    for key in ("image_id", "category_id"):
-        bad = [e for e in entries if type(e[key]) is not int]
-        _refuse(
-            bad,
-            len(entries),
-            f"have no integer as their {key}",
-            repr(bad[0][key]) if bad else "",
-            "an int",
-        )
-    bad = [e for e in entries if not is_finite(e["score"])]
-    _refuse(
-        bad,
-        len(entries),
-        "have no usable score",
-        repr(bad[0]["score"]) if bad else "",
-        "a finite number",
-    )
-
-
-def _keys(entry: dict[str, Any]) -> str:
+def _keys(entry: Mapping[str, object]) -> str:
     """The keys of an entry in words."""
     *others, last = map(str, entry) if entry else ("no keys",)
     return one_line(f"{', '.join(others)} and {last}" if others else last, 120)
 
 
 def check_ids(
-    entries: Sequence[dict[str, Any]], status: Mapping[int, str], vocabulary: Vocabulary
+    image_id: Ints, category_id: Ints, status: Mapping[int, str], vocabulary: Vocabulary
 ) -> None:
     """PredictionsInvalidError for ids that the run or the vocabulary does not have."""
-    bad = [e for e in entries if e["image_id"] not in status]
+    images = np.unique(image_id).tolist()
+    unknown = [i for i in images if i not in status]
     _refuse(
-        bad,
-        len(entries),
+        int(np.isin(image_id, unknown).sum()),
+        len(image_id),
         "are of images the run does not have",
-        f"image {bad[0]['image_id']}" if bad else "",
+        f"image {unknown[0]}" if unknown else "",
         f"one of the run's {counted(len(status), 'image', 'images')}, such as {min(status)}",
     )
-    bad = [e for e in entries if status[e["image_id"]] != "ok"]
+    unread = [i for i in images if status[i] != "ok"]
     _refuse(
-        bad,
-        len(entries),
+        int(np.isin(image_id, unread).sum()),
+        len(image_id),
         "are of images the run calls unread",
-        f"image {bad[0]['image_id']}: {status[bad[0]['image_id']]}" if bad else "",
+        f"image {unread[0]}: {status[unread[0]]}" if unread else "",
         "predictions of images with status ok alone",
     )
     known = {c.id for c in vocabulary.categories}
-    bad = [e for e in entries if e["category_id"] not in known]
-    found = {e["category_id"] for e in entries}
+    found = set(np.unique(category_id).tolist())
     _refuse(
-        bad,
-        len(entries),
+        int(np.isin(category_id, sorted(found - known)).sum()),
+        len(image_id),
         "are of categories the vocabulary does not have",
-        f"category ids {sorted({e['category_id'] for e in bad})[:8]}",
+        f"category ids {sorted(found - known)[:8]}",
         f"one of {len(known)} ids between {min(known)} and {max(known)}",
         _mapping_hint(found, known),
     )
+
+
+def check_scores(score: NDArray[Any]) -> None:
+    """PredictionsInvalidError for a score that is no finite number."""
+    values = score.tolist()
+    if finite_floats(values) is not None:
+        return
+    bad = [value for value in values if not is_finite(value)]
+    _refuse(
+        len(bad),
+        len(values),
+        "have no usable score",
+        repr(bad[0])[:60],
+        "a finite number",
+    )
+
+
+def compressed_counts(prediction: MaskPrediction) -> str:
+    """pycocotools' counts of a mask of plain run lengths.
+
+    PredictionsInvalidError where they do not add up to the mask's size.
+    """
+    height, width = prediction.segmentation.size
+    rle = {"size": [height, width], "counts": [*prediction.segmentation.counts]}
+    problem = rle_problem(rle, (width, height))
+    if problem:
+        raise unusable_mask(prediction.image_id, prediction.category_id, problem)
+    counts: bytes = compressed(rle, (height, width))["counts"]
+    return counts.decode("ascii")
+
+
+def unusable_mask(image_id: int, category_id: int, problem: str) -> PredictionsInvalidError:
+    """What to raise for a mask that cannot be scored."""
+    return PredictionsInvalidError(
+        f"a mask of image {image_id}, category {category_id} is unusable",
+        found=problem,
+        expected='{"size": [height, width] of the image, "counts": compressed RLE}',
+    )
+
+
+def _refuse(n: int, of: int, what: str, found: str, expected: str, next_step: str = "") -> None:
+    """what: of several predictions, beginning with "are" or "have"."""
+    if n:
+        verb, _, rest = what.partition(" ")
+        one = {"are": "is", "have": "has"}[verb]
+        raise PredictionsInvalidError(
+            f"{share(n, of, 'prediction', 'predictions')} {word_for(n, one, verb)} {rest}",
+            found=found,
+            expected=expected,
+            next_step=next_step,
+        )
 
 
 def _mapping_hint(found: set[int], known: set[int]) -> str:

@@ -1,23 +1,38 @@
-"""Checked predictions as columns: a dict for each would be most of the memory of a score."""
+"""Predictions as columns: an object for each would be most of the memory of a score."""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.inputs.texts import Texts, texts_of
+from legoworld.evaluation.detection.inputs.prediction_checks import (
+    compressed_counts,
+)
+from legoworld.evaluation.detection.inputs.texts import TextBuilder, Texts
+from legoworld.records.base import UNSET
+from legoworld.records.predictions import (
+    Box,
+    BoxPrediction,
+    MaskPrediction,
+    Number,
+    Prediction,
+    Rle,
+    Scored,
+)
 
 Ints = NDArray[np.int64]
+Sizes = Mapping[int, tuple[int, int]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PredictionColumns(Sequence[dict[str, Any]]):
-    """A results list that makes an entry each time it is asked for; nothing in it is shared.
+class PredictionColumns(Sequence[Prediction]):
+    """Predictions that are made each time they are asked for.
 
     image_id, category_id: (n,); score: (n,) float64, or objects where integers are among them;
     shape: (n,) boxes as given, or compressed counts; sizes_wh: of the images, None where shapes are
@@ -27,13 +42,13 @@ class PredictionColumns(Sequence[dict[str, Any]]):
     image_id: Ints
     category_id: Ints
     score: NDArray[Any]
-    shape: tuple[Any, ...] | Texts
-    sizes_wh: Mapping[int, tuple[int, int]] | None
+    shape: tuple[Box, ...] | Texts
+    sizes_wh: Sizes | None
 
     def take(self, places: Ints) -> PredictionColumns:
         """The predictions at these places, in their order."""
         if isinstance(self.shape, Texts):
-            shape: tuple[Any, ...] | Texts = self.shape.take(places)
+            shape: tuple[Box, ...] | Texts = self.shape.take(places)
         else:
             shape = tuple(self.shape[k] for k in places.tolist())
         return PredictionColumns(
@@ -44,8 +59,21 @@ class PredictionColumns(Sequence[dict[str, Any]]):
             sizes_wh=self.sizes_wh,
         )
 
-    def results(self) -> list[dict[str, Any]]:
-        """All entries, as an evaluator takes them: it may write into them.
+    def documents(self) -> Iterator[dict[str, object]]:
+        """Every prediction as JSON has it."""
+        ids = self.image_id.tolist(), self.category_id.tolist()
+        for image_id, category_id, shape, score in zip(
+            *ids, self.shape, self.score.tolist(), strict=True
+        ):
+            entry = {"image_id": image_id, "category_id": category_id, "score": score}
+            if self.sizes_wh is None:
+                yield {**entry, "bbox": list(shape)}
+            else:
+                width, height = self.sizes_wh[image_id]
+                yield {**entry, "segmentation": {"size": [height, width], "counts": shape}}
+
+    def results(self) -> list[dict[str, object]]:
+        """All predictions as an evaluator takes them: it may write into them.
 
         The garbage collector rests meanwhile: it would look through the millions of dicts again
         and again, and none can be part of a cycle.
@@ -53,7 +81,7 @@ class PredictionColumns(Sequence[dict[str, Any]]):
         collecting = gc.isenabled()
         gc.disable()
         try:
-            return list(self)
+            return list(self.documents())
         finally:
             if collecting:
                 gc.enable()
@@ -61,55 +89,133 @@ class PredictionColumns(Sequence[dict[str, Any]]):
     def __len__(self) -> int:
         return len(self.score)
 
-    def __iter__(self) -> Iterator[dict[str, Any]]:
+    def __iter__(self) -> Iterator[Prediction]:
         ids = self.image_id.tolist(), self.category_id.tolist()
-        yield from map(self._entry, *ids, self.shape, self.score.tolist())
+        return map(self._prediction, *ids, self.shape, self.score.tolist())
 
     @overload
-    def __getitem__(self, index: int) -> dict[str, Any]: ...
+    def __getitem__(self, index: int) -> Prediction: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[dict[str, Any]]: ...
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: slice) -> Sequence[Prediction]: ...
+    def __getitem__(self, index: int | slice) -> Prediction | Sequence[Prediction]:
         """The prediction at a place."""
         assert isinstance(index, int)
         columns = self.image_id, self.category_id, self.score
         image_id, category_id, score = (column[[index]].tolist()[0] for column in columns)
-        return self._entry(image_id, category_id, self.shape[index], score)
+        return self._prediction(image_id, category_id, self.shape[index], score)
 
-    def _entry(self, image_id: int, category_id: int, shape: Any, score: float) -> dict[str, Any]:
+    def _prediction(
+        self, image_id: int, category_id: int, shape: Box | str, score: Number
+    ) -> Prediction:
         if self.sizes_wh is None:
-            return {
-                "image_id": image_id,
-                "category_id": category_id,
-                "bbox": list(shape),
-                "score": score,
-            }
+            assert not isinstance(shape, str)
+            return Prediction(image_id=image_id, category_id=category_id, bbox=shape, score=score)
+        assert isinstance(shape, str)
         width, height = self.sizes_wh[image_id]
-        return {
-            "image_id": image_id,
-            "category_id": category_id,
-            "segmentation": {"size": [height, width], "counts": shape},
-            "score": score,
-        }
+        return Prediction(
+            image_id=image_id,
+            category_id=category_id,
+            segmentation=Rle(size=(height, width), counts=shape),
+            score=score,
+        )
 
 
-def columns_of(entries: Sequence[Mapping[str, Any]]) -> PredictionColumns:
-    """The columns of checked entries: all of boxes, or all of compressed masks."""
-    boxes = not entries or "bbox" in entries[0]
-    masks = [] if boxes else [e["segmentation"] for e in entries]
-    sizes = zip((e["image_id"] for e in entries), (m["size"] for m in masks), strict=False)
-    return PredictionColumns(
-        image_id=np.array([e["image_id"] for e in entries], np.int64),
-        category_id=np.array([e["category_id"] for e in entries], np.int64),
-        score=score_column([e["score"] for e in entries]),
-        shape=tuple(e["bbox"] for e in entries)
-        if boxes
-        else texts_of([m["counts"] for m in masks]),
-        sizes_wh=None if boxes else {image: (w, h) for image, (h, w) in sizes},
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GivenColumns:
+    """Predictions as they were given, before anything but their types is checked.
+
+    size_hw: (n, 2) of masks, (0, 2) where shapes are boxes. n_boxed: masks that have a bbox, too.
+    """
+
+    columns: PredictionColumns
+    size_hw: Ints
+    n_uncompressed: int
+    n_boxed: int
+
+
+def boxes_of(batches: Iterable[Sequence[BoxPrediction]]) -> GivenColumns:
+    """The columns of boxes."""
+    head, shapes = _Heads(), list[Box]()
+    for batch in batches:
+        head.add(batch)
+        shapes.extend([prediction.bbox for prediction in batch])
+    return GivenColumns(
+        columns=head.columns(tuple(shapes), None),
+        size_hw=np.empty((0, 2), np.int64),
+        n_uncompressed=0,
+        n_boxed=0,
     )
 
 
-def score_column(scores: Sequence[float]) -> NDArray[Any]:
+def masks_of(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> GivenColumns:
+    """The columns of masks; their texts are kept in one piece.
+
+    PredictionsInvalidError for run lengths that do not add up to the mask's own size.
+    """
+    head, counts, size_hw = _Heads(), TextBuilder(), array("q")
+    n_uncompressed = n_boxed = 0
+    for batch in batches:
+        head.add(batch)
+        for prediction in batch:
+            mask = prediction.segmentation
+            size_hw.extend(mask.size)
+            if isinstance(mask.counts, str):
+                counts.add(mask.counts)
+            else:
+                counts.add(compressed_counts(prediction))
+                n_uncompressed += 1
+            n_boxed += prediction.bbox is not UNSET
+    return GivenColumns(
+        columns=head.columns(counts.texts(), sizes_wh),
+        size_hw=np.array(size_hw, np.int64).reshape(-1, 2),
+        n_uncompressed=n_uncompressed,
+        n_boxed=n_boxed,
+    )
+
+
+def columns_of(predictions: Sequence[Prediction]) -> PredictionColumns:
+    """The columns of checked predictions: all of boxes, or all of compressed masks."""
+    head = _Heads()
+    head.add(predictions)
+    boxes = tuple(p.bbox for p in predictions if p.bbox)
+    if len(boxes) == len(predictions):
+        return head.columns(boxes, None)
+    counts, sizes_wh = TextBuilder(), {}
+    for prediction in predictions:
+        mask = prediction.segmentation
+        assert mask
+        assert isinstance(mask.counts, str)
+        counts.add(mask.counts)
+        sizes_wh[prediction.image_id] = mask.size[1], mask.size[0]
+    return head.columns(counts.texts(), sizes_wh)
+
+
+class _Heads:
+    """The ids and scores of predictions, batch after batch."""
+
+    def __init__(self) -> None:
+        self._image_id, self._category_id = array("q"), array("q")
+        self._score = list[NDArray[Any]]()
+
+    def add(self, batch: Sequence[Scored]) -> None:
+        self._image_id.extend([p.image_id for p in batch])
+        self._category_id.extend([p.category_id for p in batch])
+        self._score.append(score_column([p.score for p in batch]))
+
+    def columns(self, shape: tuple[Box, ...] | Texts, sizes_wh: Sizes | None) -> PredictionColumns:
+        """The columns, with their shapes."""
+        floats = all(part.dtype == np.float64 for part in self._score)
+        empty = np.empty(0, np.float64 if floats else object)
+        return PredictionColumns(
+            image_id=np.array(self._image_id, np.int64),
+            category_id=np.array(self._category_id, np.int64),
+            score=np.concatenate([empty, *self._score]),
+            shape=shape,
+            sizes_wh=sizes_wh,
+        )
+
+
+def score_column(scores: Sequence[Number]) -> NDArray[Any]:
     """Scores as a column that gives each back as it was, integers as integers."""
     floats = set(map(type, scores)) <= {float}
     return np.array(scores, np.float64 if floats else object)

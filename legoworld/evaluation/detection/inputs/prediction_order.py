@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from typing import Any, Final, Literal
 
 import numpy as np
 
 from legoworld.evaluation.detection.inputs.prediction_columns import Ints, PredictionColumns
+from legoworld.records.predictions import Prediction
+from legoworld.records.run_file import Configuration
 
 #: canonical: by image id, category id, payload. given: by image id, then as the predictions were
 #: given, which is the order of an imported file or of a model's own answer.
 PredictionOrder = Literal["canonical", "given"]
 
-#: The key of a run's configuration that holds its order; absent where it is canonical.
-ORDER: Final = "prediction_order"
 #: float64 holds every integer up to here.
 _EXACT: Final = 2.0**53
 
-Entry = dict[str, Any]
 
-
-def order_of(configuration: Mapping[str, object]) -> PredictionOrder:
+def order_of(configuration: Configuration) -> PredictionOrder:
     """The order of a run's predictions, from the run's configuration."""
-    return "given" if configuration.get(ORDER) == "given" else "canonical"
+    return "given" if configuration.prediction_order == "given" else "canonical"
 
 
 def in_order(predictions: PredictionColumns, order: PredictionOrder) -> PredictionColumns:
@@ -66,7 +63,8 @@ def _masks_in_order(predictions: PredictionColumns) -> Ints:
     return places
 
 
-def canonical_key(entry: Entry) -> tuple[Any, ...]:
+def canonical_key(prediction: Prediction) -> tuple[Any, ...]:
     """Image id, category id, payload (box numbers or RLE characters), higher score first."""
-    payload = entry.get("bbox") or entry["segmentation"]["counts"]
-    return entry["image_id"], entry["category_id"], payload, -entry["score"]
+    mask = prediction.segmentation
+    payload = mask.counts if mask else prediction.bbox
+    return prediction.image_id, prediction.category_id, payload, -prediction.score

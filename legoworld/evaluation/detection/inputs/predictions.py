@@ -6,7 +6,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,28 +14,42 @@ from numpy.typing import NDArray
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.evaluation.detection.inputs.box_formats import check_box_format
 from legoworld.evaluation.detection.inputs.caps import without_empty
-from legoworld.evaluation.detection.inputs.masks import compressed, covers, measured, rle_problem
+from legoworld.evaluation.detection.inputs.masks import covers, measured
 from legoworld.evaluation.detection.inputs.prediction_checks import (
-    PredictionsInvalidError,
     check_ids,
-    check_keys,
-    sound_keys,
+    check_scores,
+    unusable_mask,
 )
-from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns, score_column
+from legoworld.evaluation.detection.inputs.prediction_columns import (
+    GivenColumns,
+    PredictionColumns,
+    Sizes,
+    boxes_of,
+    masks_of,
+    score_column,
+)
 from legoworld.evaluation.detection.inputs.prediction_order import (
     PredictionOrder,
     in_order,
     order_of,
     places_in_order,
 )
-from legoworld.evaluation.detection.inputs.texts import Texts, texts_of
+from legoworld.evaluation.detection.inputs.texts import Texts
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.files import canonical_json
+from legoworld.records.predictions import BoxPrediction, MaskPrediction
 from legoworld.tracks.vocabulary import Vocabulary
 
-CheckBoxes = Callable[[Sequence[dict[str, Any]], Mapping[int, tuple[int, int]]], Mapping[str, int]]
+#: Predictions some at a time; of the kind that the protocol scores (`kind_of`).
+Batches = Iterable[Sequence[BoxPrediction | MaskPrediction]]
+
+_UNCOMPRESSED: Final = "masks with uncompressed RLE, compressed before scoring"
+#: Both evaluators would take the box's area for the mask's.
+_BOXED: Final = "masks with a bbox, which was left out"
+
+CheckBoxes = Callable[[Sequence[int], Sequence[object], Sizes], Mapping[str, int]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,20 +84,25 @@ class Predictions:
         return self.order == "canonical" or bool((np.diff(places) == 1).all())
 
 
+def kind_of(protocol: DetectionProtocol) -> type[BoxPrediction] | type[MaskPrediction]:
+    """What a protocol scores."""
+    return BoxPrediction if protocol.iou_type == "bbox" else MaskPrediction
+
+
 def check_predictions(
-    entries: Sequence[Any],
+    batches: Batches,
     *,
     run: Run,
     truth: Truth,
     protocol: DetectionProtocol,
 ) -> Predictions:
-    """Check a results list against the run's images and the truth's categories.
+    """Check predictions, batch after batch, against the run's images and the truth's categories.
 
     PredictionsInvalidError names the first offender and how many there are.
     """
     return check_results(
-        entries,
-        status_by_image={i.id: i.status for i in run.images},
+        batches,
+        status_by_image={i.image_id: i.status for i in run.images},
         sizes_wh={i["id"]: (i["width"], i["height"]) for i in truth.images},
         vocabulary=truth.vocabulary,
         protocol=protocol,
@@ -92,65 +111,65 @@ def check_predictions(
 
 
 def check_results(
-    entries: Sequence[Any],
+    batches: Batches,
     *,
     status_by_image: Mapping[int, str],
-    sizes_wh: Mapping[int, tuple[int, int]],
+    sizes_wh: Sizes,
     vocabulary: Vocabulary,
     protocol: DetectionProtocol,
     order: PredictionOrder = "canonical",
     check_boxes: CheckBoxes = check_box_format,
 ) -> Predictions:
-    """Check a results list against the images of a run and a vocabulary; needs no truth.
+    """Check predictions against the images of a run and a vocabulary; needs no truth.
 
     order: what the predictions are put into. check_boxes: `check_box_values` for a part of a run,
     where too few boxes tell their format.
     PredictionsInvalidError names the first offender and how many there are.
     """
-    payload = "bbox" if protocol.iou_type == "bbox" else "segmentation"
-    if not sound_keys(entries, payload):
-        check_keys(entries, payload)
-    check_ids(entries, status_by_image, vocabulary)
-    warnings: Counter[str] = Counter()
-    if payload == "bbox":
-        warnings.update(check_boxes(entries, sizes_wh))
-        shape: tuple[Any, ...] | Texts = tuple(e["bbox"] for e in entries)
+    boxes = protocol.iou_type == "bbox"
+    if boxes:
+        given = boxes_of(cast("Iterable[Sequence[BoxPrediction]]", batches))
     else:
-        shape = texts_of([_counts(e, sizes_wh[e["image_id"]], warnings) for e in entries])
-    kept = in_order(
-        PredictionColumns(
-            image_id=np.array([e["image_id"] for e in entries], np.int64),
-            category_id=np.array([e["category_id"] for e in entries], np.int64),
-            score=score_column([e["score"] for e in entries]),
-            shape=shape,
-            sizes_wh=None if payload == "bbox" else sizes_wh,
-        ),
-        order,
-    )
-    n_empty = 0
-    if payload != "bbox":
-        empty = _areas(kept, sizes_wh) == 0
-        boxed = sum("bbox" in e for e in entries)
-        if boxed:  # both evaluators would take the box's area for the mask's
-            warnings["masks with a bbox, which was left out"] = boxed
-        if empty.any() and protocol.federated:
-            n_empty = int(empty.sum())
-            kept = without_empty(kept, empty, protocol.per_image_cap, warnings)
-        elif empty.any():
-            what = "masks without a pixel, scored as pycocotools does: they match nothing"
-            warnings[what] = int(empty.sum())
+        given = masks_of(cast("Iterable[Sequence[MaskPrediction]]", batches), sizes_wh)
+    columns = given.columns
+    check_scores(columns.score)
+    check_ids(columns.image_id, columns.category_id, status_by_image, vocabulary)
+    warnings: Counter[str] = Counter()
+    if boxes:
+        warnings.update(check_boxes(columns.image_id.tolist(), columns.shape, sizes_wh))
+        kept, n_empty = in_order(columns, order), 0
+    else:
+        _check_sizes(given, sizes_wh)
+        kept, n_empty = _masks_checked(in_order(columns, order), sizes_wh, protocol, warnings)
+        warnings[_UNCOMPRESSED] = given.n_uncompressed
+        warnings[_BOXED] = given.n_boxed
     return Predictions(
         entries=kept,
-        warnings=tuple(f"{count} {what}" for what, count in sorted(warnings.items())),
+        warnings=tuple(f"{n} {what}" for what, n in sorted(warnings.items()) if n),
         n_dropped_empty=n_empty,
         order=order,
     )
 
 
-def sha256_of_entries(entries: Iterable[dict[str, Any]]) -> str:
+def _masks_checked(
+    masks: PredictionColumns, sizes_wh: Sizes, protocol: DetectionProtocol, warnings: Counter[str]
+) -> tuple[PredictionColumns, int]:
+    """The masks that are scored, and how many without a pixel were dropped."""
+    empty = _areas(masks, sizes_wh) == 0
+    if not empty.any():
+        return masks, 0
+    if protocol.federated:
+        kept = without_empty(masks, empty, protocol.per_image_cap, warnings)
+        return kept, int(empty.sum())
+    what = "masks without a pixel, scored as pycocotools does: they match nothing"
+    warnings[what] = int(empty.sum())
+    return masks, 0
+
+
+def sha256_of_entries(entries: PredictionColumns) -> str:
     """Hash of entries as JSON, one line each; their text is never in memory as a whole."""
     digest = hashlib.sha256()
-    for entry in entries:
+    for entry in entries.documents():
         digest.update(f"{canonical_json(entry)}\n".encode())
     return digest.hexdigest()
 
@@ -167,38 +186,29 @@ def with_equal_confidence(predictions: Predictions) -> Predictions:
     return replace(predictions, entries=entries, order="canonical")
 
 
-def _counts(entry: dict[str, Any], size_wh: tuple[int, int], warnings: Counter[str]) -> str:
-    """The compressed counts of an entry's mask."""
-    mask = entry["segmentation"]
-    problem = rle_problem(mask, size_wh)
-    if problem:
-        raise _unusable_mask(entry, problem)
-    counts: str | list[int] = mask["counts"]
-    if isinstance(counts, str):
-        return counts
-    warnings["masks with uncompressed RLE, compressed before scoring"] += 1
-    text: str = compressed(mask, (size_wh[1], size_wh[0]))["counts"].decode("ascii")
-    return text
+def _check_sizes(given: GivenColumns, sizes_wh: Sizes) -> None:
+    """PredictionsInvalidError for a mask of another size than its image."""
+    columns = given.columns
+    images, place = np.unique(columns.image_id, return_inverse=True)
+    expected = np.array([sizes_wh[i][::-1] for i in images.tolist()], np.int64).reshape(-1, 2)
+    wrong = np.flatnonzero((given.size_hw != expected[place]).any(axis=1))
+    for index in wrong[:1].tolist():
+        size, wanted = given.size_hw[index].tolist(), expected[place[index]].tolist()
+        problem = f"size {size}, the image's [height, width] is {wanted}"
+        raise unusable_mask(int(columns.image_id[index]), int(columns.category_id[index]), problem)
 
 
-def _areas(
-    entries: PredictionColumns, sizes_wh: Mapping[int, tuple[int, int]]
-) -> NDArray[np.float64]:
+def _areas(entries: PredictionColumns, sizes_wh: Sizes) -> NDArray[np.float64]:
     """(n,) pixels of every mask, once its run lengths add up to its image.
 
     pycocotools never asks, and reads on behind the end of counts that do not.
     """
+    assert isinstance(entries.shape, Texts)
     covered, areas = measured(entries.shape)
-    pixels = {image_id: width * height for image_id, (width, height) in sizes_wh.items()}
-    for index in np.flatnonzero(covered != [pixels[i] for i in entries.image_id.tolist()])[:1]:
-        entry = entries[int(index)]
-        raise _unusable_mask(entry, covers(int(covered[index]), sizes_wh[entry["image_id"]]))
+    images, place = np.unique(entries.image_id, return_inverse=True)
+    sizes = [sizes_wh[i] for i in images.tolist()]
+    pixels = np.array([width * height for width, height in sizes], np.int64)
+    for index in np.flatnonzero(covered != pixels[place])[:1].tolist():
+        problem = covers(int(covered[index]), sizes[place[index]])
+        raise unusable_mask(int(entries.image_id[index]), int(entries.category_id[index]), problem)
     return areas
-
-
-def _unusable_mask(entry: dict[str, Any], problem: str) -> PredictionsInvalidError:
-    return PredictionsInvalidError(
-        f"a mask of image {entry['image_id']}, category {entry['category_id']} is unusable",
-        found=problem,
-        expected='{"size": [height, width] of the image, "counts": compressed RLE}',
-    )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from io import BytesIO
-from typing import Any, Final, overload
+from typing import Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,10 @@ class Texts(Sequence[str]):
 
     def take(self, places: NDArray[np.int64]) -> Texts:
         """The texts at these places, in their order."""
-        return _joined(self._encoded(places))
+        taken = TextBuilder()
+        for text in self._encoded(places):
+            taken.add_encoded(text)
+        return taken.texts()
 
     def _encoded(self, places: NDArray[np.int64]) -> Iterator[bytes]:
         for some in np.array_split(places, len(places) // _BLOCK + 1):
@@ -49,22 +52,28 @@ class Texts(Sequence[str]):
     def __getitem__(self, index: int) -> str: ...
     @overload
     def __getitem__(self, index: slice) -> list[str]: ...
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: int | slice) -> str | list[str]:
         """The text at a place, or those of a slice."""
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
         return self._data[self._start[index] : self._start[index + 1]].decode(*_ENCODING)
 
 
-def texts_of(texts: Sequence[str]) -> Texts:
-    """The same texts."""
-    return _joined(text.encode(*_ENCODING) for text in texts)
+class TextBuilder:
+    """Texts put together one by one: no list of millions of them is made beside the one piece."""
 
+    def __init__(self) -> None:
+        self._data, self._start = BytesIO(), array("q", [0])
 
-def _joined(encoded: Iterable[bytes]) -> Texts:
-    """Written one by one: no list of millions of texts is made beside the one piece."""
-    data, start = BytesIO(), array("q", [0])
-    for text in encoded:
-        data.write(text)
-        start.append(data.tell())
-    return Texts(data.getvalue(), np.array(start, np.int64))
+    def add(self, text: str) -> None:
+        """Put one text behind the others."""
+        self.add_encoded(text.encode(*_ENCODING))
+
+    def add_encoded(self, text: bytes) -> None:
+        """The same of its UTF-8."""
+        self._data.write(text)
+        self._start.append(self._data.tell())
+
+    def texts(self) -> Texts:
+        """All of them."""
+        return Texts(self._data.getvalue(), np.array(self._start, np.int64))

@@ -18,8 +18,9 @@ from legoworld.evaluation.detection.inputs.truth_checks import (
     check_images,
 )
 from legoworld.evaluation.detection.protocols import DetectionProtocol
-from legoworld.evaluation.run import Run, RunImage
+from legoworld.evaluation.run import Run
 from legoworld.pluralize import counted, share, word_for
+from legoworld.records.run_rows import RunImage
 from legoworld.tracks.dataset_versions import dataset_version
 from legoworld.tracks.vocabulary import Vocabulary, from_json
 
@@ -114,7 +115,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 
 def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run) -> None:
-    expected = run.configuration.get("vocabulary_sha256")
+    expected = run.configuration.vocabulary_sha256
     if vocabulary.sha256 == expected:
         return
     raise TruthMismatchError(
@@ -128,18 +129,18 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
 
 def _images_of_run(path: Path, by_id: dict[int, dict[str, Any]], run: Run) -> list[dict[str, Any]]:
     """The truth's entries of the run's images, ascending id."""
-    unknown = [i for i in run.images if i.id not in by_id]
+    unknown = [i for i in run.images if i.image_id not in by_id]
     if unknown:
         raise TruthMismatchError(
             f"{share(len(unknown), len(run.images), 'image', 'images')} of the run "
             f"{word_for(len(unknown), 'is', 'are')} not in the truth",
-            found=f"image {unknown[0].id} ({unknown[0].file_name}) is not in {path.name}",
+            found=f"image {unknown[0].image_id} ({unknown[0].file_name}) is not in {path.name}",
             expected="every image of the track in the truth",
             next_step="pass the truth the track was made from",
         )
     for image in run.images:
-        _check_same_photo(path, image, by_id[image.id])
-    return [by_id[image.id] for image in run.images]
+        _check_same_photo(path, image, by_id[image.image_id])
+    return [by_id[image.image_id] for image in run.images]
 
 
 def _check_same_photo(path: Path, image: RunImage, entry: dict[str, Any]) -> None:
@@ -147,14 +148,14 @@ def _check_same_photo(path: Path, image: RunImage, entry: dict[str, Any]) -> Non
     size_wh = (entry.get("width"), entry.get("height"))
     if PurePosixPath(image.file_name).name not in names:
         raise TruthMismatchError(
-            f"image {image.id} is another photo in the truth",
+            f"image {image.image_id} is another photo in the truth",
             found=f"{sorted(names)} in {path.name}",
             expected=f"{image.file_name}, as in the run",
             next_step="score a run whose track was made from this truth",
         )
     if image.size_wh is not None and image.size_wh != size_wh:
         raise TruthMismatchError(
-            f"image {image.id} has another size in the truth",
+            f"image {image.image_id} has another size in the truth",
             found=f"{size_wh[0]}x{size_wh[1]} in {path.name}",
             expected=f"{image.size_wh[0]}x{image.size_wh[1]}, as in the run",
         )

@@ -139,7 +139,9 @@ def check_boxes(
     ids = {a["image_id"] for a in annotations}
     sizes_wh = {i: (images[i]["width"], images[i]["height"]) for i in ids}
     try:
-        odd = check_box_format(annotations, sizes_wh)
+        odd = check_box_format(
+            [a["image_id"] for a in annotations], [a["bbox"] for a in annotations], sizes_wh
+        )
     except BoxFormatError as error:
         raise TruthInvalidError(
             f"the boxes of {name} are not x, y, width, height in pixels",

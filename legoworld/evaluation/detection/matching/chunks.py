@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar, overload
 import numpy as np
 
 from legoworld.evaluation.detection.inputs.predictions import Predictions
+from legoworld.evaluation.detection.inputs.texts import Texts
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.problem import Detections, Floats, Ints, Problem, TrueInstances
 from legoworld.evaluation.detection.protocols import IouType
@@ -87,7 +88,7 @@ class Chunks(Sequence[Chunk]):
         detections = _cut(self._problem.detections, mine, first)
         truths = _cut(self._problem.truths, true, first)
         shape = self._predictions.entries.shape
-        shapes = [shape[k] for k in detections.entry.tolist()]
+        drawn = detections.entry.tolist()
         annotations = [self._truth.annotations[k] for k in truths.annotation]
         boxes = self._problem.protocol.iou_type == "bbox"
         return Chunk(
@@ -97,9 +98,9 @@ class Chunks(Sequence[Chunk]):
             first_detection=self._first_detection[first : end + 1] - mine.start,
             first_truth=self._first_truth[first : end + 1] - true.start,
             sizes_hw=tuple((i["height"], i["width"]) for i in self._truth.images[first:end]),
-            boxes=_boxes(shapes if boxes else ()),
+            boxes=_boxes(() if isinstance(shape, Texts) else [shape[k] for k in drawn]),
             true_boxes=_boxes([a["bbox"] for a in annotations] if boxes else ()),
-            masks=() if boxes else tuple(shapes),
+            masks=tuple(shape[k] for k in drawn) if isinstance(shape, Texts) else (),
             true_masks=() if boxes else tuple(a["segmentation"] for a in annotations),
         )
 

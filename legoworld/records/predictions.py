@@ -1,0 +1,45 @@
+"""One prediction: an entry of predictions.json, and a line of the files it is divided into."""
+
+from __future__ import annotations
+
+from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.track import Id
+
+Number = int | float
+#: x, y, width, height in pixels.
+Box = tuple[Number, Number, Number, Number]
+
+
+class Rle(Record, frozen=True, kw_only=True):
+    """A mask's run lengths, or pycocotools' compressed counts; size is (height, width)."""
+
+    size: tuple[int, int]
+    counts: str | tuple[int, ...]
+
+
+class Scored(Record, frozen=True, kw_only=True):
+    """What every prediction says besides where it is."""
+
+    image_id: Id
+    category_id: Id
+    score: Number
+
+
+class BoxPrediction(Scored, frozen=True, kw_only=True):
+    """A prediction where boxes are scored, whoever wrote it; whatever else it says is not read."""
+
+    bbox: Box
+
+
+class MaskPrediction(Scored, frozen=True, kw_only=True):
+    """A prediction where masks are scored, whoever wrote it. bbox: is there, and is not scored."""
+
+    segmentation: Rle
+    bbox: object = UNSET
+
+
+class Prediction(Scored, frozen=True, kw_only=True):
+    """A prediction as legoworld writes it: a box or a mask."""
+
+    bbox: Box | UnsetType = UNSET
+    segmentation: Rle | UnsetType = UNSET
