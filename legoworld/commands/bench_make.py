@@ -93,6 +93,7 @@ def make_command(
     from legoworld.cards import load_card
     from legoworld.records.base import to_record
     from legoworld.records.bench_dataset import PictureCard, RenderCard
+    from legoworld.records.run_rows import RunRow
     from legoworld.workers.engines import engine_cores
     from legoworld.workers.processors import usable_cores
 
@@ -121,7 +122,11 @@ def make_command(
         overwrite=overwrite,
     )
     with shown_progress("scene", quiet=quiet) as listener:
-        made = make_dataset(request, progress=lambda one: listener.row({"status": one.status}))
+
+        def progress(made: MadeFamily) -> None:
+            listener.row(RunRow(image_id=0, file_name=made.family, status=made.status))
+
+        made = make_dataset(request, progress=progress)
     if as_json:
         options.print_json(_document(made, output))
     else:
