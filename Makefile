@@ -36,6 +36,22 @@ check: $(VENV)/dev-installed
 	$(VENV)/bin/mypy
 	$(VENV)/bin/pyright
 
+# The report page's scripts against the records they are given, and three.js against its source.
+# Needs node and npm, and nobody needs either to use legoworld.
+.PHONY: check-page page-three
+check-page: $(VENV)/tests-installed
+	$(PYTHON) docs/page_types.py --check
+	@if command -v npm >/dev/null 2>&1; then $(MAKE) --no-print-directory tools/page/node_modules/installed && \
+	  cd tools/page && npx --no-install tsc -p . && echo "the page's scripts check"; \
+	else echo "SKIPPED: npm is not installed, so the page's scripts are not checked"; fi
+
+page-three: tools/page/node_modules/installed
+	cd tools/page && node build.mjs ../../legoworld/report/page/three.bundle.js
+	cp tools/page/node_modules/three/LICENSE legoworld/report/page/three.LICENSE.txt
+
+tools/page/node_modules/installed: tools/page/package-lock.json
+	cd tools/page && npm ci --silent --ignore-scripts && touch node_modules/installed
+
 format: $(VENV)/dev-installed
 	$(VENV)/bin/ruff check --fix .
 	$(VENV)/bin/ruff format .

@@ -9,7 +9,7 @@ const here = dirname(fileURLToPath(import.meta.url));
 const three = JSON.parse(readFileSync(join(here, "node_modules/three/package.json"), "utf8"));
 const made = await build({
   absWorkingDir: here, entryPoints: ["three_entry.js"], bundle: true, minify: true, write: false,
-  format: "cjs", target: "es2022", charset: "ascii", legalComments: "none",
+  format: "cjs", target: "es2022", charset: "ascii", legalComments: "none", tsconfigRaw: {},
 });
 const head = `/* three.js ${three.version}, MIT licence, Copyright 2010-2026 three.js authors: three.LICENSE.txt */\n` +
   `"use strict";\nwindow.legoworldThree = function () {\nconst module = { exports: {} };\n`;

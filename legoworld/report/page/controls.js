@@ -95,7 +95,5 @@ export function startControls() {
       moveTo({ csort: now === key ? "-" + now : now === "-" + key ? "" : key });
     });
   });
-  document.querySelectorAll("details").forEach((one) => {
-    one.addEventListener("toggle", () => markScrollers(one));
-  });
+  document.addEventListener("toggle", (event) => markScrollers(event.target), true);
 }

@@ -97,12 +97,15 @@ function topBar(view) {
     button("next \u203a", () => step(1), { "data-keep": "next" })]);
 }
 
-/* The panes, with their switches. */
+/**
+ * The panes, with their switches.
+ * @returns {any}
+ */
 function stageOf(section, view, items, links, place) {
   const grid = el("div", { class: "panes" });
   const shown = new Set(place.show ? place.show.split(".") : USUAL_LAYERS);
   const readout = view.depth ? el("p", { class: "readout", "aria-live": "polite" }, ["Point at a pixel."]) : null;
-  const frames = linkedFrames(view.size_wh, (x, y, target) => {
+  const frames = linkedFrames(view.size_wh, (x, y, /** @type {any} */ target) => {
     const node = target.closest("[data-items]");
     if (node) { links.pin(node.dataset.items.split(" ").map(Number)); } else { links.release(); }
   }, (x, y) => { if (depth) { depth.point(x, y); } });

@@ -44,13 +44,13 @@ export function scroller(inner, label) {
   return el("div", { class: "scroll", "data-label": label || "table" }, [inner]);
 }
 
-/* What scrolls sideways can be scrolled by keys, too: only then is it a stop of the Tab key. */
+/* What scrolls can be scrolled by keys, too: only then is it a stop of the Tab key. */
 export function markScrollers(root) {
   root.querySelectorAll(".scroll").forEach((box) => {
-    if (box.scrollWidth > box.clientWidth + 1) {
+    if (box.scrollWidth > box.clientWidth || box.scrollHeight > box.clientHeight) {
       box.setAttribute("tabindex", "0");
       box.setAttribute("role", "group");
-      box.setAttribute("aria-label", (box.dataset.label || "table") + ", scrolls sideways");
+      box.setAttribute("aria-label", (box.dataset.label || "table") + ", scrolls");
     } else {
       ["tabindex", "role", "aria-label"].forEach((name) => box.removeAttribute(name));
     }

@@ -41,6 +41,7 @@ export function linkedFrames(size, onPick, onPoint) {
     apply();
   }
 
+  /** @returns {[number, number]} */
   function placeIn(frame, event) {
     const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(frame.getScreenCTM().inverse());
     return [at.x, at.y];

@@ -16,7 +16,7 @@ const BEYOND = 500;
 const LISTED = { key: "", rows: [] };
 
 function quality(row, k) {
-  const cell = row.cells[k];
+  const cell = /** @type {any} */ (row.cells[k]);
   if (!cell) { return null; }
   if (cell.quality !== undefined) { return cell.quality; }
   return cell.abs_rel ? -cell.abs_rel.error_1 : null;
@@ -33,20 +33,26 @@ function winner(row) {
   return values.lastIndexOf(best) === first ? String(first) : "tie";
 }
 
-/* Orders by their names in the address: [title, value of a row, falling]. Rows without come last. */
+/**
+ * Orders by their names in the address, with a title and a row's value; rows without one come last.
+ * @param {PageSection} section
+ * @returns {[string, string, ((row: PhotoRow) => any) | null][]}
+ */
 export function orders(section) {
   const depth = section.task === "eth3d";
   const many = section.sides.length > 1;
+  const cell = (r, k) => /** @type {any} */ (r.cells[k]);
+  /** @type {[string, string, ((row: PhotoRow) => any) | null][]} */
   const found = [["", many ? "worst of " + section.sides[0].label : "worst first", null]];
   section.sides.forEach((side, k) => {
     const of = many ? " of " + side.label : "";
     if (k) { found.push(["q" + k, "worst" + of, (r) => quality(r, k)]); }
     found.push(["-q" + k, "best" + of, (r) => quality(r, k)]);
     if (depth) {
-      found.push(["-hole" + k, "most holes" + of, (r) => r.cells[k].holes]);
+      found.push(["-hole" + k, "most holes" + of, (r) => cell(r, k).holes]);
     } else {
-      found.push(["-fn" + k, "most missed" + of, (r) => r.cells[k].fn]);
-      found.push(["-fp" + k, "most false positives" + of, (r) => r.cells[k].fp]);
+      found.push(["-fn" + k, "most missed" + of, (r) => cell(r, k).fn]);
+      found.push(["-fp" + k, "most false positives" + of, (r) => cell(r, k).fp]);
     }
   });
   if (many) {
@@ -82,7 +88,7 @@ function keeps(row, place, q) {
   if (place.wins && winner(row) !== place.wins) { return false; }
   const cat = place.cat ? Number(place.cat) : null;
   if (place.kind) {
-    return row.cells.some((c) => (c.errors || []).some((e) => e[0] === place.kind && (cat === null || e[1] === cat)));
+    return row.cells.some((/** @type {any} */ c) => (c.errors || []).some((e) => e[0] === place.kind && (cat === null || e[1] === cat)));
   }
   return cat === null || row.categories.includes(cat);
 }
@@ -187,7 +193,7 @@ export function layout() {
   const from = Math.max(0, Math.floor((top - BEYOND) / (high + GAP))) * columns;
   const to = Math.min(LISTED.rows.length, Math.ceil((top + window.innerHeight + BEYOND) / (high + GAP)) * columns);
   const held = new Map();
-  Array.from(box.children).forEach((node) => {
+  Array.from(box.children).forEach((/** @type {any} */ node) => {
     const at = Number(node.dataset.at);
     if ((at < from || at >= to) && !node.contains(document.activeElement)) { node.remove(); } else { held.set(at, node); }
   });
@@ -203,7 +209,7 @@ export function layout() {
 
 /* In the order of the list, so that the Tab key walks it. */
 function insert(box, node, at) {
-  const next = Array.from(box.children).find((other) => Number(other.dataset.at) > at);
+  const next = Array.from(box.children).find((/** @type {any} */ other) => Number(other.dataset.at) > at);
   box.insertBefore(node, next || null);
 }
 
@@ -229,7 +235,7 @@ function focusCard(box, at, columns, high) {
     window.scrollBy({ top: top - window.innerHeight / 3, behavior: "instant" });
     layout();
   }
-  const node = Array.from(box.children).find((child) => Number(child.dataset.at) === at);
+  const node = Array.from(box.children).find((/** @type {any} */ child) => Number(child.dataset.at) === at);
   if (node) { node.querySelector("a").focus({ preventScroll: true }); }
 }
 

@@ -1,7 +1,7 @@
 /* One thing, wherever it stands: its outline in every pane, its row, its advice, its body in 3D.
    Elements say in data-items which items they are about. */
 
-/** @param {Item[]} items */
+/** @param {import("./outcomes.js").Item[]} items */
 export function linkItems(root, items, onPicked) {
   const listeners = [];
   let [hot, pinned] = [new Set(), new Set()];

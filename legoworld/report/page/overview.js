@@ -35,7 +35,7 @@ function forestFigure(section) {
   const pairs = rows.reduce((n, r) => Math.max(n, r.differences.length), 0);
   const width = many ? 700 : 520;
   const values = { left: NAMES, right: many ? 430 : width - 66 };
-  const differences = { left: 494, right: width - 10 };
+  const differences = { left: 494, right: width - 18 };
   const high = rows.length * LINE + 46;
   const lines = rows.flatMap((row, i) => rowMarks(row, 22 + i * LINE + LINE / 2, values, many ? differences : null, reach(rows)));
   const root = svg("svg", { class: "chart forest", viewBox: "0 0 " + width + " " + high, role: "img",

@@ -1,7 +1,7 @@
 /* Curves, bars and histograms of a section. */
 
-import { chart, pathOf, plotFigure, roundTicks } from "./chart.js";
-import { el, fixed, svg } from "./elements.js";
+import { chart, csvOf, pathOf, plotFigure, roundTicks, save, svgText } from "./chart.js";
+import { button, el, fixed, svg } from "./elements.js";
 import { sectionElement } from "./views.js";
 
 const MOST_CATEGORIES = 24;
@@ -13,6 +13,7 @@ export function plots(section) {
   const host = sectionElement(section.key).querySelector("[data-plots]");
   if (!host || DRAWN_PLOTS.has(section.key)) { return; }
   DRAWN_PLOTS.add(section.key);
+  sectionElement(section.key).querySelectorAll("figure.ties svg").forEach(tieFiles);
   const found = section.plots;
   host.append(...found.precision_recall.length ? [precisionRecall(section)] : [],
     ...section.errors.length ? [errorKinds(section)] : [],
@@ -20,6 +21,19 @@ export function plots(section) {
     ...section.categories.length ? [categoryBars(section)] : [],
     ...found.depth_error.length ? [depthError(section)] : []);
   if (!host.childElementCount) { host.append(el("p", { class: "sub" }, ["No plots: the evaluations are not here."])); }
+}
+
+/* The drawing of tie orders is in the page; its bars say what they count. */
+function tieFiles(drawing) {
+  const figure = drawing.closest("figure");
+  const name = "tie-orders-" + figure.dataset.name.replace(/[^\w-]+/g, "-");
+  const rows = Array.from(drawing.querySelectorAll(".bar title"), (t) => t.textContent.match(/^(\d+) .*?([\d.]+) \S+ ([\d.]+)$/))
+    .filter(Boolean).map((m) => [m[2], m[3], m[1]]);
+  figure.append(el("span", { class: "files" }, [
+    button("CSV", () => save(name + ".csv", "text/csv", csvOf([["AP from", "to", "orders"], ...rows])),
+      { "aria-label": figure.dataset.name + ", tie orders as CSV" }),
+    button("SVG", () => save(name + ".svg", "image/svg+xml", svgText(drawing)),
+      { "aria-label": figure.dataset.name + ", tie orders as SVG" })]));
 }
 
 /* A side keeps its mark through every plot. */
@@ -108,7 +122,7 @@ function categoryBars(section) {
   const all = section.categories.filter((c) => c.n_truth).sort((a, b) => b.n_truth - a.n_truth || a.id - b.id);
   const shown = all.slice(0, MOST_CATEGORIES);
   const n = section.sides.length;
-  const high = 9 * n + 9;
+  const high = 11 * n + 7;
   const width = 520;
   const [left, right] = [190, width - 40];
   const root = svg("svg", { class: "chart", viewBox: "0 0 " + width + " " + (shown.length * high + 26), role: "img",
@@ -124,10 +138,10 @@ function categoryBars(section) {
     c.cells.forEach((cell, k) => {
       const ap = cell ? cell.ap : 0;
       const wide = (ap || 0) * (right - left);
-      const top = y + 4 + k * 9;
-      root.append(svg("rect", { class: "bar h" + Math.min(k, 2), x: left, y: top, width: Math.max(wide, 0.5), height: 8 }, [
+      const top = y + 3 + k * 11;
+      root.append(svg("rect", { class: "bar h" + Math.min(k, 2), x: left, y: top, width: Math.max(wide, 0.5), height: 10 }, [
         svg("title", {}, [c.name + ", " + section.sides[k].label + ": AP " + fixed(ap)])]),
-      svg("text", { class: "tick", x: left + wide + 4, y: top + 8 }, [fixed(ap, 2)]));
+      svg("text", { class: "tick", x: left + wide + 4, y: top + 9 }, [fixed(ap, 2)]));
     });
   });
   const rows = all.flatMap((c) => c.cells.map((cell, k) => [c.name, section.sides[k].label, c.n_truth,

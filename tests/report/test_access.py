@@ -1,0 +1,184 @@
+"""The page for everybody: axe's rules, the keyboard alone, touch, both widths and both schemes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from evaluation.depth.folders import plane, write_arrays, write_run
+from report.chromium import Browser, browser
+from report.pages import embedded, evaluated, page_of, write_photos
+
+from legoworld import cli
+from legoworld.evaluation.depth.evaluate import evaluate_depth
+
+AXE = Path(__file__).parents[2] / "tools" / "page" / "node_modules" / "axe-core" / "axe.min.js"
+ADDRESSES = ["#/coco", "#/coco?tab=photos", "#/coco?tab=plots", "#/coco?tab=numbers",
+             "#/coco?tab=repeat", "#/coco/13", "#/coco/10", "#/eth3d", "#/eth3d?tab=plots",
+             "#/eth3d/1"]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A comparison of boxes with a failed image, and depth, with photos."""
+    folder = tmp_path_factory.mktemp("page")
+    sides = [
+        evaluated(folder, "coco", statuses={10: "failed"}),
+        evaluated(folder, "coco", levels=None, kind="baseline", baseline="random"),
+    ]
+    compared = folder / "comparison"
+    assert cli.run(["compare", *map(str, sides), "-o", str(compared), "--draws", "20"]) == 0
+    truth = {"a.png": plane((80, 60))}
+    run = write_run(folder / "run", {"a.png": 1.5 * truth["a.png"]})  # type: ignore[dict-item]
+    evaluate_depth(run, write_arrays(folder / "truth", truth), folder / "depth", draws=5)
+    photos = write_photos(folder / "photos", "coco")
+    return page_of(folder / "report.html", compared, folder / "depth", photos=photos)
+
+
+@pytest.fixture(scope="module")
+def chrome() -> Iterator[Browser]:
+    with browser(has_touch=True, bypass_csp=True) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    if not AXE.is_file():
+        pytest.skip("axe-core is not installed: run npm ci in tools/page")
+    return AXE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(chrome: Browser, page: Path, axe: str, width: int, scheme: str) -> None:
+    chrome.prefer(scheme)
+    chrome.resize(width)
+    found = {}
+    for address in ADDRESSES:
+        chrome.open(page, address)
+        chrome.js("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+        chrome.page.evaluate(axe)
+        result = chrome.js("axe.run(document, { resultTypes: ['violations'] })")
+        found[address] = [
+            (v["id"], [n["html"][:160] for n in v["nodes"][:3]]) for v in result["violations"]
+        ]
+    assert {a: v for a, v in found.items() if v} == {}, json.dumps(found, indent=1)[:3000]
+
+
+def test_the_tab_key_reaches_every_control(chrome: Browser, page: Path) -> None:
+    """What can be clicked can be reached, and shows that it is."""
+    chrome.resize(1400)
+    for address in ("#/coco", "#/coco?tab=photos", "#/coco/13"):
+        chrome.open(page, address)
+        chrome.js("document.activeElement.blur()")
+        wanted = chrome.js(
+            """Array.from(document.querySelectorAll(`a[href], button:not(:disabled), select, input,
+               summary, [tabindex="0"]`)).filter(n => n.checkVisibility()).length"""
+        )
+        reached = 0
+        seen = "document.activeElement.__seen ? true : ((document.activeElement.__seen = 1), false)"
+        for _ in range(wanted + 12):
+            chrome.key("Tab")
+            if not chrome.js(seen):
+                reached += 1
+        left = chrome.js(
+            """Array.from(document.querySelectorAll(`a[href], button:not(:disabled), select, input,
+               summary, [tabindex="0"]`)).filter(n => n.checkVisibility() && !n.__seen)
+               .map(n => n.outerHTML.slice(0, 120))"""
+        )
+        assert left == [], f"{address}: {reached} of {wanted}"
+
+
+def test_a_tap_on_an_outline_keeps_it_and_lights_its_row(chrome: Browser, page: Path) -> None:
+    chrome.resize(390)
+    chrome.open(page, "#/coco/13")
+    item = chrome.js(
+        """(() => { const shapes = Array.from(document.querySelectorAll('.frame .shape.s-fp'));
+           const s = shapes[shapes.length - 1];
+           s.scrollIntoView({ block: 'center' }); const b = s.getBoundingClientRect();
+           return { id: s.dataset.items, x: b.x + b.width / 2, y: b.y + b.height / 2 }; })()"""
+    )
+    chrome.page.touchscreen.tap(item["x"], item["y"])
+    pinned = "Array.from(document.querySelectorAll('.shape.pinned'), n => n.dataset.items)"
+    (top,) = set(chrome.js(pinned))
+    row = f"document.querySelector('tr[data-items=\"{top}\"]').classList.contains('pinned')"
+    assert chrome.js(row)
+    assert chrome.js("document.querySelector('.picked').textContent").count("positive") >= 1
+    chrome.key("Escape")
+    assert chrome.js(pinned) == []
+    assert "13" in chrome.js("location.hash"), "the first Esc lets go, the second leaves"
+
+
+def test_the_keyboard_keeps_a_row_and_zooms_to_what_is_out_of_view(
+    chrome: Browser, page: Path
+) -> None:
+    chrome.resize(1400)
+    chrome.open(page, "#/coco/13")
+    view = "document.querySelector('.frame').getAttribute('viewBox')"
+    boxes = "Array.from(document.querySelectorAll('.frame'), f => f.getAttribute('viewBox'))"
+    views = f"new Set({boxes}).size"
+    whole = chrome.js(view)
+    chrome.js("document.querySelector('.frame').focus()")
+    for _ in range(6):
+        chrome.key("+")
+    assert chrome.js(view) != whole
+    assert chrome.js(views) == 1, "all panes show the same part"
+    chrome.js("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+    for k in range(3):
+        button = f"document.querySelectorAll('.objects button.pick')[{k}]"
+        chrome.js(f"{button}.focus()")
+        chrome.key("Enter")
+        shown = chrome.js(
+            f"""(() => {{ const id = {button}.dataset.items;
+               const shape = document.querySelector(`.shape[data-items="${{id}}"]`);
+               const b = shape.getBoundingClientRect();
+               const f = document.querySelector('.frame').getBoundingClientRect();
+               return b.right > f.left && b.left < f.right && b.bottom > f.top && b.top < f.bottom;
+            }})()"""
+        )
+        assert shown, "what is kept is in view"
+    chrome.js("document.querySelector('.frame').focus()")
+    chrome.key("0")
+    assert chrome.js(view) == whole
+
+
+def test_plots_are_saved_as_csv_and_svg(chrome: Browser, page: Path, tmp_path: Path) -> None:
+    chrome.resize(1400)
+    chrome.open(page, "#/coco?tab=plots")
+    titles = chrome.js("Array.from(document.querySelectorAll('.plot h3'), h => h.textContent)")
+    assert titles[:4] == [
+        "Precision and recall at IoU 0.5",
+        "Error kinds",
+        "How well predictions fit",
+        "AP by category",
+    ]
+    n_rows = chrome.js(
+        "Array.from(document.querySelectorAll('.plot'), p => p.querySelectorAll('tbody tr').length)"
+    )
+    for k in range(4):
+        figure = chrome.page.locator(".plot").nth(k)
+        for name in ("CSV", "SVG"):
+            with chrome.page.expect_download() as waiting:
+                figure.get_by_text(name, exact=True).click()
+            path = tmp_path / waiting.value.suggested_filename
+            waiting.value.save_as(path)
+            text = path.read_text(encoding="utf-8")
+            if name == "CSV":
+                assert len(text.splitlines()) == n_rows[k] + 1
+            else:
+                assert text.startswith("<svg ")
+                assert 'xmlns="http://www.w3.org/2000/svg"' in text
+                assert "class=" not in text, "it needs no style sheet"
+
+
+def test_the_curve_s_area_is_ap50(page: Path) -> None:
+    (data,) = embedded(page, "data")
+    section = data["sections"][0]
+    for curve in section["plots"]["precision_recall"]:
+        if curve["policy"] != "own scores":
+            continue
+        folder = page.parent / f"eval-coco-{curve['label']}"
+        ap50 = json.loads((folder / "summary.json").read_text())["metrics"]["AP50"]
+        assert sum(curve["precision"]) / 101 == pytest.approx(ap50, abs=1e-4)
