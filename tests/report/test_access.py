@@ -173,6 +173,18 @@ def test_plots_are_saved_as_csv_and_svg(chrome: Browser, page: Path, tmp_path: P
                 assert "class=" not in text, "it needs no style sheet"
 
 
+def test_tie_orders_are_saved_with_every_order_counted(
+    chrome: Browser, page: Path, tmp_path: Path
+) -> None:
+    chrome.open(page, "#/coco?tab=plots")
+    with chrome.page.expect_download() as waiting:
+        chrome.page.locator(".ties").first.get_by_text("CSV", exact=True).click()
+    waiting.value.save_as(tmp_path / "ties.csv")
+    head, *rows = (tmp_path / "ties.csv").read_text().splitlines()
+    assert head == "AP from,to,orders"
+    assert sum(int(row.split(",")[2]) for row in rows) == 20, "the evaluation's draws"
+
+
 def test_the_curve_s_area_is_ap50(page: Path) -> None:
     (data,) = embedded(page, "data")
     section = data["sections"][0]

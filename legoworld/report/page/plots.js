@@ -27,8 +27,8 @@ export function plots(section) {
 function tieFiles(drawing) {
   const figure = drawing.closest("figure");
   const name = "tie-orders-" + figure.dataset.name.replace(/[^\w-]+/g, "-");
-  const rows = Array.from(drawing.querySelectorAll(".bar title"), (t) => t.textContent.match(/^(\d+) .*?([\d.]+) \S+ ([\d.]+)$/))
-    .filter(Boolean).map((m) => [m[2], m[3], m[1]]);
+  const rows = Array.from(drawing.querySelectorAll(".bar title"), (t) => t.textContent.match(/^([\d,]+) .*?([\d.]+) \S+ ([\d.]+)$/))
+    .filter(Boolean).map((m) => [m[2], m[3], m[1].replaceAll(",", "")]);
   figure.append(el("span", { class: "files" }, [
     button("CSV", () => save(name + ".csv", "text/csv", csvOf([["AP from", "to", "orders"], ...rows])),
       { "aria-label": figure.dataset.name + ", tie orders as CSV" }),
