@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import msgspec
 
-from legoworld.records import report_page, report_summary, report_tables
+from legoworld.records import report_page, report_tables
 
 OUTPUT: Final = Path(__file__).parents[1] / "tools" / "page" / "records.d.ts"
 #: What a page's scripts get; what these name comes along.
