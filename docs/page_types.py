@@ -1,7 +1,7 @@
 """The report page's records as TypeScript: python docs/page_types.py [--check].
 
-Writes tools/page/records.d.ts, which `make check-page` checks the page's scripts with. The types come
-from legoworld/records; nothing of them is part of a page.
+Writes tools/page/records.d.ts, which `make check-page` checks the page's scripts with. The types
+come from legoworld/records; nothing of them is part of a page.
 """
 
 from __future__ import annotations
