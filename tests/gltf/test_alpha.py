@@ -55,6 +55,11 @@ def test_a_texture_cuts_texel_by_texel_the_right_way_up():
     assert (shown(card()) == blocks(TEXELS)).all()
 
 
+@pytest.mark.parametrize("factor", [0.0, 0.5])
+def test_a_mask_that_is_cut_off_at_nothing_shows_everything(factor):
+    assert shown(card(mode="MASK", cutoff=0.0, factor=factor)).all()
+
+
 def test_opaque_ignores_every_alpha():
     assert shown(card(mode="OPAQUE", factor=0.0)).all()
     assert read(card(mode="OPAQUE").glb()).cutouts == ()
