@@ -1,4 +1,4 @@
-"""A member of another JSON type than glTF gives it: the verdict names its place, or it is unread."""
+"""A member of another JSON type than glTF gives it: the verdict names its place, if it is read."""
 
 from __future__ import annotations
 
@@ -104,6 +104,6 @@ def test_a_member_of_another_type(path):
         return
     assert len(refused) == len(others)
     name = [str(key) for key in path if isinstance(key, str)][-1]
-    # Without a list of these, a node's index leads nowhere.
-    name = {"cameras": "nodes[0].camera", "meshes": "nodes[1].mesh"}.get(name, name)
+    if len(path) == 1:  # without a list of these, a node's index leads nowhere
+        name = {"cameras": "nodes[0].camera", "meshes": "nodes[1].mesh"}.get(name, name)
     assert f"{name} is " in refused[0]
