@@ -8,7 +8,7 @@ PYTHON := $(VENV)/bin/python
 BASELINES := .venv-baselines
 KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/evaluation/kernels/*.cpp)
 DEMO := legoworld-demo
-# A process for each core; `make test PYTEST_ARGS=-n0` runs all tests in one.
+# A process for each core and one more (tests/conftest.py); PYTEST_ARGS=-n0 runs all tests in one.
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 # Two: a network takes up to 1.3 GB.
 PARALLEL_MODELS := -n auto --maxprocesses 2 --dist worksteal

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from legoworld.workers.processors import usable_cores
+
 #: Real scenes and photos that are not part of the repo; tests of marker `real_data` need them.
 REAL_DATA = Path(
     os.environ.get("LEGOWORLD_REAL_DATA", Path(__file__).parents[2] / "shared" / "data")
@@ -74,6 +76,12 @@ def save(name):
     folder.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), check_existing=False)
 """
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are cores: a worker often waits for a process that it has started."""
+    return usable_cores() + 1
 
 
 @pytest.fixture(scope="session")
