@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from legoworld.commands.bench_make import make_command
+from legoworld.commands.bench_table import judges_command, table_command
 
 
 @click.group("bench", context_settings={"help_option_names": ["-h", "--help"]})
@@ -17,7 +18,11 @@ def command() -> None:
       legoworld bench make references -o bench --size 960x540
       legoworld readout submissions --task bench --track bench/public/track.json -o runs/mine
       legoworld evaluate runs/mine --truth bench/private -o evals/mine
+      legoworld bench table evals/mine evals/other -o table
+      legoworld bench judges judgements.jsonl
     """
 
 
 command.add_command(make_command)
+command.add_command(table_command)
+command.add_command(judges_command)

@@ -1,0 +1,140 @@
+"""Times the nearest-neighbour search beside k-d trees, on one core, interleaved.
+
+    OMP_NUM_THREADS=1 python benchmarks/bench/nearest.py [--rounds 5] [--check 300]
+
+Two surfaces of 421 x 237 points, the scoring raster of a 16:9 picture; every point of each asks for
+the nearest of the other. A contender's time includes making its tree of both. Every round runs each
+contender once; CPU milliseconds are the median over rounds, ratios are taken within a round. The
+benchmark stops where a contender finds something nearer, or brute force in float64 disagrees.
+pykdtree and open3d are optional; what is absent is named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from legoworld.evaluation.reconstruction.nearest import nearest_both_ways
+from legoworld.evaluation.reconstruction.points import Raster, points_m, raster_of
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+from evaluation.reconstruction.brute_force import nearest as brute_force
+from evaluation.reconstruction.datasets import scene
+
+Clouds = tuple[np.ndarray, np.ndarray]
+
+
+def surfaces(raster: Raster) -> dict[str, Clouds]:
+    """Pairs of surfaces, from the same to nothing alike."""
+    random = np.random.default_rng(0)
+    room, _ = scene(raster, 1, 12)
+    room = np.where(np.isfinite(room), room, np.float32(9))
+    other, _ = scene(raster, 2, 12)
+    other = np.where(np.isfinite(other), other, np.float32(9))
+    made = {
+        "the same": room,
+        "2 % farther": room * 1.02,
+        "5 % nearer": room * 0.95,
+        "other objects": other,
+        "half as far again": room * 1.5,
+        "three times as far": room * 3,
+        "a wall at 1 m": np.full_like(room, 1),
+        "a wall at 20 m": np.full_like(room, 20),
+        "5 % noise": room * (1 + 0.05 * random.standard_normal(room.shape)),
+    }
+    return {name: (room, np.float32(depth)) for name, depth in made.items()}
+
+
+def contenders() -> dict[str, Callable[[np.ndarray, np.ndarray], Clouds]]:
+    """Nearest distances of two (N, 3) float64 clouds both ways, by name."""
+    from scipy.spatial import cKDTree
+
+    def of_scipy(a: np.ndarray, b: np.ndarray) -> Clouds:
+        return cKDTree(b).query(a)[0], cKDTree(a).query(b)[0]
+
+    found = {"scipy cKDTree": of_scipy}
+    if importlib.util.find_spec("pykdtree"):
+        from pykdtree.kdtree import KDTree
+
+        def of_pykdtree(a: np.ndarray, b: np.ndarray) -> Clouds:
+            return KDTree(b).query(a)[0], KDTree(a).query(b)[0]
+
+        found["pykdtree"] = of_pykdtree
+    if importlib.util.find_spec("open3d"):
+        import open3d
+
+        def cloud(points: np.ndarray) -> object:
+            return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+
+        def of_open3d(a: np.ndarray, b: np.ndarray) -> Clouds:
+            one, other = cloud(a), cloud(b)
+            return (
+                np.asarray(one.compute_point_cloud_distance(other)),
+                np.asarray(other.compute_point_cloud_distance(one)),
+            )
+
+        found["open3d"] = of_open3d
+    return found
+
+
+def check(raster: Raster, a: np.ndarray, b: np.ndarray, count: int) -> None:
+    """Stops the benchmark where brute force over all pairs says otherwise."""
+    label = np.zeros(a.shape, np.int32)
+    some = np.full(a.shape, np.inf, np.float32)
+    places = np.random.default_rng(0).choice(a.size, count, replace=False)
+    some.ravel()[places] = a.ravel()[places]
+    squared, index = brute_force(some, b, label, raster)
+    found, _ = nearest_both_ways(a, b, label, raster)
+    kept = np.isfinite(some)
+    same = (found.squared_m2 == squared) & (found.index == index)
+    if not same[kept].all():
+        sys.exit(f"wrong at {np.argwhere(kept & ~same)[:5].tolist()}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--check", type=int, default=300)
+    options = parser.parse_args()
+    raster = raster_of((1920, 1080), 50.0, (421, 237))
+    label = np.zeros((raster.height, raster.width), np.int32)
+    others = contenders()
+    print(f"{raster.width} x {raster.height} points each, both ways, CPU ms; "
+          f"contenders: {', '.join(others)}")  # fmt: skip
+    beaten = 0
+    for name, (a, b) in surfaces(raster).items():
+        check(raster, a, b, options.check)
+        clouds = [points_m(depth, raster).reshape(-1, 3) for depth in (a, b)]
+        times: dict[str, list[float]] = {"legoworld": [], **{other: [] for other in others}}
+        for _ in range(options.rounds):
+            start = time.process_time()
+            ours = nearest_both_ways(a, b, label, raster)
+            times["legoworld"].append(time.process_time() - start)
+            for other, run in others.items():
+                start = time.process_time()
+                theirs = run(*clouds)
+                times[other].append(time.process_time() - start)
+                for mine, distance in zip(ours, theirs, strict=True):
+                    nearer = np.sqrt(mine.squared_m2.ravel()) > distance * (1 + 1e-5) + 1e-5
+                    if nearer.any():
+                        sys.exit(f"{other} finds something nearer in {name!r}")
+        shown = {who: 1e3 * statistics.median(spent) for who, spent in times.items()}
+        ratios = [
+            min(times[o][k] for o in others) / times["legoworld"][k] for k in range(options.rounds)
+        ]
+        ratio = statistics.median(ratios)
+        beaten += ratio >= 5
+        cells = "  ".join(f"{who} {ms:.0f}" for who, ms in shown.items())
+        print(f"{name:20s} {cells}  best of the others / ours {ratio:.1f}")
+    print(f"at least 5 times the best of the others: {beaten} of {len(surfaces(raster))}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""`legoworld bench table` and `legoworld bench judges`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from legoworld.commands import options
+
+if TYPE_CHECKING:
+    from legoworld.records.reconstruction_judges import AspectAgreement
+
+_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
+
+
+@click.command("table", context_settings=_HELP)
+@click.argument("evaluations", nargs=-1, required=True, type=options.EXISTING_FOLDER)
+@click.option("-o", "--output", type=options.FOLDER, required=True, help="The folder to write.")
+@click.option(
+    "--draws", type=click.IntRange(min=1), default=10_000, show_default=True,
+    help="Bootstrap samples of families.",
+)  # fmt: skip
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True,
+    help="RNG seed of the bootstrap.",
+)  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="Replace another table in the folder.")
+@options.output_options
+def table_command(
+    evaluations: tuple[Path, ...],
+    output: Path,
+    draws: int,
+    seed: int,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """One row for each agent and model of bench EVALUATIONS; several of one are repeated runs.
+
+    The agent and the model are those of the scenes' provenance.json. Means over runs with their
+    standard deviation (ddof = 1): V, R, A, S over all attempted cases with zeros included, and R,
+    A, S over the valid ones, for all cases and by split, environment, theme and tier. Writes
+    leaderboard.json, .md, .tex and .csv. -v prints every group.
+
+    \b
+    Examples:
+      legoworld bench table evals/mine -o table
+      legoworld bench table evals/a1 evals/a2 evals/a3 evals/b1 evals/b2 evals/b3 -o table
+    """
+    from legoworld.comparison.leaderboard import (
+        leaderboard,
+        read_entries,
+        wide_table,
+        write_leaderboard,
+    )
+    from legoworld.records.base import as_json as plain
+
+    board = leaderboard(read_entries(evaluations), draws=draws, seed=seed)
+    write_leaderboard(output, board, overwrite=overwrite)
+    if as_json:
+        options.print_json({"folder": str(output), "leaderboard": plain(board)})
+        return 0
+    table = wide_table(board)
+    rows = [row for row in table.rows if verbose or row[3] == "all"]
+    click.echo(options.table(table.header, rows))
+    click.echo("\n".join(["", *table.notes, f"-> {output}"]))
+    return 0
+
+
+@click.command("judges", context_settings=_HELP)
+@click.argument("judgements", type=options.EXISTING_FILE)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Also write the result as JSON.",
+)
+@options.output_options
+def judges_command(
+    judgements: Path, output: Path | None, as_json: bool, quiet: bool, verbose: bool
+) -> int:
+    """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
+
+    A line of the file is {"builder", "judge", "aspect", "item", "shown", "chosen", "better"}: of
+    the two submissions shown, the one the judge chose and the one with the higher score. Prints
+    the agreement in percent, means of judges over their own builds and over others', and how often
+    a judge chose the same when the order was swapped.
+
+    \b
+    Examples:
+      legoworld bench judges judgements.jsonl
+      legoworld bench judges judgements.jsonl -o judges.json
+    """
+    from legoworld.evaluation.reconstruction.judges import judge_agreement
+    from legoworld.files import write_text
+    from legoworld.records.base import as_json as plain
+    from legoworld.records.base import readable
+
+    found = judge_agreement(judgements)
+    if output is not None:
+        write_text(output, readable(found))
+    if as_json:
+        options.print_json(plain(found))
+        return 0
+    for aspect, agreement in found.aspects.items():
+        click.echo(f"{aspect}\n{_matrix(agreement)}\n")
+    return 0
+
+
+def _matrix(found: AspectAgreement) -> str:
+    judges = list(dict.fromkeys(judge for row in found.matrix.values() for judge in row))
+    rows = [
+        (builder, *(f"{100 * row[j].share:.1f}" if j in row else "-" for j in judges))
+        for builder, row in found.matrix.items()
+    ]
+    lines = [options.table(("builder", *judges), rows)]
+    means = (found.self_mean, found.cross_mean)
+    own, cross = ("-" if mean is None else f"{100 * mean:.2f}" for mean in means)
+    lines.append(
+        f"own builds {own}, others' {cross}; own above the others' mean for "
+        f"{found.self_above_others} of {found.builders} builders"
+    )
+    for judge, swaps in found.order_swaps.items():
+        shown = "-" if swaps.share is None else f"{swaps.share:.1%}"
+        lines.append(
+            f"{judge}: the same choice in {shown} of {swaps.swapped} swapped items; "
+            f"chose the first shown in {swaps.first_share:.1%}"
+        )
+    return "\n".join(lines)

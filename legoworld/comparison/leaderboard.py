@@ -1,0 +1,229 @@
+"""`legoworld bench table`: evaluations of bench runs to one row for each agent and model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from legoworld.comparison.compatibility import check_comparable
+from legoworld.comparison.formats import FORMATS, Table
+from legoworld.comparison.provenance import NOT_RECORDED, recorded_provenance
+from legoworld.comparison.sides import distinct_names
+from legoworld.errors import ConfigurationMismatchError, UsageError
+from legoworld.evaluation.bootstrap import interval
+from legoworld.evaluation.reconstruction import means
+from legoworld.evaluation.stored import Evaluated, read_evaluation
+from legoworld.files import sha256_of_file, write_text
+from legoworld.pluralize import counted
+from legoworld.records.base import readable
+from legoworld.records.folders.evaluation_reading import EVIDENCE
+from legoworld.records.reconstruction_leaderboard import (
+    Leaderboard,
+    LeaderboardGroup,
+    LeaderboardRow,
+    Repeated,
+)
+from legoworld.records.reconstruction_summary import Means
+
+DOCUMENT: Final = "leaderboard.json"
+FILES: Final = (DOCUMENT, *(f"leaderboard.{suffix}" for suffix in ("md", "tex", "csv")))
+_KINDS: Final = ("split", "environment", "theme", "tier")
+_SHOWN: Final = ("V", "R", "A", "S", "R_valid", "A_valid", "S_valid")
+
+
+def read_entries(evaluations: Sequence[Path]) -> list[Evaluated]:
+    """Bench evaluations of one dataset, card and sampling. UsageError, IncomparableError."""
+    sides = [read_evaluation(folder) for folder in evaluations]
+    for side in sides:
+        if side.task != "bench":
+            raise UsageError(
+                f"{side.folder.name} is no evaluation of a bench",
+                found=f"task {side.task!r}",
+                expected="folders that `legoworld evaluate` made of bench runs",
+            )
+    folders = [side.folder.resolve() for side in sides]
+    names = distinct_names([(folder.name, folder.parent.name) for folder in folders])
+    named = [replace(side, name=name) for side, name in zip(sides, names, strict=True)]
+    check_comparable(named, allow_truth_prompts=False)
+    return named
+
+
+def leaderboard(sides: Sequence[Evaluated], *, draws: int = 10_000, seed: int = 0) -> Leaderboard:
+    """One row for each agent and model, over as many runs as there are evaluations of it."""
+    by_maker: dict[tuple[str, str], list[Evaluated]] = {}
+    for side in sides:
+        by_maker.setdefault(_maker(side), []).append(side)
+    rows = [_row(maker, runs, draws, seed) for maker, runs in by_maker.items()]
+    return Leaderboard(
+        task="bench",
+        evaluator=sides[0].summary.evaluator,
+        draws=draws,
+        seed=seed,
+        rows=tuple(sorted(rows, key=lambda row: (-_score(row), row.agent, row.model))),
+        evidence_sha256={side.name: sha256_of_file(side.folder / EVIDENCE) for side in sides},
+    )
+
+
+def write_leaderboard(folder: Path, board: Leaderboard, *, overwrite: bool) -> None:
+    """leaderboard.json, .md, .tex and .csv; a folder with anything else in it is refused."""
+    folder.mkdir(parents=True, exist_ok=True)
+    strangers = sorted(path.name for path in folder.iterdir() if path.name not in FILES)
+    there = folder / DOCUMENT
+    text = readable(board)
+    if strangers or (there.is_file() and not overwrite and there.read_text("utf-8") != text):
+        raise ConfigurationMismatchError(
+            "the output folder holds something else",
+            found=", ".join(strangers[:5]) or "the table of other evaluations",
+            expected="an empty folder or the same table",
+            next_step="choose another -o" + ("" if strangers else ", or pass --overwrite"),
+        )
+    write_text(there, text)
+    for suffix, render in FORMATS.items():
+        shown = long_table(board) if suffix == "csv" else wide_table(board)
+        write_text(folder / f"leaderboard.{suffix}", render(shown))
+
+
+def wide_table(board: Leaderboard) -> Table:
+    """A line for each agent, model and group, in percent: mean (sd) over runs."""
+    rows = [
+        (row.agent, row.model, str(len(row.evaluations)), _group_name(group), str(group.cases),
+         *(_percent(group.metrics[name]) for name in _SHOWN))
+        for row in board.rows
+        for group in row.groups
+    ]  # fmt: skip
+    header = ("agent", "model", "runs", "group", "cases", *(n.replace("_", " ") for n in _SHOWN))
+    return Table(header=header, rows=rows, notes=_notes(board))
+
+
+def long_table(board: Leaderboard) -> Table:
+    """A line for each number, unrounded, for programs."""
+    rows = [
+        (row.agent, row.model, str(len(row.evaluations)), group.kind, group.name, name, found.over,
+         _number(found.mean), _number(found.sd), *_ends(found), " ".join(map(str, found.n)))
+        for row in board.rows
+        for group in row.groups
+        for name, found in group.metrics.items()
+    ]  # fmt: skip
+    header = ("agent", "model", "runs", "group_kind", "group", "metric", "over", "mean", "sd",
+              "low", "high", "denominators")  # fmt: skip
+    return Table(header=header, rows=rows)
+
+
+def _notes(board: Leaderboard) -> list[str]:
+    notes = [
+        "In percent: mean (standard deviation with ddof = 1) over runs.",
+        "V, R, A, S: over all attempted cases, a submission that is not valid counts 0. R, A, S "
+        "valid: over the valid cases of each run.",
+    ]
+    for row in board.rows:
+        if len(row.evaluations) < 2:
+            notes.append(f"{row.agent} {row.model}: a single run, so no standard deviation.")
+        every = row.groups[0].metrics["S"]
+        if every.interval and every.interval.ends:
+            low, high = (100 * end for end in every.interval.ends)
+            draws = counted(board.draws, "draw", "draws")
+            notes.append(
+                f"{row.agent} {row.model}: S [{low:.1f}, {high:.1f}] (95 %, {draws} of families)."
+            )
+    return notes
+
+
+def _maker(side: Evaluated) -> tuple[str, str]:
+    """Agent and model that the run's scenes name; several are all named."""
+    found = [one.provenance for one in recorded_provenance(side)]
+
+    def said(field: str) -> str:
+        values = {str(p[field]) for p in found if isinstance(p, dict) and p.get(field) is not None}
+        return " + ".join(sorted(values)) or NOT_RECORDED
+
+    return said("agent"), said("model")
+
+
+def _row(
+    maker: tuple[str, str], runs: Sequence[Evaluated], draws: int, seed: int
+) -> LeaderboardRow:
+    groups = [_group("all", "all", [run.bench.metrics for run in runs], len(runs[0].rows))]
+    groups[0] = _with_intervals(groups[0], runs, draws, seed)
+    for kind in _KINDS:
+        by_name = [getattr(run.bench.groups, kind) for run in runs]
+        for name, group in by_name[0].items():
+            if name != means.UNSTATED or len(by_name[0]) > 1:
+                groups.append(_group(kind, name, [one[name].metrics for one in by_name],
+                                     group.cases))  # fmt: skip
+    return LeaderboardRow(
+        agent=maker[0],
+        model=maker[1],
+        evaluations=tuple(run.name for run in runs),
+        groups=tuple(groups),
+    )
+
+
+def _group(kind: str, name: str, runs: Sequence[Means], cases: int) -> LeaderboardGroup:
+    metrics = {}
+    for metric, first in runs[0].items():
+        values = [run[metric].value for run in runs]
+        defined = [value for value in values if value is not None]
+        mean, sd = means.mean_and_sd(defined) if len(defined) == len(runs) else (None, None)
+        metrics[metric] = Repeated(
+            mean=mean,
+            sd=sd,
+            runs=tuple(values),
+            n=tuple(run[metric].n for run in runs),
+            over=first.over,
+            interval=None,
+        )
+    return LeaderboardGroup(kind=kind, name=name, cases=cases, metrics=metrics)
+
+
+def _with_intervals(
+    group: LeaderboardGroup, runs: Sequence[Evaluated], draws: int, seed: int
+) -> LeaderboardGroup:
+    """Intervals of the mean over runs: each family is drawn in all runs together."""
+    shared = means.family_draws(runs[0].bench_rows, draws, seed)
+    if len(shared.column) < 2:
+        return group
+    known = [name for name, found in group.metrics.items() if found.over == "attempted"]
+    metrics = dict(group.metrics)
+    for measure in means.headline([n for n in known if n not in _SHOWN]):
+        if measure.name not in known or metrics[measure.name].mean is None:
+            continue
+        samples = []
+        for run in runs:
+            values = np.array([measure.value(row) for row in run.bench_rows], np.float64)
+            samples.append(means.family_means(values, run.bench_rows, shared))
+        found = interval(np.mean(samples, axis=0), unit="family")
+        old = metrics[measure.name]
+        metrics[measure.name] = Repeated(
+            mean=old.mean, sd=old.sd, runs=old.runs, n=old.n, over=old.over, interval=found
+        )
+    return LeaderboardGroup(kind=group.kind, name=group.name, cases=group.cases, metrics=metrics)
+
+
+def _score(row: LeaderboardRow) -> float:
+    """S over all attempted; R where there is no A."""
+    metrics = row.groups[0].metrics
+    value = metrics["S"].mean if metrics["S"].mean is not None else metrics["R"].mean
+    return -1.0 if value is None else value
+
+
+def _group_name(group: LeaderboardGroup) -> str:
+    return group.name if group.kind == "all" else f"{group.kind} {group.name}"
+
+
+def _percent(found: Repeated) -> str:
+    if found.mean is None:
+        return "-"
+    return f"{100 * found.mean:.1f}" + ("" if found.sd is None else f" ({100 * found.sd:.1f})")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else repr(value)
+
+
+def _ends(found: Repeated) -> tuple[str, str]:
+    ends = found.interval.ends if found.interval else None
+    return (repr(ends[0]), repr(ends[1])) if ends else ("", "")
