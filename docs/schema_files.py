@@ -27,6 +27,8 @@ from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
 from legoworld.records.labels import LabelsFile
 from legoworld.records.predictions import Prediction
+from legoworld.records.reconstruction_judges import Judgement
+from legoworld.records.reconstruction_leaderboard import Leaderboard
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.run_file import RunFile, RunSummary
@@ -55,6 +57,8 @@ FORMATS: dict[str, Any] = {
     "evaluation-summary-bench": ReconstructionSummary,
     "evaluation-summary-depth": DepthSummary,
     "evaluation-summary-detection": DetectionSummary,
+    "bench-judgement": Judgement,
+    "bench-leaderboard": Leaderboard,
     "frozen": FrozenFile,
     "instances": InstancesFile,
     "labels": LabelsFile,

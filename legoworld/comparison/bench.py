@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, Measure, Measures, Metric
 from legoworld.evaluation.reconstruction import means
+from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.comparison import Images, Level
 from legoworld.records.reconstruction_rows import ReconstructionRow
@@ -18,10 +19,10 @@ UNIT: Final = "family"
 _HEADLINE: Final = ("V", "R", "A", "S")
 
 
-def bench_metrics(side: Evaluated) -> list[Metric]:
+def bench_metrics() -> list[Metric]:
     """V, R, A, S, then F at the other tolerances."""
     found = []
-    for measure in _measures(side):
+    for measure in _measures():
         level: Level = HEADLINE if measure.name in _HEADLINE else EVERYTHING
         found.append(Metric(id=measure.name, policy="-", better="higher", level=level))
     return found
@@ -39,16 +40,14 @@ def measure_bench(
     rows = _kept(side, kept)
     return {
         measure.name: _mean(measure, rows, shared)
-        for measure in _measures(side)
+        for measure in _measures()
         if images == "attempted" or measure.name != "V"
     }
 
 
-def _measures(side: Evaluated) -> list[means.Measure]:
+def _measures() -> list[means.Measure]:
     """Those over all attempted cases; what a conditional mean says, the paired images say."""
-    rules = side.bench.metrics
-    names = [name for name, mean in rules.items() if mean.over == "attempted"]
-    known = means.headline([name for name in names if name not in _HEADLINE])
+    known = means.headline([tolerance.name for tolerance in bench_protocol().others])
     return [measure for measure in known if measure.over == "attempted"]
 
 
@@ -57,8 +56,7 @@ def _mean(
 ) -> Measure:
     values = [measure.value(row) for row in rows]
     defined = [value for value in values if value is not None]
-    zeros = sum(not row.valid for row in rows)
-    over = {"images": len(rows), "not valid": zeros} if zeros else {"images": len(rows)}
+    over = {"images": len(rows), "not valid": sum(not row.valid for row in rows)}
     if len(defined) < len(rows):
         return Measure(value=float("nan"), samples=None, over=over, extra={})
     numbers = np.array(defined, np.float64)

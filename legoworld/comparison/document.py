@@ -187,7 +187,7 @@ def _measured_bench(
             continue
         shared = bench.family_draws(scene, kept, settings.draws, settings.seed)
         ours, theirs = (bench.measure_bench(s, images, kept, shared) for s in (scene, baseline))
-        rows += _rows(bench.bench_metrics(scene), images, ours, theirs, rule)
+        rows += _rows(bench.bench_metrics(), images, ours, theirs, rule)
     return rows
 
 

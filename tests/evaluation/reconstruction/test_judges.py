@@ -105,5 +105,5 @@ def test_the_command(tmp_path, capsys):
     path = write(tmp_path / "j.jsonl", judgements())
     assert cli.run(["bench", "judges", str(path), "-o", str(tmp_path / "judges.json")]) == 0
     out = capsys.readouterr().out
-    assert "own builds 45.83, others' 45.40; own above the others' mean for 3 of 6 builders" in out
+    assert "own builds 45.83, others' 45.39; own above the others' mean for 3 of 6 builders" in out
     assert json.loads((tmp_path / "judges.json").read_text())["judgements"] == 36 * 2 * ITEMS
