@@ -21,14 +21,14 @@ from legoworld.comparison.folder import (
 from legoworld.comparison.joining import join
 from legoworld.comparison.sides import read_sides
 from legoworld.comparison.tables import Document
-from legoworld.evaluation.detection.scoring import AGREEMENT
-from legoworld.evaluation.evidence import (
+from legoworld.evaluation.checks import (
     Check,
     check_files,
     check_inputs,
     located,
     until_damage,
 )
+from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.records.base import as_json, to_record
 from legoworld.records.comparison import Comparison, JoinedComparison
 from legoworld.records.evidence import AnyEvidence, ComparisonSettings

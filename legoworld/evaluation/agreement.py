@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from legoworld.evaluation.evidence import Check
+from legoworld.evaluation.checks import Check
 
 #: Logarithms differ in the last bits between machines.
 _RELATIVE: Final = 1e-9

@@ -14,10 +14,10 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 from numpy.typing import NDArray
 
 from legoworld.comparison.making import make_comparison
+from legoworld.evaluation.checks import Check
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.evidence import Check
 from legoworld.files import sha256_of_file
 from legoworld.records.base import canonical
 from legoworld.records.evidence import ComparisonSettings

@@ -10,12 +10,12 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.agreement import agreement
+from legoworld.evaluation.checks import Check, located
 from legoworld.evaluation.depth.predictions import read_depth_run
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.rows import score_row
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
-from legoworld.evaluation.evidence import Check, located
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary

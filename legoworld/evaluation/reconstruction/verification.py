@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.evaluation.agreement import agreement
-from legoworld.evaluation.evidence import Check, located
+from legoworld.evaluation.checks import Check, located
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import read_dataset

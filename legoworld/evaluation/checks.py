@@ -1,0 +1,85 @@
+"""Checks of what is on record: hashes of files and inputs, and values that must be equal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from legoworld.errors import LegoWorldError, one_line
+from legoworld.records.evidence import AnyEvidence
+from legoworld.records.folders.evaluation_reading import EVIDENCE
+from legoworld.records.folders.input_hash import hash_and_size, without_of
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing looked at. status: ok, CHANGED, MISSING, UNLISTED or DIFFERS."""
+
+    status: str
+    what: str
+    found: str
+
+
+def until_damage(checks: Iterator[Check]) -> Iterator[Check]:
+    """Checks of numbers; what is not even numbers ends them as a difference."""
+    try:
+        yield from checks
+    except LegoWorldError as error:
+        yield Check("DIFFERS", "the numbers made again", one_line(str(error), 100))
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        problem = one_line(f"{type(error).__name__}: {error}", 100)
+        yield Check("DIFFERS", EVIDENCE, f"the numbers cannot be made again: {problem}")
+
+
+def check_files(folder: Path, evidence: AnyEvidence) -> Iterator[Check]:
+    """Every file of a folder against the hashes in its evidence."""
+    for name, sha256 in evidence.files.items():
+        yield _hashed(f"file {name}", folder / name, sha256)
+    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    for name in sorted(present - set(evidence.files) - {EVIDENCE}):
+        yield Check("UNLISTED", f"file {name}", f"not in {EVIDENCE}")
+
+
+def check_inputs(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
+    """Every input against its hash; looked for below `root` where given."""
+    for entry in evidence.inputs:
+        what, without = f"input {entry.role} {entry.path}", entry.without or ()
+        allowed = without_of(entry.role)
+        # Evidence of before the time was left out leaves nothing out.
+        if without in ((), allowed):
+            yield _hashed(what, located(folder, entry.path, root), entry.sha256, without)
+        else:
+            may = ", ".join(allowed) or "nothing"
+            yield Check("DIFFERS", what, f"its hash leaves out {[*without]!r:.60}; may: {may}")
+
+
+def located(folder: Path, recorded: str, root: Path | None) -> Path | None:
+    """An input's path: as recorded, or the longest ending of it that lies below root."""
+    if root is None:
+        return folder / recorded
+    parts = [part for part in PurePosixPath(recorded).parts if part != ".."]
+    for start in range(len(parts)):
+        candidate = root.joinpath(*parts[start:])
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def _hashed(what: str, path: Path | None, sha256: str, without: Sequence[str] = ()) -> Check:
+    if path is None or not path.is_file():
+        return Check("MISSING", what, "no such file")
+    try:
+        found, _ = hash_and_size(path, without)
+    except (ValueError, RecursionError):
+        return Check("CHANGED", what, f"not JSON, on record {sha256[:12]}")
+    if found != sha256:
+        return Check("CHANGED", what, f"{found[:12]}, on record {sha256[:12]}")
+    return Check("ok", what, found[:12])
+
+
+def check_equal(what: str, found: object, recorded: object) -> Check:
+    """What was found against what is on record."""
+    if found == recorded:
+        return Check("ok", what, str(found)[:60])
+    return Check("DIFFERS", what, f"{str(found)[:60]}, on record {str(recorded)[:60]}")
