@@ -19,7 +19,9 @@ import skimage.data
 
 from legoworld.cli import run
 
-TRUTH = Path(__file__).parents[1] / "datasets" / "skimage_examples"
+ROOT = Path(__file__).parents[1]
+TRUTH = ROOT / "datasets" / "skimage_examples"
+EXAMPLES = Path(os.path.relpath(ROOT / "examples"))
 
 
 def main() -> int:
@@ -38,7 +40,8 @@ def main() -> int:
         print_headline(scored)
     evaluations = (output / "eval-coco", output / "eval-lvis")
     page = output / "report.html"
-    failed |= step("report", *evaluations, "--photos", output / "photos", "-o", page) != 0
+    beside = ("--photos", output / "photos", "--scenes", EXAMPLES)
+    failed |= step("report", *evaluations, *beside, "-o", page) != 0
     return int(failed)
 
 

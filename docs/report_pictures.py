@@ -1,0 +1,104 @@
+"""The pictures of the report page: python docs/report_pictures.py --demo PAGE.
+
+`make pictures` makes the demo first. --comparison: the page of docs/real-run.md; only its numbers
+are pictured, since its photos may not be passed on. --tutorial: where first.html and report.html of
+docs/tutorial.md lie. Needs playwright and an installed Chromium.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from playwright.sync_api import Browser, sync_playwright
+
+PICTURES: Final = Path(__file__).parent / "pictures"
+#: WebGL by software, so that a machine without a GPU draws the same.
+_ARGUMENTS: Final = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+_QUALITY: Final = 82
+_SCENE: Final = ".scene3d[data-ready]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """A picture: what is opened, how large, and what is waited for."""
+
+    name: str
+    address: str
+    size: tuple[int, int]
+    wait: str = ".thumb svg"
+    scheme: str = "light"
+
+
+_DEMO: Final = (
+    Shot(name="readme-report", address="#/lvis/3?panes=side0.slide0.scene0", size=(1400, 760),
+         wait=_SCENE),
+    Shot(name="report-overview", address="#/lvis", size=(1400, 860)),
+    Shot(name="report-photo", address="#/lvis/4?panes=side0.slide0.differ0.scene0",
+         size=(1400, 900), wait=_SCENE, scheme="dark"),
+    Shot(name="report-phone", address="#/lvis/3?panes=side0.scene0", size=(390, 844), wait=_SCENE),
+)  # fmt: skip
+_COMPARISON: Final = (
+    Shot(name="report-comparison", address="#/coco", size=(1400, 668)),
+    Shot(name="report-plots", address="#/coco?tab=plots", size=(1400, 1010), wait=".plot svg"),
+)
+_TUTORIAL: Final = {
+    "first.html": Shot(name="tutorial-report", address="#/coco/3", size=(1200, 640),
+                       wait=".frame"),
+    "report.html": Shot(name="tutorial-masks", address="#/lvis/3?panes=side0", size=(1200, 700),
+                        wait=".frame"),
+}  # fmt: skip
+
+
+def main() -> int:
+    """Take the pictures of every page that is given."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--demo", type=Path)
+    parser.add_argument("--comparison", type=Path)
+    parser.add_argument("--tutorial", type=Path)
+    options = parser.parse_args()
+    shots: list[tuple[Path, Shot]] = []
+    shots += [(options.demo, shot) for shot in _DEMO if options.demo]
+    shots += [(options.comparison, shot) for shot in _COMPARISON if options.comparison]
+    if options.tutorial:
+        shots += [(options.tutorial / page, shot) for page, shot in _TUTORIAL.items()]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=_ARGUMENTS
+        )
+        for page, shot in shots:
+            _take(browser, page, shot)
+        browser.close()
+    return 0
+
+
+def _take(browser: Browser, path: Path, shot: Shot) -> None:
+    width, height = shot.size
+    context = browser.new_context(
+        viewport={"width": width, "height": height},
+        color_scheme=shot.scheme,  # type: ignore[arg-type]
+        device_scale_factor=1.25 if width > 1000 else 1.5,
+    )
+    page = context.new_page()
+    page.goto(path.resolve().as_uri() + shot.address)
+    page.wait_for_selector(shot.wait)
+    page.wait_for_timeout(500)  # pictures inside SVG are decoded after they are there
+    _write(page.screenshot(), PICTURES / f"{shot.name}.webp")
+    context.close()
+
+
+def _write(png: bytes, path: Path) -> None:
+    picture: Any = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    done, data = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
+    assert done
+    path.write_bytes(data.tobytes())
+    print(f"{path.name}: {len(data) / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
