@@ -60,6 +60,12 @@ class Comparison:
             "below_threshold": [str(one) for one in self.below],
         }
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the verdict, and both sides' main metrics."""
+        from legoworld.report.notebook import comparison_html
+
+        return comparison_html(self.document)
+
 
 def compare(
     evaluations: Sequence[Evaluation | str | Path],

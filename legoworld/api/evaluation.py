@@ -91,6 +91,12 @@ class Evaluation:
         """The document that `legoworld evaluate --json` prints."""
         return {"evaluation": str(self.folder), "summary": as_json(self.summary)}
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the main metrics with their intervals."""
+        from legoworld.report.notebook import evaluation_html
+
+        return evaluation_html(self.summary)
+
     def _values(self) -> Iterator[tuple[str, str | None, float | None, Interval | None]]:
         summary = self.summary
         if isinstance(summary, DepthSummary):

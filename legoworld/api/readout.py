@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -59,6 +60,13 @@ class Run:
         """One row of plain values per image: `pandas.DataFrame(run.table)`."""
         keys = ("image_id", "file_name", "scene", "status", "code", "reason", "n_predictions")
         return [{key: row.get(key) for key in keys} for row in map(as_json, self.rows)]
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how many images ended how."""
+        from legoworld.report.notebook import statuses_html
+
+        counts = Counter(str(row["status"]) for row in map(as_json, self.rows))
+        return statuses_html(str(self.folder), dict(sorted(counts.items())))
 
     def to_dict(self) -> dict[str, Any]:
         """The document that `legoworld readout --json` prints."""

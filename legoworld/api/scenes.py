@@ -295,6 +295,13 @@ class SceneView:
         """The instances, by id."""
         return iter(self.instances)
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the overlay, and what is in the picture."""
+        from legoworld.report.notebook import instances_text, picture_html
+
+        seen = [i for i in self.instances if i.area_px]
+        return picture_html(self.overlay(), f"{self!r}: {instances_text(seen)}")
+
     def __repr__(self) -> str:
         width, height = self.size_wh
         return (

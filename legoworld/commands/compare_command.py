@@ -91,7 +91,7 @@ def command(
         from legoworld.comparison.making import make_joined
 
         joined = make_joined(evaluations, output, overwrite=overwrite)
-        _show(Comparison(folder=output, document=joined, below=()), as_json, verbose)
+        _show(Comparison(folder=output, document=joined, below=()), as_json, verbose, joined=True)
         return exit_codes.DONE
     found = compare(
         evaluations,
@@ -109,7 +109,7 @@ def command(
     return exit_codes.BELOW if found.below else exit_codes.DONE
 
 
-def _show(found: Comparison, as_json: bool, verbose: bool) -> None:
+def _show(found: Comparison, as_json: bool, verbose: bool, *, joined: bool = False) -> None:
     from legoworld.commands.comparison_short import short_comparison
 
     if as_json:
@@ -117,6 +117,8 @@ def _show(found: Comparison, as_json: bool, verbose: bool) -> None:
         return
     click.echo(_tables(found.document) if verbose else short_comparison(found.document))
     click.echo(f"\n-> {found.folder}")
+    if not joined:
+        click.echo(options.report_hint(found.folder))
 
 
 def _tables(document: Document) -> str:

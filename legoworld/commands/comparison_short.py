@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from legoworld.commands import options
 from legoworld.commands.comparison_text import notes_text
-from legoworld.comparison.measures import HEADLINE
 from legoworld.comparison.tables import comparisons_of, coverage_table, headline_table
+from legoworld.comparison.verdict import headline_rows, standing, verdict_sentence
 from legoworld.pluralize import counted
 
 if TYPE_CHECKING:
@@ -16,7 +16,12 @@ if TYPE_CHECKING:
 
 
 def short_comparison(document: Document) -> str:
-    """Two methods, their coverage, and the headline metrics with the verdict on the difference."""
+    """The verdict of every pair, its coverage, and its headline metrics with their differences."""
+    verdicts = [
+        f"{verdict_sentence(one.task, pair)}."
+        for one in comparisons_of(document)
+        for pair in one.pairs
+    ]
     blocks = [
         f"{_title(one.task, pair)}\n{_table(pair)}"
         for one in comparisons_of(document)
@@ -29,7 +34,7 @@ def short_comparison(document: Document) -> str:
     ]
     count = counted(len(headline_table(document).notes), "note", "notes")
     notes.append(f"{count} on interpretation, and all tables: -v")
-    return "\n\n".join([*blocks, notes_text(notes)])
+    return "\n\n".join([notes_text(verdicts), *blocks, notes_text(notes)])
 
 
 def _title(task: str, pair: Pair) -> str:
@@ -44,26 +49,15 @@ def _table(pair: Pair) -> str:
     rows = [
         [row.metric, _number(row.scene), _number(row.baseline),
          _number(row.difference, signed=True), _word(row)]
-        for row in _headline(pair)
+        for row in headline_rows(pair)
     ]  # fmt: skip
     return options.table(["metric", "scene", "against", "difference", ""], rows)
 
 
-def _headline(pair: Pair) -> list[ComparisonRow]:
-    """The first metrics over the paired images, or over all attempted ones if none is paired."""
-    rows = [row for row in pair.rows if row.level <= HEADLINE]
-    paired = [row for row in rows if row.images == "paired"]
-    return paired or [row for row in rows if row.images == "attempted"]
-
-
 def _word(row: ComparisonRow) -> str:
-    """The side that the interval of the difference favours."""
-    ends = row.difference.ends
-    if row.difference.value is None or ends is None:
-        return "no interval"
-    if ends[0] <= 0 <= ends[1]:
-        return "undecided"
-    return "better" if (ends[0] > 0) == (row.better == "higher") else "worse"
+    """The side that the interval of the difference favours, in a word that fits the table."""
+    found = standing(row)
+    return "undecided" if found == "not told apart" else found
 
 
 def _number(side: Difference, *, signed: bool = False) -> str:

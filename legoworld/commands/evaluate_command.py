@@ -128,12 +128,20 @@ def command(
             overwrite=overwrite,
             listener=listener,
         )
+    from legoworld.records.reconstruction_summary import ReconstructionSummary
+
     if as_json:
         options.print_json(found.to_dict())
     elif verbose:
-        click.echo(f"{_text(found.summary)}\n\n-> {found.folder}")
+        click.echo(f"{options.within_width(_text(found.summary))}\n\n-> {found.folder}")
     else:
         click.echo(f"{_short(found.summary)}\n-> {found.folder}")
+    if (
+        not as_json
+        and isinstance(found.folder, Path)
+        and not isinstance(found.summary, ReconstructionSummary)
+    ):
+        click.echo(options.report_hint(found.folder))
     return exit_codes.DONE
 
 

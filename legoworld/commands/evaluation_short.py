@@ -41,8 +41,8 @@ def short_detections(summary: DetectionSummary) -> str:
     found = summary.matched.class_aware
     lines.append(
         f"at IoU 0.5: recall {_value(found.recall_50)} of "
-        f"{counted(found.n_gt, 'truth', 'truths')}, precision {_value(found.precision_50)} of "
-        f"{counted(found.n_dt, 'prediction', 'predictions')}; mean IoU of a truth "
+        f"{counted(found.n_gt, 'object', 'objects')}, precision {_value(found.precision_50)} of "
+        f"{counted(found.n_dt, 'prediction', 'predictions')}; mean IoU "
         f"{_value(found.miou_gt_micro)}"
     )
     return "\n".join([*lines, *_ends(summary)])

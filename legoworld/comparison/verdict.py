@@ -15,6 +15,7 @@ NOUNS: Final = {
     "coco-masks": "Scene masks",
     "lvis": "Scene masks (LVIS)",
     "eth3d": "Scene depth",
+    "bench": "Scenes",
 }
 _NAMES: Final = {
     "abs_rel.error_1": "AbsRel",

@@ -75,6 +75,12 @@ def test_without_v_each_headline_metric_has_a_verdict(task, pair, depth_pair, tm
     lines = capsys.readouterr().out.splitlines()
     (one,) = json.loads((out / "comparison.json").read_text())["pairs"]
     coverage = one["coverage"]
+    verdict, lines = lines[: lines.index("")], lines[lines.index("") + 1 :]
+    first = next(r for r in one["rows"] if r["level"] == 1 and r["images"] == "paired")
+    sentence = " ".join(verdict)
+    assert sentence.startswith("Scene boxes: AP " if task == "coco" else "Scene depth: AbsRel ")
+    assert f" {first['scene']['value']:.3f} [" in sentence
+    assert f"{coverage['paired']} of {coverage['attempted']} images paired: " in sentence
     assert lines[0] == (
         f"{task}: {one['scene']} against {one['baseline']}, "
         f"{coverage['paired']} paired of {coverage['attempted']} attempted images"
@@ -91,8 +97,9 @@ def test_without_v_each_headline_metric_has_a_verdict(task, pair, depth_pair, tm
         word = "better" if gain else "worse" if loss else "undecided"
         assert line.endswith(f"  {word}")
     assert any(line.startswith("not paired in ") for line in lines)
-    assert lines[-1] == f"-> {out}"
-    assert max(map(len, lines)) <= 100
+    assert lines[-2] == f"-> {out}"
+    assert lines[-1] == f"look at it: legoworld report {out} --photos PHOTOS -o report.html"
+    assert max(map(len, lines[:-2])) <= 100
 
 
 def shown_numbers(text: str) -> list[str]:

@@ -70,7 +70,8 @@ def test_a_few_lines_hold_what_is_asked_for_first(scored, tmp_path, capsys):
     ap, interval = summary["metrics"]["AP"], summary["intervals"]["AP"]
     assert lines[1].startswith(f"AP {ap:.4f} [{interval['low']:.4f}, {interval['high']:.4f}], AP50")
     assert f"{summary['counts']['truth_instances']} truths" in lines[1]
-    assert lines[-1] == f"-> {folder}"
+    assert lines[-2] == f"-> {folder}"
+    assert lines[-1].startswith("look at it: legoworld report ")
 
 
 def test_the_json_form(scored, tmp_path, capsys):
