@@ -205,7 +205,7 @@ def test_the_tutorials_tables_and_numbers_are_the_programs_own(tmp_path, capsys)
         shown = re.search(rf"^\| {row} \| (.*?) \| (.*?) \|", text, re.M).group(column + 1)
         assert f"{metrics['AP']:.3f}" == shown
         kind = {"coco": "box", "lvis": "mask"}[task]
-        shown = re.search(rf"^\| mean IoU of a truth's {kind} \| (.*?) \| (.*?) \|", text, re.M)
+        shown = re.search(rf"^\| mean {kind} IoU per annotation \| (.*?) \| (.*?) \|", text, re.M)
         assert f"{matched['miou_gt_micro']:.3f}" == shown.group(column + 1)
 
 
