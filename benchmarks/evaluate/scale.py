@@ -43,7 +43,7 @@ from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.evaluation.detection.scoring import frequencies_of
 from legoworld.records.folders.prediction_files import stored_batches
-from legoworld.workers.tasks import Crew
+from legoworld.workers.tasks import WorkerPool
 
 
 @contextmanager
@@ -79,7 +79,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--only-images", action="store_true", help="stop after the matching")
     options = parser.parse_args()
-    crew = Crew(workers=options.workers)
+    pool = WorkerPool(workers=options.workers)
     make = coco_like if options.task == "coco" else lvis_like
     before = memory("VmRSS")
     document, results = make(options.images, options.predictions)
@@ -103,7 +103,7 @@ def main() -> None:
                 predictions = with_equal_confidence(predictions)
     with timed("matching, greedy and score-free"):
         problem = build_problem(truth, predictions, protocol)
-        matches = matches_of(problem, truth, predictions, crew)
+        matches = matches_of(problem, truth, predictions, pool)
         table = match_table(problem, matches.state)
     if options.only_images:
         return

@@ -26,7 +26,7 @@ from legoworld.records.folders.evaluation_reading import EVIDENCE, read_image_ro
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.remote import Place
 from legoworld.workers.engines import EngineName, engine_cores
-from legoworld.workers.tasks import Crew
+from legoworld.workers.tasks import WorkerPool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +142,7 @@ def evaluate(
     PredictionsInvalidError, RunUnusableError and others.
     """
     source, written = place_of(run), place_of(output)
-    crew = Crew(engine=engine, workers=workers or engine_cores(engine))
+    pool = WorkerPool(engine=engine, workers=workers or engine_cores(engine))
     origins = Origins(
         run_url=source if isinstance(source, str) else None,
         output_url=written if isinstance(written, str) else None,
@@ -169,7 +169,7 @@ def evaluate(
                 seed=seed,
                 overwrite=overwrite,
                 progress=listener.scored,
-                crew=crew,
+                pool=pool,
                 origins=origins,
             )
         elif found.task == "eth3d":
@@ -184,7 +184,7 @@ def evaluate(
                 seed=seed,
                 overwrite=overwrite,
                 progress=listener.scored,
-                crew=crew,
+                pool=pool,
                 origins=origins,
             )
         else:
@@ -200,7 +200,7 @@ def evaluate(
                 overwrite=overwrite,
                 notice=listener.notice,
                 warn=listener.warn,
-                crew=crew,
+                pool=pool,
                 origins=origins,
             ).summary
     return Evaluation(folder=written, summary=summary)

@@ -1,1 +1,1 @@
-"""Two evaluations side by side: paired images, shared draws, tables."""
+"""Comparison of evaluations: paired images, shared draws, tables."""

@@ -1,4 +1,4 @@
-"""What two evaluations must have in common before their numbers stand beside each other."""
+"""Checks that two evaluations are comparable."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from legoworld.pluralize import counted
 from legoworld.records.evaluation_rows import ScoredDepthRow
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
-#: What per_image rows say of the truth alone.
+#: The fields of per_image rows that depend only on the ground truth.
 _TRUTH_FACTS = ("n_truth", "n_ignored_truth", "truth_wh", "n_valid")
 
 
 class IncomparableError(LegoWorldError):
-    """Two evaluations are of different things."""
+    """Two evaluations cannot be compared."""
 
     code = "incomparable"
 
 
 def check_comparable(sides: Sequence[Evaluated], *, allow_truth_prompts: bool) -> None:
-    """Hold every baseline to the first side. IncomparableError names all that differs."""
+    """Check every baseline against the first side. IncomparableError names all differences."""
     first = sides[0]
     for side in sides:
         if side.summary.partial:
@@ -44,10 +44,10 @@ def check_comparable(sides: Sequence[Evaluated], *, allow_truth_prompts: bool) -
 def _check_truth_prompts(side: Evaluated, *, allow: bool) -> None:
     if side.used_truth and not allow:
         raise IncomparableError(
-            f"{side.name} was prompted with the truth of the images it is scored on",
+            f"{side.name} was prompted with the ground truth of the images it is scored on",
             found=f"used_truth {one_line(str(side.used_truth), 120)}",
-            expected="a run that saw the photos and the vocabulary alone",
-            next_step="pass --allow-truth-prompts: it is then printed beside every score",
+            expected="a run that only saw the photos and the vocabulary",
+            next_step="pass --allow-truth-prompts: every score is then marked",
         )
 
 
@@ -55,13 +55,13 @@ def _different(first: Evaluated, other: Evaluated, differences: list[str]) -> In
     return IncomparableError(
         f"{first.name} and {other.name} cannot be compared",
         found="; ".join(differences),
-        expected="the same truth, track, card, evaluator, task and dataset version",
-        next_step="evaluate both over one track, with the same truth and --evaluator",
+        expected="the same ground truth, track, card, evaluator, task and dataset version",
+        next_step="evaluate both over one track, with the same --truth and --evaluator",
     )
 
 
 def _differences(first: Evaluated, other: Evaluated) -> list[str]:
-    """What differs of what must be the same for every task."""
+    """Differences in what must be equal for every task."""
     facts: dict[str, Callable[[Evaluated], Any]] = {
         "dataset version": lambda s: s.dataset_version,
         "evaluator": lambda s: f"{s.summary.evaluator.name} {s.summary.evaluator.version}",
@@ -82,28 +82,28 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
 
 
 def _truth_files(side: Evaluated) -> str:
-    """Short hashes of the truth, in the order of its images."""
+    """Short hashes of the ground truth, in the order of its images."""
     entries = side.evidence.inputs
     hashes = [e.sha256 for e in entries if e.role in _TRUTH_ROLES]
     return _short(hashes[0]) if len(hashes) == 1 else "+".join(_short(h) for h in hashes)
 
 
 def _image_differences(first: Evaluated, other: Evaluated) -> list[str]:
-    """Images that only one side has, or whose truth is not the same."""
+    """Images that only one side has, or whose ground truth differs."""
     ours, theirs = ({(r.image_id, r.file_name) for r in s.rows} for s in (first, other))
     if ours != theirs:
         example = min(ours ^ theirs)
-        return [f"images: {len(ours ^ theirs)} in one alone, such as {example[0]} ({example[1]})"]
+        return [f"images: {len(ours ^ theirs)} on one side, such as {example[0]} ({example[1]})"]
     facts = [
         {r.image_id: [getattr(r, k, None) for k in _TRUTH_FACTS] for r in s.rows}
         for s in (first, other)
     ]
     unlike = [i for i in facts[0] if facts[0][i] != facts[1][i]]
-    return [f"the truth of image {unlike[0]}"] if unlike else []
+    return [f"the ground truth of image {unlike[0]}"] if unlike else []
 
 
 def _depth_differences(first: Evaluated, other: Evaluated) -> list[str]:
-    """Cameras and sizes that make two depths different tasks (docs/protocols/comparison.md)."""
+    """Cameras and sizes that make depths incomparable (docs/protocols/comparison.md)."""
     if first.camera_model is None:
         return []
     differences = []
@@ -121,7 +121,7 @@ def _calibration(side: Evaluated) -> list[str]:
 
 
 def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:
-    """A scene read out smaller than the photos stands beside nothing of full size."""
+    """A scene read out below the photos' size cannot be compared with anything of full size."""
     if first.is_scene and other.is_scene:
         if first.max_side != other.max_side:
             return [f"depth {_size(first)} and {_size(other)}"]

@@ -1,4 +1,4 @@
-"""Depth: the means of a side over its scored, its attempted, and the paired images."""
+"""Depth: means of one side over its scored, its attempted, and the paired images."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from legoworld.evaluation.stored import Evaluated
 from legoworld.records.comparison import Better, Images, Level
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
 
-#: The one metric a missing image has a value for.
+#: The only metric with a value for missing images.
 _WITH_MISSING: Final = "abs_rel"
 _DETAILS: Final = ("delta2", "delta3")
 
@@ -43,7 +43,7 @@ class GroupDraws:
 
 
 def depth_metrics() -> list[Metric]:
-    """Every metric and hole policy, in the order it is shown."""
+    """Every metric and hole policy, in display order."""
     metrics = []
     for name, policy in metric_policies():
         level: Level = EVERYTHING if name in _DETAILS else TABLE
@@ -55,7 +55,7 @@ def depth_metrics() -> list[Metric]:
 
 
 def group_unit(rows: Sequence[DepthRow]) -> str:
-    """What is drawn: scenes where every photo is named after one, else images."""
+    """The resampling unit: scenes if every photo is named after one, otherwise images."""
     named = bool(rows) and all(scene_of(row.file_name) for row in rows)
     return "scene" if named else "image"
 
@@ -70,10 +70,10 @@ def shared_group_draws(rows: Sequence[DepthRow], draws: int, seed: int) -> Group
 def measure_depth(
     side: Evaluated, images: Images, kept: NDArray[np.bool_], shared: GroupDraws
 ) -> Measures:
-    """The means of a side over the kept images, (images,) bool.
+    """Means of one side over the kept images, (images,) bool.
 
-    images "scored": of the kept, those this side has scores of; "paired": the kept are scored;
-    "attempted": AbsRel alone, a kept image without a score given the declared error.
+    images "scored": the kept images that this side has scores for; "paired": all kept images are
+    scored; "attempted": AbsRel only, a kept image without a score gets the declared error.
     """
     rows = [row for row, keep in zip(side.depth_rows, kept, strict=True) if keep]
     measures: Measures = {}
@@ -97,12 +97,12 @@ def measure_depth(
 
 
 def with_truth(side: Evaluated) -> NDArray[np.bool_]:
-    """(images,) which images have truth enough to be scored."""
+    """(images,) bool: images with enough ground truth to be scored."""
     return np.array([has_truth(row) for row in side.rows], bool)
 
 
 def _constant(rows: Sequence[ScoredDepthRow], name: str, policy: HolePolicy) -> float:
-    """The mean of the constant that knows nothing of the picture, on the same pixels."""
+    """The mean of the zero-information constant, on the same pixels."""
     values = [row.constant[name][policy] for row in rows]
     return float(np.mean(np.array(values, np.float64))) if values else float("nan")
 

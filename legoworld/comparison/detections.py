@@ -1,4 +1,4 @@
-"""Boxes and masks: every official and score-free number of a side, over some of its images."""
+"""Boxes and masks: all official and score-free numbers of one side over some of its images."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ EQUAL: Final = "equal_confidence."
 TIES: Final = "tie_orders.AP"
 _KINDS: Final = ("class_aware", "class_agnostic")
 _HEADLINE: Final = ("AP", "AP50", "AP75")
-#: COCO's recalls at fewer than its 100 detections are in every row, not in every table.
+#: COCO's recalls at fewer than 100 detections are in the rows, but not in every table.
 _SMALL_CAPS: Final = ("AR1", "AR10")
 _SCORE_FREE: Final = (
     "miou_gt_micro", "miou_gt_macro", "miou_matched", "precision_50", "recall_50", "f1_50",
@@ -44,7 +44,7 @@ _SCORE_FREE_TABLE: Final = ("miou_gt_micro", "miou_matched", "f1_50")
 
 @dataclass(frozen=True, kw_only=True)
 class Draws:
-    """The bootstrap of one selection of images, shared by both sides. counts: (draws, images)."""
+    """Bootstrap draws over a selection of images, shared by both sides. counts: (draws, images)."""
 
     counts: NDArray[np.int32]
     draws: int
@@ -52,12 +52,12 @@ class Draws:
 
 
 def shared_draws(n_images: int, draws: int, seed: int) -> Draws:
-    """The draws over so many images; they depend on nothing else, so both sides have the same."""
+    """The draws over this number of images; independent of the side, so both sides share them."""
     return Draws(counts=resample_counts(n_images, draws, seed), draws=draws, seed=seed)
 
 
 def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
-    """Every metric of a comparison of boxes or masks, in the order it is shown."""
+    """Every metric of a comparison of boxes or masks, in display order."""
     metrics = []
     for prefix, policy in (("", "own_scores"), (EQUAL, "equal_confidence")):
         for official in protocol.metrics:
@@ -80,7 +80,7 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
 
 
 def frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
-    """(K,) LVIS's frequency letters; empty for categories with neither truth nor predictions."""
+    """(K,) LVIS's frequency letters; empty for categories without annotations and predictions."""
     letters = {row.category_id: row.frequency or "" for row in side.categories}
     return np.array([letters.get(int(i), "") for i in category_ids])
 
@@ -88,7 +88,7 @@ def frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDA
 def measure_detections(
     side: Evaluated, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
 ) -> Measures:
-    """Every metric of `detection_metrics` over the kept images, from the matches on record."""
+    """Every metric of `detection_metrics` over the kept images, from the recorded matches."""
     arrays = side.matches
     frequencies = frequencies_of_side(side, arrays["category_ids"])
     measures: Measures = {}
@@ -110,7 +110,7 @@ def measure_detections(
 def _official(
     table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_], shared: Draws
 ) -> Measures:
-    """The evaluator's own numbers, and their bootstrap samples."""
+    """The evaluator's numbers and their bootstrap samples."""
     curves = accumulate(table, protocol)
     samples = resampled_metrics(table, protocol, shared.counts, frequencies)
     lone = metrics_of_one_image(table, protocol, frequencies)

@@ -1,4 +1,4 @@
-"""comparison.json: evaluations beside each other, as a pure function of their folders."""
+"""comparison.json: a comparison as a pure function of the evaluation folders."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def compare(
 ) -> Comparison:
     """The document of a comparison of the first side with each of the others.
 
-    sides: as `check_comparable` lets them pass. Nothing but the evaluations' own files and the
-    settings enters, so equal inputs give equal documents.
+    sides: must pass `check_comparable`. The document depends only on the evaluations' files and the
+    settings, so equal inputs give equal documents.
     """
     rows = sides[0].rows
     unit = _unit(sides[0])
@@ -83,7 +83,7 @@ def _unit(side: Evaluated) -> str:
 
 
 def _protocol(side: Evaluated) -> DepthRules | None:
-    """Depth's declared choices; the camera model is each method's own."""
+    """The declared choices of depth; each method has its own camera model."""
     if not side.is_depth:
         return None
     return to_record(DepthRules, as_json(side.depth.protocol))

@@ -53,7 +53,7 @@ _OURS: Final = (
 
 
 class ComparisonFolderError(LegoWorldError):
-    """A comparison folder is not what it should be."""
+    """A comparison folder is unusable."""
 
     code = "comparison_folder"
 
@@ -61,10 +61,10 @@ class ComparisonFolderError(LegoWorldError):
 def prepare_folder(
     folder: Path, evidence: AnyEvidence | ComparisonEvidence, *, overwrite: bool
 ) -> None:
-    """Make the folder; refuse one that holds another comparison, or something else altogether.
+    """Create the folder; refuse one that holds a different comparison or anything else.
 
-    The same comparison is written again over itself. ConfigurationMismatchError names what
-    differs from an earlier one; with `overwrite` that one is replaced.
+    The same comparison is rewritten. ConfigurationMismatchError names the differences from an
+    existing one; with `overwrite` that one is replaced.
     """
     folder.mkdir(parents=True, exist_ok=True)
     strangers = sorted(p.name for p in folder.iterdir() if not _is_ours(p.name))
@@ -72,7 +72,7 @@ def prepare_folder(
         strangers.append(EVIDENCE)  # an evaluation's
     if strangers:
         raise ConfigurationMismatchError(
-            "the output folder holds something that is not a comparison",
+            "the output folder contains something other than a comparison",
             found=", ".join(strangers[:5]),
             expected="an empty folder or an earlier comparison",
             next_step="choose another -o",
@@ -84,7 +84,7 @@ def prepare_folder(
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:
         raise ConfigurationMismatchError(
-            "the output folder holds another comparison",
+            "the output folder contains a different comparison",
             found="; ".join(f"{k}: {before.get(k)} -> {now.get(k)}" for k in changed),
             expected="the same evaluations and options",
             next_step="choose another -o, or pass --overwrite",
@@ -92,7 +92,7 @@ def prepare_folder(
 
 
 def _depends_on(evidence: AnyEvidence | ComparisonEvidence) -> dict[str, Any]:
-    """Options and input hashes by role: what decides a comparison."""
+    """The options and input hashes (by role) that determine a comparison."""
     hashes: dict[str, list[str]] = {}
     for entry in evidence.inputs:
         hashes.setdefault(entry.role, []).append(entry.sha256[:12])
@@ -106,9 +106,9 @@ def write_comparison(
     *,
     overwrite: bool,
 ) -> None:
-    """Write every file, each whole or not at all, evidence.json last; see `prepare_folder`."""
+    """Write every file atomically, evidence.json last; see `prepare_folder`."""
     prepare_folder(folder, evidence, overwrite=overwrite)
-    (folder / EVIDENCE).unlink(missing_ok=True)  # half of a comparison is never taken for whole
+    (folder / EVIDENCE).unlink(missing_ok=True)  # marks the comparison as incomplete
     for path in folder.iterdir():
         path.unlink()
     write_text(folder / COMPARISON, readable(document))
@@ -119,7 +119,7 @@ def write_comparison(
 
 
 def rendered_tables(document: Comparison | JoinedComparison) -> dict[str, str]:
-    """The tables by file name. The CSV has every row, unrounded; the others what people read."""
+    """The tables by file name. The CSV has every row, unrounded; the others the displayed rows."""
     headline, coverage = headline_table(document), coverage_table(document)
     files = {}
     for suffix, render in FORMATS.items():
@@ -130,10 +130,10 @@ def rendered_tables(document: Comparison | JoinedComparison) -> dict[str, str]:
 
 
 def read_document(folder: Path) -> Comparison | JoinedComparison:
-    """comparison.json. ComparisonFolderError when the folder is no finished comparison."""
+    """comparison.json. ComparisonFolderError unless the folder is a finished comparison."""
     if not (folder / EVIDENCE).is_file() or not (folder / COMPARISON).is_file():
         raise ComparisonFolderError(
-            f"{folder.name or folder} is no finished comparison",
+            f"{folder.name or folder} is not a finished comparison",
             found=f"no {COMPARISON} with {EVIDENCE}",
             expected="a folder that `legoworld compare` wrote",
         )
@@ -141,14 +141,14 @@ def read_document(folder: Path) -> Comparison | JoinedComparison:
 
 
 def read_comparison(path: Path) -> Comparison | JoinedComparison:
-    """A comparison.json. ComparisonFolderError when it is not as it was written."""
+    """A comparison.json. ComparisonFolderError when it is damaged."""
     try:
         return comparison_of(path.read_bytes())
     except (OSError, RecordError) as error:
         raise ComparisonFolderError(
             f"{path.parent.name}/{path.name} cannot be read",
             found=getattr(error, "strerror", None) or str(error),
-            expected="what `legoworld compare` wrote",
+            expected="a file written by `legoworld compare`",
             next_step="compare again with --overwrite",
         ) from error
 
@@ -156,7 +156,7 @@ def read_comparison(path: Path) -> Comparison | JoinedComparison:
 def evidence_of(
     folder: Path, sides: Sequence[Evaluated], settings: ComparisonSettings
 ) -> ComparisonEvidence:
-    """What evidence.json says before anything is computed: the evaluations and their raw numbers.
+    """evidence.json before anything is computed: the evaluations and their raw numbers.
 
     `paired_evidence` completes it.
     """
@@ -175,7 +175,7 @@ def evidence_of(
 
 
 def paired_evidence(document: Comparison) -> tuple[PairEvidence, ...]:
-    """Per pair: the paired images, why each other one was dropped, the paired numbers."""
+    """Per pair: the paired images, the reason for each dropped one, the paired numbers."""
     return tuple(_paired(pair) for pair in document.pairs)
 
 
@@ -186,7 +186,7 @@ def _side_inputs(folder: Path, side: Evaluated, place: int) -> list[Input]:
 
 
 def input_entry(folder: Path, role: str, path: Path) -> Input:
-    """An input as evidence.json lists it."""
+    """An input's entry in evidence.json."""
     file = input_file(role, path)
     relative = os.path.relpath(path.resolve(), folder.resolve())
     return Input(
@@ -198,7 +198,7 @@ def input_entry(folder: Path, role: str, path: Path) -> Input:
 
 
 def _raw(sides: Sequence[Evaluated], kind: type[T]) -> tuple[T, ...]:
-    """Each side's own evidence: what its evaluator said, and of which files by role and hash."""
+    """Each side's own evidence: its evaluator's numbers, and the hashed files by role."""
     return tuple(to_record(kind, {**as_json(s.evidence), "name": s.name}) for s in sides)
 
 

@@ -1,4 +1,4 @@
-"""Comparisons of several tasks as one: the one table of task by metric by method."""
+"""Joining comparisons of several tasks into one table: task by metric by method."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from legoworld.records.evidence import AnyEvidence
 from legoworld.records.folders.evaluation_folder import installed_versions
 from legoworld.records.folders.evaluation_reading import EVIDENCE
 
-#: The tasks in the order tables have them.
+#: The tasks in table order.
 _ORDER: Final = (*PROTOCOLS, "eth3d", "bench")
 
 
 def join(documents: Sequence[Comparison | JoinedComparison]) -> JoinedComparison:
-    """One document of comparisons of different tasks, whatever order they are given in.
+    """One document of comparisons of different tasks, independent of their order.
 
-    ComparisonFolderError for a document that is joined already; UsageError for fewer than two, or
-    two of one task.
+    ComparisonFolderError for a document that is already joined; UsageError for fewer than two, or
+    two of the same task.
     """
     comparisons = [d for d in documents if isinstance(d, Comparison)]
     if len(comparisons) < len(documents):
         raise ComparisonFolderError(
-            "what was joined cannot be joined again",
+            "a joined comparison cannot be joined again",
             found=f"kind {JOINED}",
             expected="the comparisons of each task",
         )
     tasks = [d.task for d in comparisons]
     if len(set(tasks)) < max(2, len(tasks)):
         raise UsageError(
-            "comparisons are joined over different tasks",
+            "joined comparisons must be of different tasks",
             found=", ".join(tasks),
             expected="one comparison of each of two or more tasks",
             next_step="compare several baselines of a task at once: EVAL_SCENE EVAL_BASELINE...",
@@ -59,7 +59,7 @@ def join(documents: Sequence[Comparison | JoinedComparison]) -> JoinedComparison
 def joined_evidence(
     folder: Path, document: JoinedComparison, comparisons: Sequence[Path]
 ) -> AnyEvidence:
-    """What evidence.json proves of a joined comparison: the comparisons by hash, in task order."""
+    """evidence.json of a joined comparison: the comparisons by hash, in task order."""
     return AnyEvidence(
         kind=JOINED,
         configuration={},
@@ -74,7 +74,7 @@ def joined_evidence(
 
 
 def _common_images(documents: Sequence[Comparison]) -> int:
-    """Images that occur in every track, by id and file name: ids alone mean nothing across sets."""
+    """Images in every track, by id and file name: ids alone are not comparable across datasets."""
     sets = [{(i.image_id, i.file_name) for i in d.images} for d in documents]
     return len(set.intersection(*sets))
 

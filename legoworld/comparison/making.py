@@ -1,4 +1,4 @@
-"""`legoworld compare`: evaluations, or comparisons to join, to a comparison folder."""
+"""`legoworld compare`: write a comparison folder from evaluations, or from comparisons to join."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def make_comparison(
 ) -> tuple[Comparison, list[Tripped]]:
     """Compare the first evaluation with the others and write the folder.
 
-    Returns comparison.json's document and the thresholds ("METRIC=DELTA") that do not hold. Every
+    Returns comparison.json's document and the thresholds ("METRIC=DELTA") that are not met. Every
     LegoWorldError is raised before anything is written.
     """
     sides = read_sides(evaluations)

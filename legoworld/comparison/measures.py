@@ -1,4 +1,4 @@
-"""One number of one side and the difference of two, with intervals from the same draws."""
+"""A number of one side and the difference of two sides, with intervals from the same draws."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EVERYTHING: Final = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Metric:
-    """What a row of a comparison is about. id: unique among a task's metrics."""
+    """The metric of a comparison row. id: unique among a task's metrics."""
 
     id: str
     policy: str
@@ -30,8 +30,8 @@ class Metric:
 class Measure:
     """A metric of one side over one selection of images.
 
-    value: NaN where undefined. samples: (draws,) of the bootstrap, None where there is no
-    interval to give. over: its denominators. extra: what else is said of it, such as `sd`.
+    value: NaN where undefined. samples: (draws,) of the bootstrap, None if there is no interval.
+    over: its denominators. extra: further values, such as `sd`.
     """
 
     value: float
@@ -45,7 +45,7 @@ Measures = dict[str, Measure]
 
 @dataclass(frozen=True, kw_only=True)
 class IntervalRule:
-    """evaluate's own rule. centred: samples are shifted onto the value; unit: what is drawn."""
+    """evaluate's rule. centred: samples are shifted onto the value; unit: the resampling unit."""
 
     centred: bool
     unit: str
@@ -59,7 +59,7 @@ class IntervalRule:
         return interval(samples, unit=self.unit)
 
     def of_difference(self, samples: Floats | None, value: float) -> Interval | None:
-        """The interval of a difference, by the same rule; of two fractions it stays in [-1, 1]."""
+        """The interval of a difference by the same rule; for fractions clipped to [-1, 1]."""
         if samples is None:
             return None
         if not self.centred:
@@ -70,7 +70,7 @@ class IntervalRule:
 def comparison_row(
     metric: Metric, images: Images, scene: Measure, baseline: Measure, rule: IntervalRule
 ) -> ComparisonRow:
-    """A row of comparison.json. The difference of each draw is taken before any percentile."""
+    """A row of comparison.json. Differences are taken per draw, before the percentiles."""
     samples = None
     if scene.samples is not None and baseline.samples is not None:
         samples = scene.samples - baseline.samples

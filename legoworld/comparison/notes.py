@@ -1,4 +1,4 @@
-"""Sentences a reader of a comparison must see beside its numbers."""
+"""The notes of a comparison: caveats to read with its numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from legoworld.records.comparison import ByField
 
 
 def notes_of(sides: Sequence[Evaluated], by_field: ByField) -> list[str]:
-    """Everything that is not the same on all sides and is not a reason to refuse."""
+    """Notes on every difference between the sides that does not make them incomparable."""
     notes = [f"Differences are {sides[0].name} minus the other method."]
     notes += [_truth_prompts(side) for side in sides if side.used_truth]
     if sides[0].is_depth:
@@ -77,7 +77,7 @@ def _bench(sides: Sequence[Evaluated]) -> list[str]:
 
 
 def _versions(sides: Sequence[Evaluated]) -> list[str]:
-    """Packages of other versions: numbers are held to 1e-12 within one, not between two."""
+    """Different package versions: the 1e-12 agreement is checked within one version only."""
     versions = [s.evidence.versions for s in sides]
     names = sorted({name for packages in versions for name in packages})
     notes = []

@@ -1,4 +1,4 @@
-"""Which images are paired: scored on both sides, with truth to be right or wrong about."""
+"""Pairing of images: scored on both sides and with ground truth."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ AnyRow = TaskRow
 
 @dataclass(frozen=True, kw_only=True)
 class Pairing:
-    """kept: (images,) bool, images in ascending id; dropped: the others, with every reason."""
+    """kept: (images,) bool, images in ascending id; dropped: the other images, with all reasons."""
 
     kept: NDArray[np.bool_]
     dropped: tuple[Dropped, ...]
 
 
 def pair_images(scene: Evaluated, baseline: Evaluated) -> Pairing:
-    """Images that both sides scored and that have something to be right or wrong about.
+    """Images that both sides scored and that have usable ground truth.
 
-    That is at least one truth instance that is neither crowd nor ignored; for depth, enough valid
+    Usable is at least one annotation that is neither crowd nor ignored; for depth, enough valid
     truth pixels. A bench's case is scored where the submission is valid.
     """
     dropped: list[Dropped] = []
@@ -53,14 +53,14 @@ def is_scored(row: AnyRow) -> bool:
 
 
 def has_truth(row: AnyRow) -> bool:
-    """Whether an image has truth that a prediction can be right or wrong about."""
+    """Whether an image has usable ground truth."""
     if isinstance(row, ReconstructionRow):
         return True  # a case without an eligible object is refused when it is made
     return row.n_truth > 0 if isinstance(row, DetectionRow) else row.status != "no_gt"
 
 
 def _without_score(name: str, row: AnyRow) -> list[str]:
-    """Why a side has no score, beyond having no truth: what became of its own output."""
+    """Why a side has no score, apart from missing ground truth: the outcome of its own run."""
     status = row.status
     if isinstance(row, ReconstructionRow) and not row.valid:
         return [f"{name}: {'not valid' if status == 'ok' else status}"]

@@ -1,4 +1,4 @@
-"""Who made what, as far as runs recorded it: agents, prompts, cameras given, feedback."""
+"""Recorded provenance: agents, prompts, cameras given, feedback."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from legoworld.records.comparison import ByField, MadeBy
 
 NOT_RECORDED: Final = "not recorded"
 
-#: What provenance.json of a scene may say, and so what runs are held against each other by.
+#: The fields of a scene's provenance.json, by which runs are compared.
 FIELDS: Final = (
     "agent",
     "model",
@@ -30,7 +30,7 @@ FIELDS: Final = (
 def recorded_provenance(side: Evaluated) -> list[MadeBy]:
     """Each distinct provenance of a run with the number of its scenes, most frequent first.
 
-    A baseline's is one for all its images. Images without a scene have nothing to record.
+    A baseline has one provenance for all its images. Images without a scene have none.
     """
     if side.is_scene:
         sources = (side.run.scenes or {}).values()
@@ -43,7 +43,7 @@ def recorded_provenance(side: Evaluated) -> list[MadeBy]:
 
 
 def provenance_by_field(sides: Sequence[Evaluated]) -> ByField:
-    """How scenes were made: of the fields that any recorded. What a baseline is, is its own."""
+    """Provenance of scenes for all fields recorded anywhere; baselines have their own."""
     by_method = {side.name: recorded_provenance(side) for side in sides if side.is_scene}
     by_field = {}
     for field in FIELDS:
@@ -54,7 +54,7 @@ def provenance_by_field(sides: Sequence[Evaluated]) -> ByField:
 
 
 def provenance_notes(by_field: ByField) -> list[str]:
-    """A sentence for every field that differs between scenes; one when nothing is recorded."""
+    """One sentence per field that differs between scenes, or one if nothing is recorded."""
     if not by_field:
         what = "agent, prompts, camera given, metric feedback"
         return [f"How the scenes were made ({what}) is not recorded."]

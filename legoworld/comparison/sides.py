@@ -16,10 +16,9 @@ def read_sides(
 ) -> tuple[Evaluated, ...]:
     """The evaluations in their given order, the scene's first, under distinct names.
 
-    names: those they are to have; by default what each says of itself, or its folder's name.
-
-    EvaluationFolderError: a folder is no finished evaluation. EvaluationChangedError: a file is
-    not the one its evidence.json has on record.
+    names: the names to use; by default each evaluation's recorded name, or its folder's name.
+    EvaluationFolderError: a folder is not a finished evaluation. EvaluationChangedError: a file
+    differs from the one recorded in its evidence.json.
     """
     if len(folders) < 2:
         raise UsageError(
@@ -38,7 +37,7 @@ def read_sides(
 
 
 def distinct_names(candidates: Sequence[tuple[str, str]]) -> list[str]:
-    """(name, folder name) each to a name no other has: with its folder's, then with a number."""
+    """Distinct names from (name, folder name): extended by the folder name, then by a number."""
     common = Counter(name for name, _ in candidates)
     names = [name if common[name] == 1 else f"{name} ({folder})" for name, folder in candidates]
     seen: Counter[str] = Counter()

@@ -14,8 +14,8 @@ from legoworld.evaluation.detection.matching.matched_metrics import MatchedCount
 def table_of_images(table: MatchTable, kept: NDArray[np.bool_]) -> MatchTable:
     """The match table of the kept images.
 
-    kept: (images,). Ranks, caps and LVIS's verified categories are per image, so that nothing is
-    matched again: the official evaluator on these images says the same (a test holds it to that).
+    kept: (images,). Ranks, caps and LVIS's verified categories are per image, so nothing is matched
+    again: the official evaluator gives the same on these images (checked by a test).
     """
     position = np.cumsum(kept) - 1
     rows, cells = kept[table.image], kept[table.truth_image]

@@ -1,4 +1,4 @@
-"""The two tables people take away: metric by method, and coverage."""
+"""The two tables of a comparison: metric by method, and coverage."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from legoworld.records.comparison import (
 
 Document = Comparison | JoinedComparison
 
-#: How tables name denominators, largest first; a row shows those it has.
+#: Names of denominators in tables, largest first; a row shows the ones it has.
 _OVER: Final = {
     "images": ("image", "images"),
     "missing": ("missing as 1.0", "missing as 1.0"),
@@ -32,7 +32,7 @@ _CSV_SIDE: Final = ("value", "low", "high")
 
 
 def comparisons_of(document: Document) -> tuple[Comparison, ...]:
-    """The comparisons a document holds: itself, or those that were joined."""
+    """The comparisons in a document: itself, or the joined ones."""
     return (document,) if isinstance(document, Comparison) else document.comparisons
 
 
@@ -60,7 +60,7 @@ def headline_table(document: Document) -> Table:
 
 
 def coverage_table(document: Document) -> Table:
-    """Attempted, scored and paired, one row for every pair, with why images were dropped."""
+    """Attempted, scored and paired, one row per pair, with the reasons for dropped images."""
     rows = []
     for one in comparisons_of(document):
         for pair in one.pairs:
@@ -112,7 +112,7 @@ def _csv_side(side: Difference) -> list[str]:
 
 
 def _cell(side: Difference, *, signed: bool = False) -> str:
-    """Value and interval; an expected AP has the spread of its tie orders instead."""
+    """Value and interval; an expected AP shows the spread over tie orders instead."""
     form = "+.4f" if signed else ".4f"
     if side.value is None:
         return "-"
@@ -126,12 +126,12 @@ def _cell(side: Difference, *, signed: bool = False) -> str:
 
 
 def _name(row: ComparisonRow) -> str:
-    """A metric with the direction that is better."""
+    """A metric with the better direction."""
     return f"{row.metric} {'↑' if row.better == 'higher' else '↓'}"
 
 
 def _denominators(row: ComparisonRow) -> str:
-    """What a row is over; where the two methods differ, both, the scene's first."""
+    """The denominators of a row; if the two methods differ, both, the scene's first."""
     ours, theirs = row.scene.over, row.baseline.over
     parts: list[str] = []
     for name, words in _OVER.items():

@@ -1,4 +1,4 @@
-"""--fail-below: thresholds on differences, for a build that must not get worse."""
+"""--fail-below: thresholds on differences, for regression checks."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.records.comparison import Comparison, ComparisonRow
 
 _PAIRED: Final = "paired."
-#: Where a metric is looked for: a method that fails on its worst images must not gain by it.
+#: Image sets in order of preference: failing on the worst images must not be an advantage.
 _ORDER: Final = ("attempted", "paired")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold:
-    """The least gain of the scene over a baseline. Gain: the difference, towards better."""
+    """The minimum gain of the scene over a baseline. Gain: the improvement."""
 
     metric: str
     paired: bool
@@ -31,7 +31,7 @@ class Threshold:
 
 @dataclass(frozen=True, kw_only=True)
 class Tripped:
-    """A threshold that does not hold. gain: None where it is undefined, which never passes."""
+    """A threshold that is not met. gain: None where undefined, which never passes."""
 
     threshold: Threshold
     baseline: str
@@ -42,7 +42,7 @@ class Tripped:
         gain = "undefined" if self.gain is None else f"{self.gain:+.4f}"
         return (
             f"{self.threshold.metric} over {self.images} images: gain over {self.baseline} "
-            f"{gain}, at least {self.threshold.least_gain:+g} asked for"
+            f"{gain}, required: at least {self.threshold.least_gain:+g}"
         )
 
 
@@ -79,7 +79,7 @@ def _parse(text: str, known: Sequence[str]) -> Threshold:
 
 
 def tripped(document: Comparison, thresholds: Sequence[Threshold]) -> list[Tripped]:
-    """The thresholds that do not hold, against every baseline of a comparison."""
+    """The thresholds that are not met, against every baseline of a comparison."""
     failed = []
     for threshold in thresholds:
         for pair in document.pairs:
@@ -94,7 +94,7 @@ def tripped(document: Comparison, thresholds: Sequence[Threshold]) -> list[Tripp
 
 
 def _row(rows: Sequence[ComparisonRow], threshold: Threshold) -> ComparisonRow | None:
-    """The metric over attempted images, or, where it is asked for or all there is, paired ones."""
+    """The metric over attempted images, or over paired ones if requested or the only ones."""
     by_images: dict[str, ComparisonRow] = {
         r.images: r for r in rows if r.metric == threshold.metric
     }

@@ -1,4 +1,4 @@
-"""Re-checking a comparison folder: every hash, then every number from the evaluations again."""
+"""Verification of a comparison folder: all hashes, then all numbers from the evaluations."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
 def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
     """Every check of a comparison folder, joined or not.
 
-    The evaluations (or joined comparisons) are looked for below `root` where given. Where one is
-    missing or changed, the numbers cannot be made again and only hashes are checked.
+    The evaluations (or joined comparisons) are looked for below `root` if given. If one is missing
+    or changed, the numbers cannot be recomputed and only hashes are checked.
     """
     evidence = read_evidence(folder, KINDS)
     checks = [*check_files(folder, evidence), *check_inputs(folder, evidence, root)]
@@ -60,7 +60,7 @@ def _made_again(folder: Path, evidence: AnyEvidence, root: Path | None) -> Itera
 def _compared(
     folder: Path, evidence: AnyEvidence, document: Comparison, root: Path | None
 ) -> Iterator[Check]:
-    """The document from the evaluations, made again."""
+    """Checks of the document against one recomputed from the evaluations."""
     evaluations = [path.parent for path in _inputs_named(folder, evidence, EVIDENCE, root)]
     sides = read_sides(evaluations, names=[method.name for method in document.methods])
     settings = to_record(ComparisonSettings, evidence.configuration)
@@ -73,33 +73,33 @@ def _compared(
 
 
 def _joined(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
-    """The document from the joined comparisons, made again."""
+    """Checks of the document against one recomputed from the joined comparisons."""
     paths = _inputs_named(folder, evidence, COMPARISON, root)
     again = join([read_comparison(path) for path in paths])
     yield _agrees("numbers from the comparisons", again, _json(folder / COMPARISON))
 
 
 def _json(path: Path) -> Any:
-    """All that a file says: a key that no type names follows from nothing."""
+    """The whole content of a file, so that unknown keys are found as well."""
     return json.loads(path.read_bytes())
 
 
 def _inputs_named(folder: Path, evidence: AnyEvidence, name: str, root: Path | None) -> list[Path]:
-    """Where the inputs of that file name lie, in their recorded order."""
+    """The locations of the inputs with this file name, in recorded order."""
     entries = [e.path for e in evidence.inputs if Path(e.path).name == name]
     paths = [located(folder, path, root) for path in entries]
     return [path for path in paths if path is not None]
 
 
 def _agrees(what: str, computed: object, recorded: object) -> Check:
-    """Equal but for summation order: another machine's numpy may add in another one."""
+    """Equality up to summation order, which may differ between machines' NumPy builds."""
     worst, where = _largest_difference(json.loads(json.dumps(as_json(computed))), recorded, "")
     status = "ok" if worst <= AGREEMENT else "DIFFERS"
     return Check(status, what, f"largest difference {worst:.1e}{where and ' at ' + where}")
 
 
 def _largest_difference(value: object, recorded: object, where: str) -> tuple[float, str]:
-    """The largest difference of two numbers; infinite where anything else differs."""
+    """The largest difference of two numbers; infinite if anything else differs."""
     numbers = type(value) in (int, float) and type(recorded) in (int, float)
     if numbers and isinstance(value, int | float) and isinstance(recorded, int | float):
         difference = abs(value - recorded)

@@ -1,1 +1,1 @@
-"""Scoring: a run and a truth in, an evaluation folder out. Reads files only."""
+"""Scoring: from a run and ground truth to an evaluation folder. Only reads files."""

@@ -13,7 +13,7 @@ from legoworld.pluralize import counted
 from legoworld.records.evaluation_summary import Interval
 
 LEVEL: Final = 0.95
-#: Elements of one product of counts and values, to bound memory.
+#: Maximum number of elements in one product of counts and values, to bound memory.
 _BLOCK_ELEMENTS: Final = 1 << 18
 
 
@@ -25,7 +25,7 @@ def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
     """
     if n_groups < 1 or draws < 1 or seed < 0:
         raise UsageError(
-            "a bootstrap needs something to draw",
+            "invalid bootstrap settings",
             found=f"{n_groups} groups, {counted(draws, 'draw', 'draws')}, seed {seed}",
             expected="at least one group and one draw, and a seed of at least 0",
         )
@@ -41,8 +41,8 @@ def resampled_means(
 ) -> NDArray[np.float64]:
     """Mean of values in each bootstrap sample of their groups: (draws,).
 
-    values: (n,), finite; group_of_value: (n,) column of `counts`. A value counts as often as its
-    group was drawn. NaN where no value was drawn.
+    values: (n,), finite; group_of_value: (n,) column of `counts`. Each value is weighted by how
+    often its group was drawn. NaN where no value was drawn.
     """
     n_groups = counts.shape[1]
     sums = np.bincount(group_of_value, weights=values, minlength=n_groups)
@@ -53,7 +53,7 @@ def resampled_means(
 
 
 def weighted_sums(counts: NDArray[np.int32], values: NDArray[Any]) -> NDArray[np.float64]:
-    """counts @ values, (draws,), by numpy's own summation: a BLAS product differs by machine."""
+    """counts @ values, (draws,), with NumPy's own summation: BLAS products differ by machine."""
     sums = np.empty(len(counts))
     rows = max(1, _BLOCK_ELEMENTS // counts.shape[1])
     for start in range(0, len(counts), rows):
@@ -65,12 +65,12 @@ def weighted_sums(counts: NDArray[np.int32], values: NDArray[Any]) -> NDArray[np
 def centred_interval(
     samples: NDArray[np.float64], value: float, *, unit: str, least: float = 0.0
 ) -> Interval:
-    """The interval of a metric between `least` and 1 whose samples lie off its value.
+    """The interval of a metric in [`least`, 1] whose bootstrap samples are biased.
 
     Average precision over resampled images is biased upwards: a category whose image is drawn
     twice has its true positives doubled, one that is not drawn at all leaves the mean. The samples
-    are shifted onto the value before the percentiles are taken; `bootstrap_mean` says where they
-    lay. value: NaN where the metric is undefined.
+    are shifted onto the value before the percentiles are taken; `bootstrap_mean` is the mean before
+    the shift. value: NaN where the metric is undefined.
     """
     mean = float(np.mean(samples[~np.isnan(samples)])) if not np.isnan(samples).all() else np.nan
     found = interval(samples - mean + value, unit=unit)
@@ -79,10 +79,10 @@ def centred_interval(
 
 
 def interval(samples: NDArray[np.float64], *, unit: str) -> Interval:
-    """The percentile interval of a metric's bootstrap samples, as summary.json holds it.
+    """The percentile interval of a metric's bootstrap samples, as in summary.json.
 
-    samples: (draws,), NaN where a sample left the metric undefined: those are left out and
-    counted. low and high are None when every sample is.
+    samples: (draws,), NaN where the metric is undefined in a sample: these are left out and
+    counted. low and high are None if all samples are NaN.
     """
     defined = samples[~np.isnan(samples)]
     low = high = None
@@ -99,5 +99,5 @@ def interval(samples: NDArray[np.float64], *, unit: str) -> Interval:
 
 
 def number(value: float) -> float | None:
-    """A metric as JSON holds it: None for NaN and inf."""
+    """A metric as a JSON value: None for NaN and inf."""
     return float(value) if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Threads for work that falls into categories: numpy lets go of the interpreter while it counts."""
+"""Threads for per-category work: NumPy releases the GIL."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ _MOST_THREADS: Final = 8
 
 
 def category_threads() -> ThreadPoolExecutor:
-    """A pool of a thread for each core. Its results are added in the categories' order."""
+    """A pool with one thread per core. Its results are added in category order."""
     return ThreadPoolExecutor(min(_MOST_THREADS, usable_cores()))

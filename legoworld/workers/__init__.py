@@ -1,1 +1,1 @@
-"""Child processes: what they are given, what confines them, and how they are ended."""
+"""Child processes: their environment, their sandbox, and how they are ended."""

@@ -1,4 +1,4 @@
-"""Bubblewrap: a program that sees its workspace, Python and Blender, and by default no network.
+"""Bubblewrap: a program sees only its workspace, Python and Blender, and by default no network.
 
 https://github.com/containers/bubblewrap; `apt-get install bubblewrap`.
 """
@@ -18,14 +18,14 @@ from typing import Final
 
 from legoworld.errors import one_line
 
-#: Where the scratch folder is seen inside; TMPDIR's default place is the scratch folder's, too.
+#: Paths of the scratch folder inside the sandbox; the default TMPDIR is in the scratch folder, too.
 INSIDE: Final = Path("/sandbox")
 TEMPORARY_INSIDE: Final = Path("/tmp")
 #: Shared memory is files of the scratch folder as well: bubblewrap's own /dev/shm has no limit but
 #: half of the machine's memory.
 _SHARED_MEMORY_INSIDE: Final = Path("/dev/shm")
 
-#: The system's programs and libraries, and how they are found.
+#: The system's programs and libraries, and the files that locate them.
 _SYSTEM: Final = (
     "/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/nix/store",
     "/etc/alternatives", "/etc/fonts", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d",
@@ -43,7 +43,7 @@ _WITNESS: Final = Path(__file__).with_name("witness.py")
 
 @dataclass(frozen=True, kw_only=True)
 class Bubblewrap:
-    """A bubblewrap that works here. program: its path; version: as it prints it."""
+    """A working bubblewrap. program: its path; version: as printed by it."""
 
     program: str
     version: str
@@ -51,7 +51,7 @@ class Bubblewrap:
 
 @functools.cache
 def find_bubblewrap() -> Bubblewrap | str:
-    """The installed bubblewrap after a trial run; otherwise why it cannot be used."""
+    """The installed bubblewrap after a trial run, or the reason why it cannot be used."""
     program = shutil.which("bwrap")
     if program is None:
         return "bubblewrap is not installed"
@@ -110,7 +110,7 @@ def _there(names: Sequence[str]) -> list[Path]:
 
 
 def _shown(read_only: Sequence[Path]) -> list[str]:
-    """Options that show folders and files under their own names, without their neighbours."""
+    """Options that expose folders and files under their own names, without their neighbours."""
     options: list[str] = []
     for name in _SYSTEM:
         path = Path(name)
@@ -128,7 +128,7 @@ def _shown(read_only: Sequence[Path]) -> list[str]:
 
 @functools.cache
 def _python() -> tuple[Path, ...]:
-    """What this Python consists of, with this package, bpy and numpy."""
+    """The files of this Python, with this package, bpy and NumPy."""
     folders = {Path(sys.prefix), Path(sys.base_prefix), Path(sys.base_exec_prefix), _PACKAGE}
     if site.ENABLE_USER_SITE:
         folders.add(Path(site.getusersitepackages()))

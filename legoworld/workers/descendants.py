@@ -1,4 +1,4 @@
-"""Everything a process has started: found, measured and ended, whatever group it has moved to."""
+"""Finding, measuring and ending all descendants of a process, in any process group."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _END_WITHIN_S: Final = 10.0
 def descendants(ancestor: int) -> list[int]:
     """The processes below one, nearest first.
 
-    A process whose parent died belongs to the nearest subreaper above it, so that what an ancestor
-    which is one has started is found however often it forked. Zombies count: they have ended.
+    A process whose parent died is adopted by the nearest subreaper above it, so all descendants of
+    a subreaper are found, however often they forked. Zombies count as ended.
     """
     children: dict[int, list[int]] = {}
     for pid, parent in _parents():
@@ -33,10 +33,10 @@ def descendants(ancestor: int) -> list[int]:
 
 
 def memory_bytes(pids: list[int], enough: int) -> int:
-    """The memory that processes hold together.
+    """The total memory of processes.
 
-    Resident memory counts pages that forks share once for each: a sum of more than `enough` is
-    replaced by that of their proportional shares (PSS), which takes the kernel longer.
+    Resident memory counts pages shared by forks once per process: a sum above `enough` is replaced
+    by the proportional set size (PSS), which takes the kernel longer.
     """
     resident = sum(resident_bytes(pid) for pid in pids)
     if resident <= enough or len(pids) < 2:
@@ -65,10 +65,10 @@ def resident_bytes(pid: int) -> int:
 
 
 def end_all(ancestor: int) -> None:
-    """Kill everything below a process until nothing is left.
+    """Kill all descendants of a process until none is left.
 
-    They are stopped first, so that none forks while the others are killed. The ancestor's own
-    children are reaped when it is this process.
+    They are stopped first, so that none forks while the others are killed. If the ancestor is this
+    process, its children are reaped.
     """
     deadline = time.monotonic() + _END_WITHIN_S
     while time.monotonic() < deadline:
@@ -91,7 +91,7 @@ def _reap() -> None:
 
 
 def _runs(pid: int) -> bool:
-    """Whether a process is more than an entry that its parent has yet to read."""
+    """Whether a process is running, and not a zombie."""
     if sys.platform != "linux":
         state = _ps("-o", "state=", "-p", str(pid)).strip()
         return bool(state) and not state.startswith("Z")
@@ -99,7 +99,7 @@ def _runs(pid: int) -> bool:
 
 
 def _parents() -> list[tuple[int, int]]:
-    """(process, its parent) of every process there is."""
+    """(process, parent) of every process."""
     if sys.platform != "linux":
         lines = (line.split() for line in _ps("-A", "-o", "pid=,ppid=").splitlines())
         return [(int(pid), int(parent)) for pid, parent in lines]

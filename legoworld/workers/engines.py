@@ -1,8 +1,7 @@
-"""Where the items of a batch are worked on: threads of this machine, or a Ray cluster.
+"""Engines that process the items of a batch: threads of this machine, or a Ray cluster.
 
-An engine takes a way to make workers, and the items, and yields results in the order they are
-done. Nothing a result depends on may come from the engine: which worker gets which item, and when,
-is not the same twice.
+An engine takes a factory of workers and the items, and yields results in order of completion.
+Results must not depend on the engine: which worker gets which item, and when, is not deterministic.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ Item_contra = TypeVar("Item_contra", contravariant=True)
 Result_co = TypeVar("Result_co", covariant=True)
 
 EngineName = Literal["local", "ray"]
-#: An item whose machine was lost this often is given up: it may be what kills them.
+#: Maximum number of attempts at an item whose machine is lost: the item may be the cause.
 _TRIES: Final = 3
 
 
@@ -37,29 +36,29 @@ class EngineMissingError(LegoWorldError):
 
 
 class ClusterUnreachableError(LegoWorldError):
-    """Nobody answers where the Ray cluster should be."""
+    """No Ray cluster answers at the given address."""
 
     code = "cluster_unreachable"
     exit_code = exit_codes.BLOCKED
 
 
 class Worker(Protocol[Item_contra, Result_co]):
-    """Works on one item at a time. It is made where it works, so it may hold a process."""
+    """Processes one item at a time. It is created where it runs, so it may own a process."""
 
     def do(self, item: Item_contra, /) -> Result_co:
-        """The result of an item. What goes wrong with an item is a result, never an exception."""
+        """The result of an item. An item's failure is a result, never an exception."""
         ...
 
     def abort(self) -> None:
-        """End what `do` is busy with; called from another thread."""
+        """End a running `do`; called from another thread."""
 
     def close(self) -> None:
-        """Give back what is held."""
+        """Release all resources."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job(Generic[Item, Result]):
-    """What an engine is given. `make` must be picklable; `lost` is the result of a lost item."""
+    """The input of an engine. `make` must be picklable; `lost` is the result of a lost item."""
 
     make: Callable[[], Worker[Item, Result]]
     lost: Callable[[Item, str], Result]
@@ -68,7 +67,7 @@ class Job(Generic[Item, Result]):
 def run_local(
     job: Job[Item, Result], items: Sequence[Item], workers: int
 ) -> Generator[Result, None, None]:
-    """Results in the order they are done, by threads of this process, each with its own worker."""
+    """Results in order of completion, from threads of this process, each with its own worker."""
     made = [job.make() for _ in range(max(1, min(workers, len(items))))]
     idle: queue.LifoQueue[Worker[Item, Result]] = queue.LifoQueue()
     for worker in made:
@@ -103,10 +102,10 @@ def run_local(
 def run_ray(
     job: Job[Item, Result], items: Sequence[Item], workers: int
 ) -> Generator[Result, None, None]:
-    """Results in the order they are done, by actors of a Ray cluster, one CPU each.
+    """Results in order of completion, from actors of a Ray cluster, one CPU each.
 
     The cluster is RAY_ADDRESS's, or one started on this machine. An item whose machine is lost is
-    given to another, at most three times; then `job.lost` is its result.
+    retried on another, at most three times; then `job.lost` is its result.
     """
     ray = _started_ray()
     actor = ray.remote(num_cpus=1)(_RemoteWorker)
@@ -151,7 +150,7 @@ class _RemoteWorker:
 
 
 def machine_lost(what: str) -> WorkerCrashedError:
-    """The verdict of an item whose machine was lost each time it was tried."""
+    """The error of an item whose machine was lost at every attempt."""
     return WorkerCrashedError(
         "every machine that had the scene was lost",
         found=what,
@@ -161,7 +160,7 @@ def machine_lost(what: str) -> WorkerCrashedError:
 
 
 def engine_cores(engine: EngineName) -> int:
-    """CPU cores an engine may use: this process's, or all of the Ray cluster's."""
+    """CPU cores available to an engine: this process's, or all of the Ray cluster's."""
     if engine == "local":
         return usable_cores()
     return int(_started_ray().cluster_resources().get("CPU", 1))
@@ -195,7 +194,7 @@ def _started_ray() -> Any:
 
 
 def _knock(address: str | None) -> None:
-    """OSError where nobody listens at host:port: Ray itself would ask for minutes."""
+    """Raise OSError if nothing listens at host:port: Ray itself would retry for minutes."""
     import socket
 
     host, _, port = (address or "").removeprefix("ray://").rpartition(":")

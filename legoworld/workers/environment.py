@@ -1,7 +1,7 @@
-"""The one place that decides which of the caller's variables a child process gets.
+"""The allow-list of environment variables that child processes inherit.
 
-A child starts from nothing: what is not named here does not reach it, so a credential in the
-caller's environment (AWS_*, HF_TOKEN, *_KEY, a proxy's password) stays with the caller.
+A child starts with an empty environment: variables that are not named here do not reach it, so
+credentials of the caller (AWS_*, HF_TOKEN, *_KEY, a proxy's password) are not passed on.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
 
-#: Where programs and libraries are, the language, the clock, and how many threads to use.
+#: Paths of programs and libraries, the locale, the time zone, and numbers of threads.
 _EVERY_CHILD: Final = (
     "PATH",
     "LD_LIBRARY_PATH",
@@ -31,7 +31,7 @@ _EVERY_CHILD: Final = (
     "MALLOC_ARENA_MAX",
 )
 _EVERY_CHILD_PREFIXES: Final = ("LC_",)
-#: Which accelerator to use, and how.
+#: Selection and settings of accelerators.
 _ACCELERATOR: Final = (
     "CUDA_VISIBLE_DEVICES",
     "CUDA_DEVICE_ORDER",
@@ -51,7 +51,7 @@ _ACCELERATOR: Final = (
     "PYTORCH_CUDA_ALLOC_CONF",
     "TOKENIZERS_PARALLELISM",
 )
-#: Which certificates to trust, and how to behave while weights are downloaded.
+#: Trusted certificates, and settings of weight downloads.
 _DOWNLOAD: Final = (
     "SSL_CERT_FILE",
     "SSL_CERT_DIR",
@@ -66,7 +66,7 @@ _DOWNLOAD: Final = (
     "NO_PROXY",
     "no_proxy",
 )
-#: Addresses that may carry a user and a password; passed when they carry neither.
+#: Addresses that may contain a user and a password; passed only if they contain neither.
 _ADDRESSES: Final = (
     "HTTP_PROXY",
     "HTTPS_PROXY",
@@ -79,7 +79,7 @@ _ADDRESSES: Final = (
 
 
 class ChildKind(Enum):
-    """What a child is for. BLENDER: scenes and scene programs; MODEL: a baseline's own process."""
+    """The purpose of a child. BLENDER: scenes and scene programs; MODEL: a baseline's process."""
 
     BLENDER = "blender"
     MODEL = "model"
@@ -93,10 +93,10 @@ def child_environment(
     declared: Iterable[str] = (),
     caller: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
-    """A child's whole environment, from the allow-list of its kind.
+    """The complete environment of a child, from the allow-list of its kind.
 
-    home, temporary: private folders of the child. declared: names of further variables of the
-    caller's that somebody asked for; they win over the private folders. caller: os.environ.
+    home, temporary: private folders of the child. declared: names of further variables requested
+    from the caller's environment; they override the private folders. caller: os.environ.
     """
     caller = os.environ if caller is None else caller
     environment = {
@@ -128,7 +128,7 @@ def blender_environment(*, home: Path, temporary: Path) -> dict[str, str]:
 
 
 def passed(declared: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
-    """The declared names that the caller has: what a record of the run can say, never a value."""
+    """The declared names that the caller has; a run records these names, never the values."""
     caller = os.environ if caller is None else caller
     return sorted({name for name in declared if name in caller})
 
@@ -142,7 +142,7 @@ def _allowed(kind: ChildKind, name: str, value: str) -> bool:
 
 
 def _bare(address: str) -> bool:
-    """Whether an address has neither user nor password; one that cannot be parsed may have."""
+    """Whether an address has neither user nor password; False if it cannot be parsed."""
     try:
         parts = urlsplit(address if "//" in address else f"//{address}")
         return parts.username is None and parts.password is None and not parts.query
@@ -151,9 +151,9 @@ def _bare(address: str) -> bool:
 
 
 def _model_caches(caller: Mapping[str, str]) -> dict[str, str]:
-    """Where weights and compiled kernels were kept before: the private home has none of them.
+    """The caller's caches of weights and compiled kernels, which the private home lacks.
 
-    The folder of the hub's cache is named, not its parent: that one holds the hub's token, too.
+    The hub's cache folder is passed, not its parent, which also holds the hub's token.
     """
     user = Path(caller.get("HOME") or Path.home())
     cache = Path(caller.get("XDG_CACHE_HOME") or user / ".cache")

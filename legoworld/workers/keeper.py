@@ -1,9 +1,9 @@
 """The process between legoworld and an untrusted program. Run as a program; see sandbox.py.
 
-It is the subreaper of everything the program starts, so that nothing escapes by forking twice, and
-ends all of it when the program ends or legoworld does, however that happens. Standard input is the
-line to legoworld: it says "end" (b"e") or closes. Standard output takes one line of JSON when the
-program has ended; the program holds neither.
+It is the subreaper of everything the program starts, so that double forks do not escape, and kills
+all of it when the program or legoworld ends for any reason. legoworld sends "end" (b"e") on
+standard input or closes it. On standard output the keeper writes one line of JSON when the program
+has ended; the program has access to neither.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def main() -> int:
 
 
 def _wait(child: int, waking: int) -> int | None:
-    """The program's exit code, below 0 a signal; None when it is to be ended first."""
+    """The program's exit code, negative for a signal; None if it must be killed first."""
     while True:
         pid, status = _ended_child()
         if pid == child:
@@ -85,7 +85,7 @@ def _ended_child() -> tuple[int, int]:
 
 
 def _witnessed(ending: int, code: int) -> int:
-    """The witness's word; without one, bubblewrap's code: it did not start, or its witness died."""
+    """The code from the witness; without it bubblewrap's: it did not start, or the witness died."""
     os.set_blocking(ending, False)
     with contextlib.suppress(OSError, ValueError):
         return max(-255, min(int(os.read(ending, 16)), 255))
@@ -94,7 +94,7 @@ def _witnessed(ending: int, code: int) -> int:
 
 
 def _become(order: dict[str, Any], keeper: int, ending: int | None) -> None:
-    """The program: a session of its own, its limits, no descriptor but its three.
+    """Become the program: in a new session, with its limits and only its three descriptors.
 
     ending: the pipe its witness gets as well.
     """

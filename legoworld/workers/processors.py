@@ -1,4 +1,4 @@
-"""How many CPU cores this process may use."""
+"""The number of CPU cores this process may use."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import os
 from pathlib import Path
 from typing import Final
 
-#: Where Linux keeps the limit of a container or a service: "<quota> <period>", or "max <period>".
+#: Linux's limit of a container or a service: "<quota> <period>", or "max <period>".
 _QUOTA: Final = Path("/sys/fs/cgroup/cpu.max")
 
 
 def usable_cores(quota: Path = _QUOTA) -> int:
-    """CPU cores this process may use: its affinity, and its cgroup's quota where there is one.
+    """CPU cores this process may use, from its affinity and its cgroup quota, if any.
 
     A quota of one and a half cores counts as two.
     """

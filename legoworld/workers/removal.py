@@ -14,8 +14,8 @@ _NOT_FOLLOWED = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 def remove_folder(folder: Path) -> None:
     """Remove a folder with everything below it, as far as the system allows.
 
-    Neither links nor names are followed out of it. Folders without permissions are opened up, and
-    folders nested deeper than paths or recursion reach are moved to the top, level by level.
+    Links out of the folder are not followed. Missing permissions are added, and folders nested too
+    deeply for paths or recursion are moved to the top, level by level.
     """
     with contextlib.suppress(OSError):
         top = os.open(folder, _NOT_FOLLOWED)
@@ -54,7 +54,7 @@ def _empty(top: int) -> None:
 
 
 def _remove_files(folder: int) -> list[str]:
-    """Remove what is no folder; the names of the folders."""
+    """Remove everything but folders; return the names of the folders."""
     with os.scandir(folder) as entries:
         found = [(entry.name, entry.is_dir(follow_symlinks=False)) for entry in entries]
     for name, is_folder in found:

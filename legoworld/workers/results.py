@@ -1,4 +1,4 @@
-"""Taking files out of a folder that an untrusted program could write to."""
+"""Moving files out of a folder that an untrusted program could write to."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from legoworld.files import refused_by_machine
 
 
 def take_file(folder: Path, name: str, into: Path) -> bool:
-    """Move a file of a sandbox into a folder of ours; False where there is none.
+    """Move a file from a sandbox into one of our folders; False if it does not exist.
 
-    Only a regular file with no other name is taken: a link, a FIFO or a device is not followed or
-    opened. ValueError says what stands in the file's place.
+    Only a regular file with a single name is taken: links, FIFOs and devices are neither followed
+    nor opened. ValueError says what was found instead of a file.
     """
     try:
         source = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)

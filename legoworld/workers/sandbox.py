@@ -1,7 +1,7 @@
-"""One sandbox for untrusted programs: confined by bubblewrap where it works, limited everywhere.
+"""The sandbox of untrusted programs: isolated by bubblewrap where it works, limited everywhere.
 
-The program is started by a keeper (keeper.py) that ends all it has started. See docs/sandbox.md for
-what holds with bubblewrap, what holds without it, and what does not.
+A keeper (keeper.py) starts the program and kills all of its descendants. docs/sandbox.md lists the
+protections with and without bubblewrap.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _END_WITHIN_S: Final = 15.0
 
 
 class SandboxUnavailableError(LegoWorldError):
-    """Bubblewrap was asked for and cannot be used on this machine."""
+    """Bubblewrap was requested but cannot be used on this machine."""
 
     code = "sandbox_unavailable"
     exit_code = exit_codes.BLOCKED
@@ -56,7 +56,7 @@ class SandboxUnavailableError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class SandboxLimits:
-    """What a program and everything it starts may use together.
+    """Limits of a program together with everything it starts.
 
     disk_bytes: of its workspace, and of any single file; output_bytes: what it may print.
     """
@@ -84,7 +84,7 @@ class Ending:
 
 @dataclass(frozen=True, kw_only=True)
 class Protections:
-    """What a sandbox holds and does not hold.
+    """The protections of a sandbox.
 
     why_not: why there is no bubblewrap; network: whether the program was given the network;
     counted: whether the kernel counts its processes (see task_group).
@@ -113,7 +113,7 @@ class Protections:
         return [p for p in (*_WITH_BUBBLEWRAP, *_EVERYWHERE, *_ON_LINUX) if p not in held]
 
     def record(self) -> Protected:
-        """As execution.json has it."""
+        """The record in execution.json."""
         return Protected(
             bubblewrap=self.bubblewrap,
             why_not=self.why_not,
@@ -131,7 +131,7 @@ _COUNTED: Final = "process count in the kernel"
 
 
 def protections(confinement: Confinement, *, network: bool = False) -> Protections:
-    """What a sandbox would hold here. SandboxUnavailableError where bubblewrap is a must.
+    """The protections of a sandbox here. SandboxUnavailableError if bubblewrap is required.
 
     network: the program is to have the network.
     """
@@ -210,7 +210,7 @@ class Sandbox:
         self._variables |= variables
 
     def start(self, argv: Sequence[str], read_only: Sequence[Path]) -> None:
-        """Start a program. read_only: what it can read besides Python, Blender and libraries."""
+        """Start a program. read_only: files it can read besides Python, Blender and libraries."""
         read_output, write_output = os.pipe()
         self._printed = open(read_output, "rb", buffering=0)  # noqa: SIM115, PTH123
         command = list(argv)
@@ -248,7 +248,7 @@ class Sandbox:
             os.close(write_output)
 
     def wait(self) -> Ending:
-        """Wait for the program's end or for a limit; nothing it started runs afterwards."""
+        """Wait until the program ends or exceeds a limit; afterwards none of its processes runs."""
         keeper = self._keeper
         assert keeper is not None
         assert keeper.stdout is not None
@@ -278,7 +278,7 @@ class Sandbox:
                     return self._end_for(over)
 
     def stop(self) -> None:
-        """End the program from another thread than the one in `wait`, which then returns."""
+        """End the program from a thread other than the one in `wait`, which then returns."""
         keeper = self._keeper
         if keeper is not None and keeper.stdin is not None:
             with contextlib.suppress(OSError, ValueError):  # it is being closed already
@@ -286,7 +286,7 @@ class Sandbox:
                 keeper.stdin.flush()
 
     def close(self) -> None:
-        """End the program with everything it started. The scratch folder stays, for its owner."""
+        """End the program and everything it started. The scratch folder stays for its owner."""
         keeper, self._keeper = self._keeper, None
         if keeper is not None:
             assert keeper.stdin is not None
@@ -316,7 +316,7 @@ class Sandbox:
         return blender_environment(home=home, temporary=temporary) | self._variables
 
     def _read_output(self) -> bool:
-        """Take what was printed, keep its end; False when no more can come."""
+        """Read the printed output and keep its end; False at the end of the stream."""
         assert self._printed is not None
         data = self._printed.read(1 << 16)
         self._printed_bytes += len(data)
@@ -360,7 +360,7 @@ class Sandbox:
         )
 
     def _read_what_is_left(self) -> None:
-        """Take what is still in the pipe."""
+        """Read the rest of the pipe."""
         assert self._printed is not None
         os.set_blocking(self._printed.fileno(), False)
         with contextlib.suppress(BlockingIOError, TypeError):
@@ -369,7 +369,7 @@ class Sandbox:
 
 
 def workspace_bytes(folder: Path) -> int:
-    """What the files below a folder take on disk; without end where they are too many to count."""
+    """Disk usage of the files below a folder; infinite if there are too many to count."""
     total, files = 0, 0
     pending = [folder]
     while pending:

@@ -1,7 +1,7 @@
-"""Folders for work in progress. One whose owner was killed goes when the next one is made.
+"""Folders for work in progress. If the owner is killed, the next owner deletes its folder.
 
-An owner holds a lock on a file in its folder for as long as it lives, so a folder whose lock is
-free has none. The file's name carries the machine's: locks need not reach across a shared disk.
+An owner holds a lock on a file in its folder while it lives, so a folder with a free lock has no
+owner. The file's name includes the machine's: locks need not work across a shared disk.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from legoworld.workers.removal import remove_folder
 class ScratchFolder:
     """An empty folder `<prefix>...` in `parent` (None: the system's temporary folder).
 
-    owner_fd: a process that inherits it keeps the folder from being swept, too.
+    owner_fd: a process that inherits it also keeps the folder from being deleted.
     """
 
     def __init__(self, prefix: str, parent: Path | None = None) -> None:
@@ -33,7 +33,7 @@ class ScratchFolder:
             raise
 
     def close(self) -> None:
-        """Remove the folder with everything in it; once closed, do nothing."""
+        """Remove the folder with everything in it; further calls do nothing."""
         if self.owner_fd < 0:
             return
         try:
@@ -45,7 +45,7 @@ class ScratchFolder:
 
 @contextmanager
 def scratch_folder(prefix: str, parent: Path | None = None) -> Iterator[Path]:
-    """A scratch folder for as long as the block lasts."""
+    """A scratch folder for the duration of the block."""
     folder = ScratchFolder(prefix, parent)
     try:
         yield folder.path
@@ -58,7 +58,7 @@ def _owner_file() -> str:
 
 
 def _owned(folder: Path) -> int:
-    """The held lock's descriptor. The file gets its name once it is held, so no sweep is early."""
+    """The descriptor of the held lock. The file is named once locked, so no sweep is too early."""
     unheld = folder / ".owner"
     descriptor = os.open(unheld, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
     # On a file system without locks the file keeps its first name, and the folder is never swept.
@@ -69,7 +69,7 @@ def _owned(folder: Path) -> int:
 
 
 def _sweep(prefix: str, parent: Path) -> None:
-    """Remove this machine's folders of that name that nobody owns any more."""
+    """Remove this machine's folders with this prefix that have no owner."""
     for folder in parent.glob(f"{prefix}*"):
         try:
             descriptor = os.open(folder / _owner_file(), os.O_RDWR | os.O_CLOEXEC)

@@ -1,8 +1,8 @@
-"""A control group: the kernel itself counts the processes of a program, and starts no more.
+"""A control group in which the kernel limits the number of a program's processes.
 
-Looking at processes from outside is too slow for a program that does nothing but fork. Where this
-process may make a group that counts tasks (cgroup v2, or v1's `pids`), the program is put into one.
-It may as root, as a user on systemd's own slice, or where a group was delegated to it.
+Polling processes from outside is too slow against a fork bomb. If this process may create a group
+that counts tasks (cgroup v2, or v1's `pids`), the program is put into one. This is possible as
+root, as a user on systemd's own slice, or where a group was delegated.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ _numbers = itertools.count()
 
 @dataclass(frozen=True, kw_only=True)
 class TaskGroup:
-    """A group of its own for one program. folder: below /sys/fs/cgroup."""
+    """The control group of one program. folder: below /sys/fs/cgroup."""
 
     folder: Path
 
     @property
     def join_file(self) -> Path:
-        """A process that writes 0 here belongs to the group, and so does all it starts."""
+        """A process that writes 0 to this file joins the group, with all its later children."""
         return self.folder / _JOIN
 
 
 def make_group(processes: int) -> TaskGroup | None:
-    """A new group of at most so many processes; None where this process may make none."""
+    """A new group with this process limit; None if this process may not create one."""
     place = group_place()
     return None if place is None else _made(place, processes)
 
@@ -71,7 +71,7 @@ def group_place() -> Path | None:
 
 
 def remove_group(folder: Path) -> None:
-    """Remove a group once the last of its processes is gone; it stays where one is not."""
+    """Remove a group once its last process is gone; otherwise it stays."""
     deadline = time.monotonic() + _EMPTY_WITHIN_S
     while folder.is_dir():
         try:

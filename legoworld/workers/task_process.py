@@ -1,7 +1,7 @@
-"""A Python process that applies one function to what it is sent, and its side of the pipe.
+"""A Python process that applies one function to the items it receives, and its end of the pipe.
 
-Not `multiprocessing`: that runs the calling program's main module again in every process, and its
-processes get Ctrl-C with the command, whose business alone it is what becomes of them.
+Not `multiprocessing`: that re-runs the calling program's main module in every process, and its
+processes receive Ctrl-C together with the command, which alone should decide how they end.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ _ONE_THREAD: Final = dict.fromkeys(
 
 
 class ProcessLostError(LegoWorldError):
-    """A process that works on a part of the work ended by itself, or was killed."""
+    """A worker process ended unexpectedly or was killed."""
 
     code = "process_lost"
     exit_code = exit_codes.BLOCKED
 
 
 class TaskProcess(Generic[Item, Result]):
-    """Calls a function in a process that is started with the first call and kept for the others.
+    """Calls a function in a process that starts with the first call and is kept for later ones.
 
-    function: importable by its name; it, its arguments and its results are pickled. The process
-    ends with its owner, whatever becomes of that: it reads from a pipe which then closes.
+    function: importable by its name; the function, its arguments and its results are pickled. The
+    process always ends with its owner, because it reads from a pipe that then closes.
     """
 
     def __init__(self, function: Callable[[Item], Result]) -> None:
@@ -50,7 +50,7 @@ class TaskProcess(Generic[Item, Result]):
         self._aborted = False
 
     def call(self, item: Item) -> Result:
-        """The function's result. Raises what it raises; ProcessLostError when the process ends."""
+        """The function's result or exception; ProcessLostError when the process ends."""
         process = self._process or self._started()
         assert process.stdin is not None
         assert process.stdout is not None
@@ -70,14 +70,14 @@ class TaskProcess(Generic[Item, Result]):
         return result
 
     def abort(self) -> None:
-        """End the process from another thread: its call fails, and so does every later one."""
+        """End the process from another thread: its call and all later ones fail."""
         self._aborted = True
         process = self._process  # its own thread may be closing it
         if process is not None:
             process.kill()
 
     def close(self) -> None:
-        """End the process, whatever it is doing."""
+        """End the process, even during a call."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -115,22 +115,22 @@ class TaskProcess(Generic[Item, Result]):
         self._stderr.seek(max(0, self._stderr.seek(0, os.SEEK_END) - 4000))
         words = self._stderr.read().decode("utf-8", "replace").strip().splitlines()
         return ProcessLostError(
-            "a process that worked on a part of it has ended",
+            "a worker process ended unexpectedly",
             found=one_line(f"{how}; {words[-1] if words else 'no message'}", 300),
-            expected="its results",
+            expected="the results of its items",
             next_step="run the same command again, with fewer --workers where memory is short",
         )
 
 
 def _environment() -> dict[str, str]:
-    """The owner's, with its legoworld before any other one."""
+    """The owner's environment, with its own legoworld first on the path."""
     root = str(Path(__file__).parents[2])
     path = os.pathsep.join([root, *(p for p in (os.environ.get("PYTHONPATH"),) if p)])
     return {**os.environ, **_ONE_THREAD, "PYTHONPATH": path}
 
 
 def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
-    """Answer (True, result) or (False, what was raised) until nobody asks any more."""
+    """Answer (True, result) or (False, exception) until the pipe closes."""
     function = pickle.load(requests)
     while True:
         try:
@@ -149,7 +149,7 @@ def _answer(function: Callable[[Any], Any], item: Any) -> bytes:
 
 
 def carried(error: Exception) -> Exception:
-    """The error in a form that reaches another process."""
+    """The error in a picklable form."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:  # noqa: BLE001  whatever its class does when it is made again
@@ -158,7 +158,7 @@ def carried(error: Exception) -> Exception:
 
 
 def _die_with_owner() -> None:
-    """A killed command leaves no process busy with its last item; one that waits ends by itself."""
+    """Ensure that a killed command leaves no busy process; an idle one ends by itself."""
     if sys.platform == "linux":
         import ctypes
 

@@ -1,7 +1,7 @@
-"""One function over many items by an engine, with the results in the items' order.
+"""One function over many items by an engine, with the results in the order of the items.
 
-What is worked on is Python, so several workers of one machine are processes, not threads. Nothing a
-result depends on comes from the crew: any one gives what `map` gives, the same error included.
+The work is Python code, so the workers of one machine are processes, not threads. Results do not
+depend on the pool: any pool gives what `map` gives, including the same error.
 """
 
 from __future__ import annotations
@@ -20,46 +20,46 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crew:
-    """Who works: an engine, and how many workers it may use."""
+class WorkerPool:
+    """An engine and the number of workers it may use."""
 
     engine: EngineName = "local"
     workers: int = 1
 
     @property
-    def alone(self) -> bool:
-        """Whether there is nobody but the calling process."""
+    def in_process(self) -> bool:
+        """Whether all work is done in the calling process."""
         return self.engine == "local" and self.workers < 2
 
-    def for_work(self, *, worth_a_process: bool) -> Crew:
-        """The crew; the calling process alone for what costs less than starting another."""
-        return self if worth_a_process or self.engine != "local" else ALONE
+    def for_work(self, *, worth_a_process: bool) -> WorkerPool:
+        """The pool, or the calling process alone if the work costs less than starting another."""
+        return self if worth_a_process or self.engine != "local" else IN_PROCESS
 
 
-#: The calling process.
-ALONE = Crew()
+#: All work in the calling process.
+IN_PROCESS = WorkerPool()
 
 
 def results_of(
-    function: Callable[[Item], Result], items: Sequence[Item], crew: Crew
+    function: Callable[[Item], Result], items: Sequence[Item], pool: WorkerPool
 ) -> Iterator[Result]:
     """function(item) of every item, in their order.
 
-    function: pure, and importable by its name where the workers are. An item is taken from `items`
-    when a worker is free for it, so a sequence that makes them is never in memory as a whole. What
-    the function raises is raised here: of the first item that it raises for, in their order.
-    ProcessLostError when a worker's process ends, or its machine is lost three times.
+    function: pure, and importable by its name where the workers run. An item is taken from `items`
+    when a worker is free, so a lazy sequence is never in memory as a whole. Exceptions of the
+    function are raised here: that of the first failing item in order. ProcessLostError when a
+    worker's process ends, or its machine is lost three times.
     """
-    if crew.alone:
+    if pool.in_process:
         for index in range(len(items)):
             yield function(items[index])
         return
-    kind = _ProcessWorker[Item, Result] if crew.engine == "local" else _DirectWorker[Item, Result]
+    kind = _ProcessWorker[Item, Result] if pool.engine == "local" else _DirectWorker[Item, Result]
     make: Callable[[], Worker[tuple[int, Item], _Outcome[Result]]] = partial(kind, function)
     job: Job[tuple[int, Item], _Outcome[Result]] = Job(make=make, lost=_lost)
     waiting: dict[int, _Outcome[Result]] = {}
     following = 0
-    with closing(ENGINES[crew.engine](job, _Numbered(items), crew.workers)) as outcomes:
+    with closing(ENGINES[pool.engine](job, _Numbered(items), pool.workers)) as outcomes:
         for outcome in outcomes:
             waiting[outcome.number] = outcome
             while following in waiting:
@@ -69,7 +69,7 @@ def results_of(
 
 @dataclass(frozen=True)
 class _Outcome(Generic[Result]):
-    """What became of an item: a result, or what was raised."""
+    """The outcome of an item: a result or an exception."""
 
     number: int
     result: Result | None
@@ -82,7 +82,7 @@ class _Outcome(Generic[Result]):
 
 
 class _DirectWorker(Generic[Item, Result]):
-    """Works in the process it is made in: an actor of a cluster is one already."""
+    """Works in the process it is created in, such as an actor of a cluster."""
 
     def __init__(self, function: Callable[[Item], Result]) -> None:
         self._function = function
@@ -102,7 +102,7 @@ class _DirectWorker(Generic[Item, Result]):
 
 
 class _ProcessWorker(Generic[Item, Result]):
-    """Has items worked on in a process of its own."""
+    """Has items processed in a separate process."""
 
     def __init__(self, function: Callable[[Item], Result]) -> None:
         self._process = TaskProcess(function)
@@ -122,7 +122,7 @@ class _ProcessWorker(Generic[Item, Result]):
 
 
 class _Numbered(Sequence[tuple[int, Item]]):
-    """Items with their places, each taken when it is asked for."""
+    """Items with their positions, taken lazily."""
 
     def __init__(self, items: Sequence[Item]) -> None:
         self._items = items

@@ -1,19 +1,19 @@
 """The process between bubblewrap and its program. Run as a program; see keeper.py.
 
-Bubblewrap passes a signal on as the exit code 128 + n, which a program may end with itself. This
-parent of the program says which it was on descriptor 3, which the program does not get. A program
-may kill it or write there in its name: it then spoils the words said about its own end.
+Bubblewrap reports a signal as the exit code 128 + n, which a program may also exit with. This
+parent of the program reports which it was on descriptor 3, which the program does not get. A
+program may kill the witness or write there in its name, but then only falsifies its own ending.
 """
 
 import os
 import sys
 
-#: Where the keeper listens.
+#: The descriptor that the keeper reads.
 ENDING = 3
 
 
 def main() -> int:
-    """Run sys.argv[1:] and say its exit code, below 0 the signal that ended it."""
+    """Run sys.argv[1:] and report its exit code, negative for the signal that ended it."""
     child = os.fork()
     if child == 0:
         try:

@@ -87,7 +87,7 @@ def test_a_joined_comparison_is_verified(three, tmp_path):
 def test_another_joined_comparison_is_replaced_only_when_asked(three, tmp_path):
     make_joined(three[:2], tmp_path / "out")
     make_joined(three[:2], tmp_path / "out")
-    with pytest.raises(LegoWorldError, match="holds another comparison"):
+    with pytest.raises(LegoWorldError, match="contains a different comparison"):
         make_joined(three[1:], tmp_path / "out")
     make_joined(three[1:], tmp_path / "out", overwrite=True)
     document = json.loads((tmp_path / "out" / "comparison.json").read_text())
@@ -102,7 +102,7 @@ def test_what_cannot_be_joined(three, tmp_path):
     make_joined(three[:2], tmp_path / "two")
     with pytest.raises(LegoWorldError, match="cannot be joined again"):
         make_joined([tmp_path / "two", three[2]], tmp_path / "out")
-    with pytest.raises(LegoWorldError, match="no finished comparison"):
+    with pytest.raises(LegoWorldError, match="not a finished comparison"):
         make_joined([three[0], tmp_path], tmp_path / "out")
     arguments = ["compare", "--join", str(three[0]), str(three[1]), "-o", str(tmp_path / "out")]
     assert cli.run([*arguments, "--seed", "1"]) == 2

@@ -76,7 +76,7 @@ def test_other_images(scene, tmp_path):
     first = truth["images"].pop(0)["id"]
     truth["annotations"] = [a for a in truth["annotations"] if a["image_id"] != first]
     other = other_evaluation(tmp_path / "b", truth)
-    refused((scene, other), tmp_path / "out", r"images: 1 in one alone, such as 10 \(000.jpg\)")
+    refused((scene, other), tmp_path / "out", r"images: 1 on one side, such as 10 \(000.jpg\)")
 
 
 def test_another_evaluator(scene, tmp_path):
@@ -120,7 +120,7 @@ def test_a_partial_run_on_either_side(scene, tmp_path):
 def test_prompts_from_truth_are_allowed_by_name_and_printed_beside_the_score(scene, tmp_path):
     used = {"file": "instances.json", "sha256": "e" * 64}
     other = other_evaluation(tmp_path / "b", used_truth=used, baseline="prompted")
-    refused((scene, other), tmp_path / "out", "prompted with the truth.*instances.json")
+    refused((scene, other), tmp_path / "out", "prompted with the ground truth.*instances.json")
     document = compared((scene, other), tmp_path / "out", allow_truth_prompts=True)
     assert document["methods"][1]["used_truth"] == used
     for suffix in ("md", "tex", "csv"):
@@ -149,7 +149,7 @@ def test_what_is_no_evaluation(scene, tmp_path):
 def test_the_folder_of_an_evaluation_is_not_written_into(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     before = {p: p.read_bytes() for p in scene.rglob("*") if p.is_file()}
-    with pytest.raises(LegoWorldError, match="not a comparison"):
+    with pytest.raises(LegoWorldError, match="other than a comparison"):
         compared((scene, other), scene, overwrite=True)
     assert {p: p.read_bytes() for p in scene.rglob("*") if p.is_file()} == before
 
@@ -238,6 +238,6 @@ def test_another_depth_truth(tmp_path):
     rows = (other / "per_image.jsonl").read_text().replace('"n_valid":3', '"n_valid":4')
     assert rows != (other / "per_image.jsonl").read_text()
     forge(other, "per_image.jsonl", lambda path: path.write_text(rows))
-    refused((scene, other), tmp_path / "out", "the truth of image 5")
+    refused((scene, other), tmp_path / "out", "the ground truth of image 5")
     evidence = json.loads((scene / "evidence.json").read_text())
     assert sum(e["role"] == "truth" for e in evidence["inputs"]) == 5

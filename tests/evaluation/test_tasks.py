@@ -1,4 +1,4 @@
-"""One function over many items: any crew gives what `map` gives, the same error included."""
+"""One function over many items: any pool gives what `map` gives, the same error included."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import pytest
 
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.workers.task_process import ProcessLostError, TaskProcess
-from legoworld.workers.tasks import ALONE, Crew, results_of
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
 
-CREWS = [ALONE, Crew(workers=2), Crew(workers=5)]
+POOLS = [IN_PROCESS, WorkerPool(workers=2), WorkerPool(workers=5)]
 
 
 @pytest.fixture(autouse=True)
@@ -68,37 +68,37 @@ class Lazy(Sequence[int]):
         return index
 
 
-@pytest.mark.parametrize("crew", CREWS)
-def test_results_come_in_the_items_order(crew):
-    found = list(results_of(squared, range(40), crew))
+@pytest.mark.parametrize("pool", POOLS)
+def test_results_come_in_the_items_order(pool):
+    found = list(results_of(squared, range(40), pool))
     assert [square for square, _ in found] == [n * n for n in range(40)]
     processes = {process for _, process in found}
-    assert (os.getpid() in processes) == crew.alone
-    assert 1 <= len(processes) <= crew.workers
+    assert (os.getpid() in processes) == pool.in_process
+    assert 1 <= len(processes) <= pool.workers
 
 
-@pytest.mark.parametrize("crew", CREWS)
-def test_the_first_error_in_order_is_raised_whole(crew):
+@pytest.mark.parametrize("pool", POOLS)
+def test_the_first_error_in_order_is_raised_whole(pool):
     found = []
     with pytest.raises(UsageError) as caught:
-        found.extend(results_of(refusing, range(9), crew))
+        found.extend(results_of(refusing, range(9), pool))
     assert str(caught.value) == "refused; found: 3; next: nothing"
     assert caught.value.next_step == "nothing"
 
 
 def test_an_error_that_cannot_travel_is_told():
     with pytest.raises(RuntimeError, match="TwoArgumentsError: odd 0"):
-        list(results_of(stubborn, range(3), Crew(workers=2)))
+        list(results_of(stubborn, range(3), WorkerPool(workers=2)))
 
 
 def test_a_process_that_ends_is_an_error_with_its_last_words():
     with pytest.raises(ProcessLostError, match="exit code 3; out of luck"):
-        list(results_of(ending, range(3), Crew(workers=2)))
+        list(results_of(ending, range(3), WorkerPool(workers=2)))
 
 
 def test_items_are_taken_when_a_worker_is_free():
     items = Lazy(5000)
-    results = results_of(squared, items, Crew(workers=2))
+    results = results_of(squared, items, WorkerPool(workers=2))
     next(results)
     assert items.taken < 5000
     results.close()
@@ -106,10 +106,10 @@ def test_items_are_taken_when_a_worker_is_free():
 
 
 def test_what_is_too_little_for_another_process():
-    crew = Crew(workers=4)
-    assert crew.for_work(worth_a_process=True) is crew
-    assert crew.for_work(worth_a_process=False).alone
-    assert not Crew(engine="ray").for_work(worth_a_process=False).alone
+    pool = WorkerPool(workers=4)
+    assert pool.for_work(worth_a_process=True) is pool
+    assert pool.for_work(worth_a_process=False).in_process
+    assert not WorkerPool(engine="ray").for_work(worth_a_process=False).in_process
 
 
 def test_an_aborted_process_answers_no_more():

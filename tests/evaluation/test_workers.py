@@ -137,7 +137,7 @@ def test_a_blow_ends_in_one_line_and_leaves_nothing(blow, tmp_path):
     assert said.count("\n") == 0, error
     assert bool(said) == (blow != "kill the command")
     if blow == "kill a worker":
-        assert "a process that worked on a part of it has ended; found: signal 9" in said
+        assert "a worker process ended unexpectedly; found: signal 9" in said
     if blow == "kill the command":  # workers end with the chunk they have, which here is never
         for worker in workers:
             os.kill(worker, signal.SIGKILL)

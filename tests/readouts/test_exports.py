@@ -173,7 +173,7 @@ def test_depth_files_hold_the_pinhole_they_were_made_with(tmp_path):
 def test_a_depth_file_of_another_version_is_refused(tmp_path, version):
     path = tmp_path / "a.npz"
     np.savez(path, depth_z_m=np.ones((2, 3), np.float32), space="depth", format_version=version)
-    with pytest.raises(DepthFileError, match="of a format that is not known"):
+    with pytest.raises(DepthFileError, match="has an unknown format version"):
         read_labelled(path, Declaration())
 
 

@@ -26,7 +26,7 @@ from legoworld.workers.engines import (
     run_ray,
 )
 from legoworld.workers.task_process import ProcessLostError, TaskProcess, carried
-from legoworld.workers.tasks import ALONE, Crew, results_of
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
 
 
 class Books:
@@ -306,25 +306,25 @@ def raises_unpicklable(number: int) -> int:
     raise UnpicklableError("what", "happened")
 
 
-CREWS = [ALONE, Crew(workers=3)]
+POOLS = [IN_PROCESS, WorkerPool(workers=3)]
 
 
-@pytest.mark.parametrize("crew", CREWS, ids=str)
-def test_results_have_the_items_order(crew):
-    assert [*results_of(square, range(20), crew)] == [i * i for i in range(20)]
-    assert [*results_of(square, [], crew)] == []
+@pytest.mark.parametrize("pool", POOLS, ids=str)
+def test_results_have_the_items_order(pool):
+    assert [*results_of(square, range(20), pool)] == [i * i for i in range(20)]
+    assert [*results_of(square, [], pool)] == []
 
 
-@pytest.mark.parametrize("crew", CREWS, ids=str)
-def test_the_first_error_in_the_items_order_is_raised_after_the_results_before_it(crew):
-    results = results_of(odd_fails, [0, 2, 4, 3, 5], crew)
+@pytest.mark.parametrize("pool", POOLS, ids=str)
+def test_the_first_error_in_the_items_order_is_raised_after_the_results_before_it(pool):
+    results = results_of(odd_fails, [0, 2, 4, 3, 5], pool)
     assert [next(results) for _ in range(3)] == [0, 2, 4]
     with pytest.raises(ValueError, match="odd: 3"):
         next(results)
 
 
 def test_workers_are_other_processes_of_one_thread_each():
-    found = [*results_of(told, range(6), Crew(workers=2))]
+    found = [*results_of(told, range(6), WorkerPool(workers=2))]
     pids = {pid for pid, _, _ in found}
     assert os.getpid() not in pids
     assert len(pids) == 2
@@ -332,7 +332,7 @@ def test_workers_are_other_processes_of_one_thread_each():
 
 
 def test_a_process_that_ends_is_said_with_its_last_words():
-    results = results_of(ends, [1, 2, 3], Crew(workers=2))
+    results = results_of(ends, [1, 2, 3], WorkerPool(workers=2))
     assert next(results) == 1
     with pytest.raises(ProcessLostError, match="exit code 7; last words") as caught:
         next(results)
@@ -347,7 +347,7 @@ def test_an_item_whose_machine_is_lost_is_an_error_at_its_own_place(monkeypatch)
             return super().get(pending)
 
     monkeypatch.setitem(sys.modules, "ray", Losing())
-    results = results_of(square, [2, 3, 4, 5], Crew(engine="ray", workers=2))
+    results = results_of(square, [2, 3, 4, 5], WorkerPool(engine="ray", workers=2))
     assert [next(results), next(results)] == [4, 9]
     with pytest.raises(ProcessLostError, match="found: DiedError") as caught:
         next(results)
@@ -355,13 +355,13 @@ def test_an_item_whose_machine_is_lost_is_an_error_at_its_own_place(monkeypatch)
 
 
 def test_one_worker_of_this_machine_is_the_calling_process():
-    assert ALONE.alone
-    assert Crew(workers=1).alone
-    assert not Crew(workers=2).alone
-    assert not Crew(engine="ray", workers=1).alone
-    two, ray = Crew(workers=2), Crew(engine="ray", workers=2)
+    assert IN_PROCESS.in_process
+    assert WorkerPool(workers=1).in_process
+    assert not WorkerPool(workers=2).in_process
+    assert not WorkerPool(engine="ray", workers=1).in_process
+    two, ray = WorkerPool(workers=2), WorkerPool(engine="ray", workers=2)
     assert two.for_work(worth_a_process=True) is two
-    assert two.for_work(worth_a_process=False) is ALONE
+    assert two.for_work(worth_a_process=False) is IN_PROCESS
     assert ray.for_work(worth_a_process=False) is ray
 
 

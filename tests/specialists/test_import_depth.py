@@ -93,7 +93,7 @@ def test_png_in_millimetres_is_metres(bring, source):
     assert str(stored(run)["unit"]) == "m"
     code, _, said = bring("--space", "depth", name="unitless")
     assert code == 2
-    assert "integers of no declared unit" in said
+    assert "integers without a declared unit" in said
     assert "next: say it with --space, and integers with --unit" in said
 
 
@@ -109,7 +109,7 @@ def test_a_label_that_contradicts_the_file_is_refused(bring, source):
     WRITERS[".npz"](source / f"{STEMS[0]}.npz")
     code, _, said = bring("--space", "disparity")
     assert code == 2
-    assert "labelled in two ways" in said
+    assert "contradictory declarations" in said
 
 
 def camera(path: Path, **more) -> Path:
@@ -203,7 +203,7 @@ USELESS = {
     "another size": (DEPTH[:, :40], "of another size; found: 40x48"),
     "no number": (DEPTH * np.nan, "no prediction at any pixel; found: no finite number above 0"),
     "all behind the camera": (-DEPTH, "no prediction at any pixel"),
-    "complex numbers": (DEPTH.astype(np.complex64), "numbers of the wrong type"),
+    "complex numbers": (DEPTH.astype(np.complex64), "the wrong number type"),
     "far too large": (
         np.lib.stride_tricks.as_strided(DEPTH, (4000, 4000), (0, 0)),
         "of anoth",

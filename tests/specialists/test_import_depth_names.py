@@ -278,7 +278,7 @@ def test_a_tiff_of_several_pictures(bring: Any, tmp_path: Path) -> None:
     np.save(tmp_path / "depths/B.npy", DEPTH)
     code, run, _ = bring(*IN_METRES)
     assert code == 1
-    assert "several pictures in one TIFF" in rows(run)[1]["reason"]
+    assert "several images in one TIFF" in rows(run)[1]["reason"]
 
 
 EXR = {

@@ -1,1 +1,1 @@
-"""Depth scoring: a run's depth files against measured depth, affine-invariant in disparity."""
+"""Depth scoring: depth files against measured depth, affine-invariant in disparity."""

@@ -47,7 +47,7 @@ def moments_of(x: F64, y: F64) -> Moments:
 
 
 def merged(a: Moments, b: Moments) -> Moments:
-    """Moments of both sets together (Chan, Golub, LeVeque 1979, pairwise update)."""
+    """Moments of the union of two sets (Chan, Golub, LeVeque 1979, pairwise update)."""
     if not a.n or not b.n:
         return a if a.n else b
     n = a.n + b.n
@@ -63,10 +63,10 @@ def merged(a: Moments, b: Moments) -> Moments:
 
 
 def solve(moments: Moments) -> Fit:
-    """The line y = scale * x + shift of least squares; x predicted, y true disparity.
+    """The least-squares line y = scale * x + shift; x predicted, y true disparity.
 
-    Without spread in x the best line is the constant mean_y: "degenerate". A scale that is not
-    positive is kept and called "inverted".
+    Without spread in x the best line is the constant mean_y: "degenerate". A non-positive scale is
+    kept and flagged "inverted".
     """
     if moments.n == 0 or math.sqrt(moments.m_xx / moments.n) <= _NO_SPREAD * abs(moments.mean_x):
         return Fit(scale=0.0, shift=moments.mean_y, status="degenerate")
@@ -79,10 +79,10 @@ def solve(moments: Moments) -> Fit:
 
 
 def aligned_z(disparity: F64, fit: Fit, min_disparity: float) -> tuple[F64, NDArray[np.bool_]]:
-    """Aligned depth in the truth's unit, and where the disparity was clamped from below.
+    """Aligned depth in the ground truth's unit, and where the disparity was clamped from below.
 
-    disparity: (n,) predicted; min_disparity: 1 / max(valid truth), so that no aligned depth is
-    beyond the deepest truth.
+    disparity: (n,) predicted; min_disparity: 1 / max(valid truth), so that no aligned depth exceeds
+    the deepest ground truth.
     """
     aligned = fit.scale * disparity + fit.shift
     clamped = aligned < min_disparity

@@ -1,4 +1,4 @@
-"""Depth arrays that say what they hold, and their disparity at single pixels."""
+"""Depth arrays with their declared quantity, and their disparity at single pixels."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Space = Literal["depth", "disparity", "ray_distance"]
 SPACES: Final[tuple[Space, ...]] = get_args(Space)
 Intrinsics = tuple[float, float, float, float]
 Index = NDArray[np.intp]
-#: The sum of a picture's squares of this is still finite in float64.
+#: The sum of squares of an image of such values is still finite in float64.
 _LARGEST: Final = 1e150
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stored:
-    """How a file holds an array. array: its name in an .npz or an EXR, None in other formats."""
+    """How a file stores an array. array: its name in an .npz or an EXR, None in other formats."""
 
     array: str | None
     dtype: str
@@ -30,7 +30,7 @@ class Stored:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthArray:
-    """(H, W) float32 or float64 values and what they are.
+    """(H, W) float32 or float64 values and their declared quantity.
 
     space: "depth" is planar z, "ray_distance" the distance from the camera's centre, "disparity"
     anything affine in 1 / z. unit: of the values, None when they have no known scale.
@@ -50,11 +50,11 @@ class DepthArray:
         return int(self.values.shape[1]), int(self.values.shape[0])
 
     def disparity_at(self, rows: Index, cols: Index) -> tuple[F64, NDArray[np.bool_]]:
-        """Disparity at pixels (n,), 0 where there is no prediction, and where there is one.
+        """Disparity at pixels (n,), 0 where there is no prediction, and a mask of predictions.
 
-        A depth or distance is a prediction when finite and positive. A disparity is one when
-        finite: it is fitted with a free shift, so its sign has no meaning. Neither is one where its
-        square, or its inverse's, is more than float64 holds.
+        A depth or distance is a prediction if finite and positive; a disparity if finite, because
+        it is fitted with a free shift and its sign has no meaning. A value whose square, or whose
+        inverse's square, overflows float64 is not a prediction.
         """
         values = self.values[rows, cols].astype(np.float64)
         predicted = self.predicted(values)
@@ -67,7 +67,7 @@ class DepthArray:
         return disparity, predicted
 
     def predicted(self, values: NDArray[Any]) -> NDArray[np.bool_]:
-        """Which of some values of this array are predictions, of their shape."""
+        """Mask of the values that are predictions, of the same shape."""
         return in_range(values, signed=self.space == "disparity")
 
     def _ray_lengths(self, rows: Index, cols: Index) -> F64:
@@ -106,7 +106,7 @@ def checked_array(
     source: str,
     stored: Stored | None = None,
 ) -> DepthArray:
-    """A depth array after every check that needs no other file. DepthFileError otherwise."""
+    """A depth array after all checks that need no other file. DepthFileError if one fails."""
     if space not in SPACES:
         raise DepthFileError(
             f"{source} does not say what its numbers are",
@@ -122,13 +122,13 @@ def checked_array(
         )
     if values.dtype.kind != "f" or values.dtype.itemsize not in (4, 8):
         raise DepthFileError(
-            f"{source} holds numbers of the wrong type",
+            f"{source} has the wrong number type",
             found=str(values.dtype),
             expected="float32 or float64 (float16 keeps 3 digits and overflows at 65504)",
         )
     if space == "ray_distance" and intrinsics_px is None:
         raise DepthFileError(
-            f"{source} holds ray distances and no intrinsics",
+            f"{source} contains ray distances but no intrinsics",
             found="no intrinsics_px",
             expected="fx, fy, cx, cy at the array's size",
             next_step="give --intrinsics when importing",

@@ -21,14 +21,14 @@ _CONVERGED: Final = 1e-12
 
 
 def pinhole_from_distorted(camera: Camera, distorted_xy_px: F64) -> F64:
-    """Where the pinhole with the same fx, fy, cx, cy sees what a distorted pixel shows.
+    """Map distorted pixels to those of the pinhole camera with the same fx, fy, cx, cy.
 
-    distorted_xy_px and the result: (n, 2), x and y from the top left corner of the picture.
-    CameraModelError when the model is unknown or a pixel has no ray in front of the camera.
+    distorted_xy_px and the result: (n, 2), x and y from the top left corner of the image.
+    CameraModelError if the model is unknown or a pixel has no ray in front of the camera.
     """
     if camera.model not in PARAMETERS or len(camera.params) != PARAMETERS[camera.model]:
         raise CameraModelError(
-            "this camera model is not known",
+            "unknown camera model",
             found=f"{camera.model} with {len(camera.params)} parameters",
             expected=", ".join(f"{name} with {n}" for name, n in PARAMETERS.items()),
             next_step="score with --camera-model none",
@@ -91,8 +91,8 @@ def _distorted(uv: F64, coefficients: tuple[float, ...]) -> tuple[F64, tuple[F64
 
 def _no_ray(count: int, why: str) -> CameraModelError:
     return CameraModelError(
-        "the camera model gives no ray for a pixel",
+        "the camera model has no ray for a pixel",
         found=f"{why} ({counted(count, 'pixel', 'pixels')})",
-        expected="a distortion that can be inverted over the whole picture",
+        expected="a distortion that is invertible over the whole image",
         next_step="check the parameters in cameras.txt, or score with --camera-model none",
     )

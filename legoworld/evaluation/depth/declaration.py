@@ -1,4 +1,4 @@
-"""depth.toml: what the arrays of a folder are, where the files cannot say it themselves."""
+"""depth.toml: declares the arrays of a folder whose files cannot declare it themselves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DECLARATION: Final = "depth.toml"
 
 @dataclass(frozen=True, kw_only=True)
 class Declaration:
-    """What a truth folder's files hold; None where nothing is declared.
+    """The declared content of a ground-truth folder's files; None where undeclared.
 
     space: depth | ray_distance | disparity; unit: m, mm or m/N of floats, mm, m/N, sun_rgbd or
     nyu_raw of 16-bit integers, px of a disparity; array: the name inside an .npz or .exr;
@@ -37,7 +37,7 @@ class Declaration:
 
 
 def read_declaration(folder: Path) -> Declaration:
-    """The folder's depth.toml; nothing declared where there is none. DepthTruthError if wrong."""
+    """The folder's depth.toml; an empty declaration without one. DepthTruthError if invalid."""
     path = folder / DECLARATION
     if not path.is_file():
         return Declaration()
@@ -50,7 +50,7 @@ def read_declaration(folder: Path) -> Declaration:
     wrong += [key for key, value in values.items() if key in known and not _fits(key, value)]
     if wrong:
         raise DepthTruthError(
-            f"{DECLARATION} declares something unknown",
+            f"{DECLARATION} has an unknown key or value",
             found=f"{wrong[0]} = {values[wrong[0]]!r}",
             expected=", ".join(sorted(known)) + "; space " + " | ".join(SPACES),
         )

@@ -1,4 +1,4 @@
-"""What can be wrong with depth files: the truth's faults end a scoring, a prediction's are rows."""
+"""Errors of depth files: one in ground truth ends scoring, one in a prediction is its row."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from legoworld.errors import LegoWorldError
 
 
 class DepthFileError(LegoWorldError):
-    """A depth file cannot be read as what it says it is."""
+    """A depth file cannot be read as the format it claims to be."""
 
     code = "depth_file"
     status = "invalid"
 
 
 class DepthTruthError(LegoWorldError):
-    """The truth is absent, unlabelled, or contradicts the track: nothing can be scored."""
+    """The ground truth is missing, undeclared or contradicts the track: nothing can be scored."""
 
     code = "depth_truth"
 
@@ -33,6 +33,6 @@ class DepthMissingError(LegoWorldError):
 
 
 class CameraModelError(LegoWorldError):
-    """A camera model is unknown, or a pixel has no ray under it."""
+    """A camera model is unknown, or has no ray for a pixel."""
 
     code = "camera_model"

@@ -1,4 +1,4 @@
-"""ETH3D on disk: where a photo's raw depth and calibration lie, and what the calibration says."""
+"""ETH3D on disk: a photo's raw depth, calibration and camera."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ class Eth3dFiles:
 
 
 def scene_of(file_name: str) -> str | None:
-    """The ETH3D scene a photo is of; None when the name is not `<scene>/images/dslr_images/X`."""
+    """The ETH3D scene of a photo; None if the name is not `<scene>/images/dslr_images/X`."""
     match = _FILE_NAME.fullmatch(file_name)
     return match["scene"] if match else None
 
 
 @cache
 def training_images() -> tuple[ListedImage, ...]:
-    """ETH3D's 454 training images: id and file name, as the shipped list has them."""
+    """ETH3D's 454 training images: id and file name, from the shipped list."""
     path = catalog.folder("datasets") / "eth3d" / "images.json"
     return decode(tuple[ListedImage, ...], path.read_bytes())
 
 
 def find_files(truth: Path, file_name: str) -> Eth3dFiles | None:
-    """A photo's files below the truth folder, in either tree; None without a depth file."""
+    """A photo's files below the ground-truth folder, in either tree; None without a depth file."""
     match = _FILE_NAME.fullmatch(file_name)
     if match is None:
         return None
@@ -67,26 +67,26 @@ def find_files(truth: Path, file_name: str) -> Eth3dFiles | None:
 
 
 def find_calibration(truth: Path, scene: str) -> Path | None:
-    """The folder of a scene's calibration below the truth folder, in either tree."""
+    """The folder of a scene's calibration below the ground-truth folder, in either tree."""
     folders = [truth / pattern.format(scene=scene) for pattern in _CALIBRATION]
     return next((folder for folder in folders if calibration_files(folder)), None)
 
 
 def scenes_below(truth: Path) -> list[str]:
-    """The names of the scenes that have a calibration below the truth folder, sorted."""
+    """Sorted names of the scenes with a calibration below the ground-truth folder."""
     below = [path.parent.name for p in _CALIBRATION for path in truth.glob(p.format(scene="*"))]
     return sorted({scene for scene in below if find_calibration(truth, scene)})
 
 
 def photo_camera(calibration: Calibration, name: str) -> Camera:
-    """The camera that took a photo. DepthTruthError when the calibration does not say."""
+    """The camera that took a photo. DepthTruthError if the calibration does not list it."""
     cameras, camera_ids = calibration.cameras, calibration.camera_ids
     if len(calibration.files) == 1 and len(cameras) == 1:
         return next(iter(cameras.values()))
     camera_id = camera_ids.get(f"{PHOTOS}/{name}", camera_ids.get(name))
     if camera_id not in cameras:
         raise DepthTruthError(
-            f"the calibration does not say which camera took {name}",
+            f"the calibration does not name the camera of {name}",
             found=f"{len(camera_ids)} photos in images.txt, {len(cameras)} in cameras.txt",
             expected=f"{PHOTOS}/{name} in images.txt and its camera in cameras.txt",
         )

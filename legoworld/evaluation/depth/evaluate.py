@@ -1,4 +1,4 @@
-"""`legoworld evaluate` of a depth run: its files and the truth's in, an evaluation folder out."""
+"""`legoworld evaluate` of a depth run: writes an evaluation folder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from legoworld.records.folders.evaluation_folder import (
     write_evaluation,
 )
 from legoworld.records.folders.run_reading import ROWS, RUN
-from legoworld.workers.tasks import ALONE, Crew
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 
 def evaluate_depth(
@@ -43,16 +43,16 @@ def evaluate_depth(
     seed: int = 0,
     overwrite: bool = False,
     progress: Callable[[DepthRow], None] | None = None,
-    crew: Crew = ALONE,
+    pool: WorkerPool = IN_PROCESS,
     origins: Origins = HERE,
 ) -> DepthSummary:
-    """Score a depth run and write the evaluation folder; returns its summary.
+    """Score a depth run and write the evaluation folder; return its summary.
 
-    truth: ETH3D's folder, or one of arrays named like the photos. camera_model "dataset" reads a
-    scene's pinhole depth where each distorted truth pixel looks. crew: works on the images, any
-    gives the same bytes; each worker has one image in memory. progress: told of each row in the
-    images' order. Raises before scoring when run, truth, options and output do not go together;
-    what is wrong with one prediction is that image's row.
+    truth: ETH3D's folder, or a folder of arrays named like the photos. camera_model "dataset" reads
+    a scene's pinhole depth through the dataset's distorted camera. pool: processes the images; any
+    pool gives the same bytes; each worker has one image in memory. progress: called with each row
+    in image order. Raises before scoring if run, ground truth, options and output do not fit
+    together; an error of one prediction is recorded in that image's row.
     """
     protocol = depth_protocol()
     settings = Settings(camera_model=camera_model, draws=draws, seed=seed)
@@ -66,7 +66,7 @@ def evaluate_depth(
     rows: list[DepthRow] = []
     views: dict[str, Any] = {"run.json": run_view(depth_run.run)}
     tasks = image_tasks(depth_run.images, files, warped=camera_model == "dataset")
-    for task, result in zip(tasks, scored_images(tasks, crew), strict=True):
+    for task, result in zip(tasks, scored_images(tasks, pool), strict=True):
         rows.append(result.row)
         if result.view is not None:
             views[f"{task.image.image.image_id}.json"] = result.view
@@ -103,13 +103,13 @@ def evaluate_depth(
 def _check(run: DepthRun, files: Sequence[TruthFile], settings: Settings) -> None:
     if settings.draws < 1 or settings.seed < 0:
         raise UsageError(
-            "the bootstrap cannot be drawn like this",
+            "invalid bootstrap settings",
             found=f"{counted(settings.draws, 'draw', 'draws')}, seed {settings.seed}",
             expected="at least one draw, and a seed of at least 0",
         )
     if settings.camera_model not in CAMERA_MODELS:
         raise UsageError(
-            "there is no such camera model",
+            "unknown camera model",
             found=repr(settings.camera_model),
             expected=" or ".join(CAMERA_MODELS),
         )

@@ -1,4 +1,4 @@
-"""Depth out of OpenEXR files: which channel it is, and its numbers."""
+"""Depth from OpenEXR files: its channel and its values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.headers import SizeCheck, check_claim
 
-#: Last parts of channel names that hold a depth, the surest first; `<layer>.Z` counts as Z.
+#: Last parts of the names of depth channels, the most specific first; `<layer>.Z` counts as Z.
 _DEPTH_NAMES: Final = (("Z",), ("DEPTH",), ("Y", "V"))
 _GREY: Final = ("R", "G", "B")
 
@@ -22,8 +22,8 @@ def read_exr(
 ) -> tuple[NDArray[Any], str]:
     """A channel of an EXR, float32 or float16, and its name (needs OpenEXR 3).
 
-    channel: its name; None takes the only Z, else the only depth, else the only Y or V, else the
-    only channel, else R where G and B hold the same. DepthFileError where that is not clear.
+    channel: its name; None selects the only Z, else the only depth, else the only Y or V, else the
+    only channel, else R if G and B are equal. DepthFileError if that is ambiguous.
     """
     openexr = _openexr(path)
     try:
@@ -53,7 +53,7 @@ def read_exr(
 
 
 def _depth_channel(channels: dict[str, NDArray[Any]]) -> str | None:
-    """The channel that is the depth; None when several could be, or none."""
+    """The depth channel; None if there is none or it is ambiguous."""
     for names in _DEPTH_NAMES:
         fitting = [name for name in channels if name.rpartition(".")[2].upper() in names]
         if fitting:
@@ -70,7 +70,7 @@ def _openexr(path: Path) -> Any:
         return importlib.import_module("OpenEXR")
     except ImportError as error:
         raise DepthFileError(
-            f"{path.name} needs a reader of EXR",
+            f"{path.name} needs an EXR reader",
             found="the package OpenEXR is not installed",
             expected="OpenEXR 3",
             next_step='pip install "legoworld[exr]"',

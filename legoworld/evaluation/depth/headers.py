@@ -1,4 +1,4 @@
-"""What depth files claim to hold, read from their headers before anything of that size is made."""
+"""Sizes claimed by the headers of depth files, checked before allocating anything of that size."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from legoworld.evaluation.depth.errors import DepthFileError
 
-#: Told of a (width, height) before the array is read; raises when it cannot be used.
+#: Called with (width, height) before the array is read; raises if the size is unusable.
 SizeCheck = Callable[[tuple[int, int]], None]
 
 #: 16384 x 16384. No camera has more pixels, and their float64 is 2 GiB.
@@ -22,7 +22,7 @@ _PNG: Final = b"\x89PNG\r\n\x1a\n"
 #: Bytes of a PNG chunk besides its data: length, type and checksum.
 _PNG_CHUNK: Final = 12
 _LONGEST_TEXT_HEADER: Final = 4096
-#: What numpy's parser of an .npy header raises for text that is none.
+#: Exceptions of NumPy's .npy header parser for invalid text.
 _BAD_HEADER: Final = (
     ValueError,
     KeyError,
@@ -39,7 +39,7 @@ _TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_SAMPLES = 256, 257, 277
 
 
 def picture_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """An array's shape without axes of length 1 before or after the picture's two."""
+    """An array's shape without axes of length 1 before or after the image's two axes."""
     while len(shape) > 2 and shape[0] == 1:
         shape = shape[1:]
     while len(shape) > 2 and shape[-1] == 1:
@@ -48,7 +48,7 @@ def picture_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def check_claim(path: Path, shape: tuple[int, ...], check_size: SizeCheck | None) -> None:
-    """Refuse a shape that is no picture, too large for any, or not the caller's size."""
+    """Refuse a shape that is not an image, is too large, or differs from the caller's size."""
     height_width = picture_shape(shape)
     if len(height_width) != 2 or min(height_width) < 1:
         raise DepthFileError(
@@ -59,7 +59,7 @@ def check_claim(path: Path, shape: tuple[int, ...], check_size: SizeCheck | None
     height, width = height_width
     if width * height > MOST_PX:
         raise DepthFileError(
-            f"{path.name} claims to be larger than any picture",
+            f"{path.name} claims an impossible image size",
             found=f"{width}x{height}",
             expected=f"at most {MOST_PX} pixels",
             next_step="write the array again; its header may be damaged",
@@ -71,9 +71,9 @@ def check_claim(path: Path, shape: tuple[int, ...], check_size: SizeCheck | None
 def npy_claim(
     path: Path, stream: IO[bytes], data_bytes: int
 ) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of the .npy that starts at a stream's place.
+    """Shape and type of the .npy at a stream's current position.
 
-    data_bytes: of the whole .npy, header included. DepthFileError when it is no .npy of plain
+    data_bytes: of the whole .npy, header included. DepthFileError if it is not an .npy of plain
     numbers or text, or holds fewer bytes than its header says.
     """
     start = stream.tell()
@@ -98,7 +98,7 @@ def npy_claim(
     left = data_bytes - (stream.tell() - start)
     if any(side < 0 for side in shape) or needed > left:
         raise DepthFileError(
-            f"{path.name} cannot be read: it is cut, or its header is damaged",
+            f"{path.name} cannot be read: it is truncated, or its header is damaged",
             found=f"{left} bytes of numbers",
             expected=f"{needed} for {dtype} of shape {shape}",
         )
@@ -106,7 +106,7 @@ def npy_claim(
 
 
 def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
-    """(height, width), scale and the place of the pixels in a one-channel PFM."""
+    """(height, width), scale and the offset of the pixels in a one-channel PFM."""
     with path.open("rb") as stream:
         magic = stream.readline(16).strip()
         header = [stream.readline(64)]
@@ -122,7 +122,7 @@ def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
         scale = 0.0
     if magic != b"Pf" or min(width, height) < 1 or not math.isfinite(scale) or scale == 0:
         raise DepthFileError(
-            f"{path.name} is no one-channel PFM",
+            f"{path.name} is not a one-channel PFM",
             found=repr(b" ".join([magic, *(h.strip() for h in header)]))[:100],
             expected="Pf, width and height, a scale whose sign is the byte order",
         )
@@ -130,9 +130,9 @@ def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
 
 
 def png_claim(path: Path) -> tuple[int, ...]:
-    """The shape a PNG's IHDR chunk claims; every chunk must lie in the file.
+    """The shape claimed by a PNG's IHDR chunk; every chunk must be inside the file.
 
-    Decoders make room for the length that a chunk claims, up to 4 GiB, before they read it.
+    Decoders allocate the length that a chunk claims, up to 4 GiB, before reading it.
     """
     with path.open("rb") as stream:
         start = stream.read(26)
@@ -154,7 +154,7 @@ def png_claim(path: Path) -> tuple[int, ...]:
 
 
 def pgm_claim(path: Path) -> tuple[int, ...]:
-    """The shape a PGM's header claims; a binary one must have the bytes for it."""
+    """The shape claimed by a PGM's header; a binary file must have the bytes for it."""
     with path.open("rb") as stream:
         start = stream.read(_LONGEST_TEXT_HEADER)
     uncommented = b" ".join(line.split(b"#")[0] for line in start.split(b"\n"))
@@ -165,7 +165,7 @@ def pgm_claim(path: Path) -> tuple[int, ...]:
     needed = width * height * (2 if largest > 255 else 1)
     if words[0] == b"P5" and path.stat().st_size < needed:
         raise DepthFileError(
-            f"{path.name} is cut or has a damaged header",
+            f"{path.name} is truncated or has a damaged header",
             found=f"{path.stat().st_size} bytes",
             expected=f"{needed} for {width}x{height}",
         )
@@ -173,7 +173,7 @@ def pgm_claim(path: Path) -> tuple[int, ...]:
 
 
 def tiff_claim(path: Path) -> tuple[int, ...]:
-    """The shape of a TIFF's only picture, (height, width) or (height, width, channels)."""
+    """The shape of a TIFF's only image, (height, width) or (height, width, channels)."""
     try:
         with path.open("rb") as stream:
             fields, following = _first_directory(stream)
@@ -184,7 +184,7 @@ def tiff_claim(path: Path) -> tuple[int, ...]:
     if following:
         raise DepthFileError(
             f"{path.name} is not one depth image",
-            found="several pictures in one TIFF",
+            found="several images in one TIFF",
             expected="one",
         )
     if _TIFF_WIDTH not in fields or _TIFF_HEIGHT not in fields:
@@ -194,9 +194,9 @@ def tiff_claim(path: Path) -> tuple[int, ...]:
 
 
 def _first_directory(stream: IO[bytes]) -> tuple[dict[int, int], int]:
-    """A TIFF's first directory: integer fields by tag, and the place of the next directory.
+    """A TIFF's first directory: integer fields by tag, and the offset of the next directory.
 
-    TIFF 6.0 (Adobe, 1992), section 2; BigTIFF has 8-byte counts and places instead.
+    TIFF 6.0 (Adobe, 1992), section 2; BigTIFF has 8-byte counts and offsets.
     """
     order = {b"II": "<", b"MM": ">"}[stream.read(2)]
 

@@ -1,4 +1,4 @@
-"""The images of a depth run, each scored by whoever of a crew is free."""
+"""The images of a depth run, scored by the workers of a pool."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from legoworld.evaluation.depth.predictions import DepthImage
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.rows import ImageResult, score_row
 from legoworld.evaluation.depth.truth import TruthFile
-from legoworld.workers.tasks import Crew, results_of
+from legoworld.workers.tasks import WorkerPool, results_of
 
-#: Bytes of truth that are scored by the time that other processes have started.
+#: Bytes of ground truth that are scored in the time that other processes take to start.
 _FEW_BYTES: Final = 16 << 20
 
 
 class DepthUnseenError(LegoWorldError):
-    """A machine of the cluster does not see the files that the command sees."""
+    """A machine of the cluster does not see the same files as the command."""
 
     code = "depth_unseen"
     exit_code = exit_codes.BLOCKED
@@ -40,7 +40,7 @@ class ImageTask:
 def image_tasks(
     images: Sequence[DepthImage], files: Sequence[TruthFile], *, warped: bool
 ) -> list[ImageTask]:
-    """What is to be done for each image of a run. warped: through the dataset's camera."""
+    """The task of each image of a run. warped: through the dataset's camera."""
     return [
         ImageTask(
             image=image,
@@ -52,17 +52,17 @@ def image_tasks(
     ]
 
 
-def scored_images(tasks: Sequence[ImageTask], crew: Crew) -> Iterator[ImageResult]:
-    """Every image's result, in the order of the tasks."""
+def scored_images(tasks: Sequence[ImageTask], pool: WorkerPool) -> Iterator[ImageResult]:
+    """The result of every image, in the order of the tasks."""
     truth_bytes = sum(task.sizes_bytes.get(task.file.path, 0) for task in tasks)
     much = len(tasks) > 1 and truth_bytes > _FEW_BYTES
-    return results_of(score_task, tasks, crew.for_work(worth_a_process=much))
+    return results_of(score_task, tasks, pool.for_work(worth_a_process=much))
 
 
 def score_task(task: ImageTask) -> ImageResult:
-    """Score one image. DepthUnseenError where the command's files are not to be seen.
+    """Score one image. DepthUnseenError if this machine does not see the command's files.
 
-    A file that only this machine lacks would otherwise be taken for a missing prediction.
+    Otherwise a file missing on this machine would be mistaken for a missing prediction.
     """
     for path, size_bytes in task.sizes_bytes.items():
         found = path.stat().st_size if path.is_file() else None

@@ -1,4 +1,4 @@
-"""Depth cameras' 16-bit integers, each in the unit its file was declared to have."""
+"""16-bit integers of depth cameras, in the declared unit of each file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _sun_rgbd(stored: NDArray[np.uint16]) -> F64:
 
 
 def _nyu_raw(stored: NDArray[np.uint16]) -> F64:
-    """Raw Kinect disparity of NYU Depth v2's PGMs: z = 351.3 / (1092.5 - raw), 2047 is nothing.
+    """Raw Kinect disparity of NYU Depth v2's PGMs: z = 351.3 / (1092.5 - raw), 2047 is invalid.
 
     The files keep the low byte first, against the PGM standard, so a standard reader gets each
     number with its bytes swapped (the dataset's own toolbox swaps them back, too).
@@ -36,7 +36,7 @@ _PARTS: Final = "m/"
 
 
 def per_metre(unit: str | None) -> float | None:
-    """How many of a unit make a metre: m, mm, or m/N for any N; None for other units."""
+    """Units per metre: for m, mm, or m/N with any N; None for other units."""
     if unit in ("m", "mm"):
         return 1.0 if unit == "m" else 1000.0
     try:
@@ -58,7 +58,7 @@ UNITS: Final = "m | mm | m/N, such as m/5000 | sun_rgbd | nyu_raw"
 
 
 def is_unit(unit: str) -> bool:
-    """Whether a text is the unit of a depth."""
+    """Whether the text is a unit of depth."""
     return per_metre(unit) is not None or unit in _CODED
 
 
@@ -67,21 +67,21 @@ def metres(
 ) -> F64:
     """(H, W) uint16 as float64 metres; invalid_value, if any, becomes inf.
 
-    DepthFileError when the unit is not declared, the type is not uint16, or a pixel holds 65535:
-    a writer that clips leaves that, and 65.535 m is all that millimetres can say. (A writer that
-    wraps around leaves no trace; such files cannot be told from good ones.)
+    DepthFileError if the unit is not declared, the type is not uint16, or a pixel is 65535: clipped
+    values end there, since 16-bit millimetres end at 65.535 m. (Values that wrapped around cannot
+    be detected.)
     """
     if stored.dtype != np.uint16 or stored.ndim != 2:
         raise DepthFileError(
-            f"{source} is no 16-bit depth image",
+            f"{source} is not a 16-bit depth image",
             found=f"{stored.dtype}, shape {stored.shape}",
             expected="one channel of uint16",
-            next_step="8-bit and colour pictures are for viewing; use the measured depth",
+            next_step="8-bit and colour images are for viewing; use the measured depth",
         )
     count = per_metre(unit) if unit != "m" else None  # whole metres are m/1: say so
     if unit not in _CODED and count is None:
         raise DepthFileError(
-            f"{source} holds integers of no declared unit",
+            f"{source} contains integers without a declared unit",
             found=f"unit {unit!r}",
             expected=UNITS,
             next_step='declare it in depth.toml, such as unit = "mm"',
@@ -90,7 +90,7 @@ def metres(
     saturated = int(np.count_nonzero((stored == _SATURATED) & ~unknown))
     if saturated:
         raise DepthFileError(
-            f"{source} is clipped: the scene goes beyond what 16 bits hold",
+            f"{source} is clipped: the scene exceeds the range of 16 bits",
             found=f"{counted(saturated, 'pixel', 'pixels')} of {_SATURATED}",
             expected=f"values below {_SATURATED}",
             next_step=f"store float32, or declare invalid_value = {_SATURATED} if it means none",

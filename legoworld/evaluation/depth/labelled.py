@@ -1,4 +1,4 @@
-"""Depth arrays with their labels: what the .npz says of itself, or what a folder declares."""
+"""Depth arrays with their declarations, from the .npz itself or from the folder."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def read_labelled(
     check_size: SizeCheck | None = None,
     accept_float16: bool = False,
 ) -> DepthArray:
-    """A depth file of any accepted format. DepthFileError says why it cannot be used.
+    """Read a depth file of any accepted format. DepthFileError if it is unusable.
 
-    An .npz carries its own labels: an array `depth_z_m` with space "depth" (a readout's), or
-    `values` with `space`, `unit` (absent or "" when unknown); both may have `intrinsics_px` = fx,
-    fy, cx, cy, which ray_distance needs. Every other format has what was declared of it. Axes of
-    length 1 around the picture's two are dropped. check_size: told of the size that the header
-    claims, before the array is read. accept_float16: such numbers become float32.
+    An .npz declares itself: an array `depth_z_m` with space "depth" (a readout's), or `values` with
+    `space` and `unit` (absent or "" if unknown); both may have `intrinsics_px` = fx, fy, cx, cy,
+    which ray_distance needs. Every other format uses the given declaration. Axes of length 1 around
+    the image's two are dropped. check_size: called with the header's size before the array is read.
+    accept_float16: convert float16 to float32.
     """
     try:
         if path.suffix.lower() == ".npz":
@@ -58,7 +58,7 @@ def read_labelled(
 
 
 def claimed_size(path: Path, declared: Declaration) -> tuple[int, int]:
-    """The (width, height) that a depth file's header claims; its numbers are not read."""
+    """The (width, height) claimed by a depth file's header; the values are not read."""
     told: list[tuple[int, int]] = []
 
     def stop(size_wh: tuple[int, int]) -> None:
@@ -71,7 +71,7 @@ def claimed_size(path: Path, declared: Declaration) -> tuple[int, int]:
 
 
 class _SizeToldError(Exception):
-    """Ends a reading once its size is known."""
+    """Aborts reading once the size is known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,10 +161,10 @@ def _text(arrays: dict[str, NDArray[Any]], name: str, path: Path) -> str | None:
 
 
 def _agreed(name: str, own: str | None, other: str | None, path: Path) -> str | None:
-    """What a file says of itself and what is said of it, when they are the same."""
+    """A file's own declaration and the given one, which must agree."""
     if own is not None and other is not None and own != other:
         raise DepthFileError(
-            f"{path.name} is labelled in two ways",
+            f"{path.name} has contradictory declarations",
             found=f"{name} {own!r} and {other!r}",
             expected="one",
         )
@@ -172,13 +172,13 @@ def _agreed(name: str, own: str | None, other: str | None, path: Path) -> str | 
 
 
 def _check_version(arrays: dict[str, NDArray[Any]], path: Path) -> None:
-    """Files without a version are the first, or somebody else's."""
+    """Files without a version are of version 1 or from another program."""
     version = arrays.get("format_version")
     if version is None:
         return
     if version.ndim != 0 or version.dtype.kind != "i" or not 1 <= int(version) <= FORMAT_VERSION:
         raise DepthFileError(
-            f"{path.name} is of a format that is not known",
+            f"{path.name} has an unknown format version",
             found=f"format_version {version.tolist()!r}",
             expected=f"1 to {FORMAT_VERSION}",
             next_step="read it with the version of legoworld that wrote it",

@@ -1,4 +1,4 @@
-"""Depth errors as sums that add up over bands of pixels, and as metrics under hole policies."""
+"""Depth errors as sums over bands of pixels, and as metrics under hole policies."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ def error_sums(predicted_z_m: F64, true_z_m: F64, delta_base: float) -> ErrorSum
 
 
 def metrics_of(predicted: ErrorSums, holes_far: ErrorSums, protocol: DepthProtocol) -> Metrics:
-    """Every metric under every policy it exists for.
+    """Every metric under every policy for which it is defined.
 
-    predicted: pixels with a prediction, at least one; holes_far: pixels without one, scored as if
-    at the deepest truth. Under error_1 each of these holes has a fixed error and fails every
-    delta. silog is the standard deviation of ln(p / t), a fraction (KITTI prints it times 100).
+    predicted: pixels with a prediction, at least one; holes_far: pixels without one, scored at the
+    depth of the deepest ground truth. Under error_1 each hole has a fixed error and fails every
+    delta. silog is the standard deviation of ln(p / t) as a fraction (KITTI prints it times 100).
     """
     n, n_all = predicted.n, predicted.n + holes_far.n
     far = predicted + holes_far

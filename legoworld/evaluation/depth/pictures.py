@@ -1,4 +1,4 @@
-"""Arrays out of the file formats depth comes in; see `SUFFIXES`, and ETH3D's raw float32."""
+"""Arrays from the file formats of depth; see `SUFFIXES`, and ETH3D's raw float32."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from legoworld.evaluation.depth.headers import (
 )
 from legoworld.files import names_a_file
 
-#: Suffixes in the order they are looked for.
+#: Suffixes in lookup order.
 SUFFIXES: Final = (".npz", ".npy", ".pfm", ".exr", ".png", ".pgm", ".tiff", ".tif")
-#: Bytes of an .npz member that is a label, at most.
+#: Maximum size of a declaration in an .npz, in bytes.
 _LABEL_BYTES: Final = 4096
 _JPEG: Final = b"\xff\xd8\xff"
 
 
 def refuse_photo(path: Path) -> None:
-    """DepthFileError when a file is a JPEG: ETH3D's raw depth and photos share their names."""
+    """Raise DepthFileError for a JPEG: ETH3D's raw depth and photos have the same names."""
     with path.open("rb") as stream:
         start = stream.read(3)
     if start == _JPEG:
         raise DepthFileError(
-            f"{path.name}: this is the RGB, not the depth",
+            f"{path.name} is the photo, not the depth",
             found="a JPEG (FF D8 FF)",
             expected="measured depth",
             next_step="point at ground_truth_depth/, not at images/",
@@ -48,7 +48,7 @@ def refuse_photo(path: Path) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Npz:
-    """What an .npz holds. names: of all arrays; labels: the small ones that were asked for."""
+    """Contents of an .npz. names: of all arrays; labels: the small arrays that were requested."""
 
     names: tuple[str, ...]
     pictures: tuple[str, ...]
@@ -69,8 +69,8 @@ def read_picture(
 ) -> tuple[NDArray[Any], str | None]:
     """The array of a one-array file (every suffix but .npz), numbers as stored.
 
-    channel: an EXR's, None to find it. check_size: told of the size before the array is read.
-    Returns the array, not necessarily of two axes, and the EXR channel's name.
+    channel: an EXR's, None to find it. check_size: called with the size before the array is read.
+    Returns the array, not necessarily with two axes, and the EXR channel's name.
     """
     refuse_photo(path)
     suffix = path.suffix.lower()
@@ -92,9 +92,9 @@ def read_picture(
 
 
 def npz_contents(path: Path, labels: Container[str]) -> Npz:
-    """Names of what an .npz holds, and its labels; no picture is read.
+    """Names of the arrays in an .npz, and its declarations; no image is read.
 
-    DepthFileError when it is no .npz, is damaged, or holds two arrays of one name.
+    DepthFileError if it is not an .npz, is damaged, or holds two arrays with one name.
     """
     refuse_photo(path)
     with _npz_errors(path), zipfile.ZipFile(path) as archive:
@@ -131,7 +131,7 @@ def read_npz_array(path: Path, name: str, check_size: SizeCheck | None) -> NDArr
 def read_raw_float32(path: Path, size_wh: tuple[int, int]) -> NDArray[np.float32]:
     """ETH3D's depth: headerless little-endian float32, row major, as (H, W).
 
-    DepthFileError when the file is a photo, or its bytes are not 4 * W * H.
+    DepthFileError if the file is a photo, or its size is not 4 * W * H bytes.
     """
     check_raw_float32(path, size_wh)
     values = np.fromfile(path, dtype="<f4").reshape(size_wh[1], size_wh[0])
@@ -139,13 +139,13 @@ def read_raw_float32(path: Path, size_wh: tuple[int, int]) -> NDArray[np.float32
 
 
 def check_raw_float32(path: Path, size_wh: tuple[int, int]) -> None:
-    """What can be said of a raw depth file without reading it."""
+    """Check a raw depth file without reading it."""
     refuse_photo(path)
     width, height = size_wh
     expected, found = 4 * width * height, path.stat().st_size
     if found != expected:
         raise DepthFileError(
-            f"{path.name} is no raw depth of this size",
+            f"{path.name} is not raw depth of this size",
             found=f"{found} bytes",
             expected=f"{expected} bytes = 4 x {width} x {height}",
             next_step="check the download, and cameras.txt for the size",
@@ -159,7 +159,7 @@ def read_pfm(path: Path, check_size: SizeCheck | None = None) -> NDArray[np.floa
     found = path.stat().st_size - place
     if found != 4 * width * height:
         raise DepthFileError(
-            f"{path.name} is cut or has more than its header says",
+            f"{path.name} does not have the size its header claims",
             found=f"{found} bytes of pixels",
             expected=f"{4 * width * height} = 4 x {width} x {height}",
         )
@@ -236,7 +236,7 @@ def _label(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDA
 
 @contextmanager
 def _npz_errors(path: Path) -> Iterator[None]:
-    """What zipfile, zlib and numpy say of a damaged .npz, as one error."""
+    """Convert the exceptions of zipfile, zlib and NumPy for a damaged .npz to one error."""
     try:
         yield
     except (

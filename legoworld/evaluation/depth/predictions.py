@@ -1,4 +1,4 @@
-"""A depth run's predictions: where each image's file is, and its array or why there is none."""
+"""The predictions of a depth run: each image's file, and its array or the reason for its lack."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _TASK: Final = "eth3d"
 
 @dataclass(frozen=True, kw_only=True)
 class DepthImage:
-    """One attempted image. path: of its depth file, which may be absent.
+    """One attempted image. path: of its depth file, which may be missing.
 
-    reason: why the run has nothing, None where it has something. sha256, rendered_wh: what the
-    run recorded of the file, None where it did not.
+    reason: why the run has no prediction, None if it has one. sha256, rendered_wh: as recorded by
+    the run, or None.
     """
 
     image: RunImage
@@ -42,7 +42,7 @@ class DepthImage:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthRun:
-    """A finished depth run. kind: "scene", or what made the predictions instead."""
+    """A finished depth run. kind: "scene", or the other source of the predictions."""
 
     run: Run
     kind: str
@@ -50,11 +50,11 @@ class DepthRun:
 
 
 def read_depth_run(folder: Path) -> DepthRun:
-    """A depth run and its images, ascending id. RunUnusableError or UsageError otherwise."""
+    """A depth run and its images by ascending id. Raises RunUnusableError or UsageError."""
     run = read_run(folder)
     if run.task != _TASK:
         raise UsageError(
-            f"{folder.name or folder} is no depth run",
+            f"{folder.name or folder} is not a depth run",
             found=f"task {run.task!r}",
             expected=f"a run of the task {_TASK!r}",
         )
@@ -66,11 +66,11 @@ def read_depth_run(folder: Path) -> DepthRun:
 
 
 def load_prediction(image: DepthImage, check_size: SizeCheck | None = None) -> DepthArray:
-    """The image's prediction. check_size: told of its claimed size before it is read.
+    """The image's prediction. check_size: called with the claimed size before it is read.
 
-    DepthMissingError when there is no file; DepthPredictionError or DepthFileError when there is
-    one that cannot be used: its bytes are not those the run recorded, it does not say what it
-    holds, or it is not of the size the run rendered.
+    DepthMissingError if there is no file; DepthPredictionError or DepthFileError for an unusable
+    file: its bytes differ from the recorded hash, its quantity is undeclared, or its size is not
+    the rendered one.
     """
     if not names_a_file(image.path):
         raise DepthMissingError(
@@ -94,7 +94,7 @@ def load_prediction(image: DepthImage, check_size: SizeCheck | None = None) -> D
 
 
 def photo_stem(file_name: str) -> str:
-    """A photo's path without its extension, "/"-separated: how depth files are named."""
+    """A photo's path without its extension, "/"-separated: the stem of its depth file."""
     return str(PurePosixPath(file_name).with_suffix(""))
 
 

@@ -1,4 +1,4 @@
-"""The depth protocol as its card declares it; a card that declares something else is refused."""
+"""The depth protocol declared by its card; a card with other values is refused."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from legoworld.records.evaluation_summary import DepthChoices
 HolePolicy = Literal["error_1", "exclude", "far"]
 HOLE_POLICIES: Final[tuple[HolePolicy, ...]] = ("error_1", "exclude", "far")
 PRIMARY_POLICY: Final[HolePolicy] = "error_1"
-#: Metrics that a hole has a value for, so they exist under every policy.
+#: Metrics that are defined for holes, and so under every policy.
 HOLE_METRICS: Final = ("abs_rel", "delta1", "delta2", "delta3")
 #: Metrics over predicted pixels only.
 EXCLUDE_METRICS: Final = ("rmse_m", "log10", "silog")
@@ -49,7 +49,7 @@ _FIXED: Final[dict[str, Any]] = {
     "holes.far": "max_valid_truth",
 }
 
-#: What a reader needs beside every number, copied from the card into the summary.
+#: Declared choices that are copied from the card into the summary.
 _DECLARED: Final = (
     "alignment.space",
     "alignment.model",
@@ -67,7 +67,7 @@ _DECLARED: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class DepthProtocol:
-    """The numbers of the card. hole_abs_rel: a hole's error under error_1."""
+    """The card's numbers. hole_abs_rel: a hole's error under error_1."""
 
     card: Card
     evaluator: str
@@ -78,19 +78,19 @@ class DepthProtocol:
     failed_image_abs_rel: float
 
     def choices(self, camera_model: str) -> DepthChoices:
-        """What decides a depth number, by the last part of its card key."""
+        """The choices that determine a depth number, by the last part of their card key."""
         chosen = {key.split(".")[1]: self.card.value(key) for key in _DECLARED}
         own = {"min_valid_px": self.min_valid_px, "camera_model": camera_model}
         return to_record(DepthChoices, chosen | own)
 
 
 def depth_protocol(card: Card | None = None) -> DepthProtocol:
-    """The shipped card's protocol; InstallationError when a fixed value is not the code's."""
+    """The shipped card's protocol; InstallationError if a fixed value differs from the code's."""
     card = card or load_card("eth3d")
     for key, expected in _FIXED.items():
         if card.value(key) != expected:
             raise InstallationError(
-                "the depth card declares what the code does not do",
+                "the depth card declares a protocol the code does not implement",
                 found=f"{key} = {card.value(key)!r}",
                 expected=f"{key} = {expected!r}",
                 next_step="restore the card; another protocol is another evaluator version",

@@ -1,4 +1,4 @@
-"""Disparity of a prediction at the truth's pixels: the same, scaled, or warped ones."""
+"""Disparity of a prediction at the ground truth's pixels: direct, scaled or warped."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from legoworld.tracks.colmap import Camera
 
 @dataclass(frozen=True, kw_only=True)
 class Sampled:
-    """A prediction at n truth pixels, all (n,).
+    """A prediction at n ground-truth pixels, all (n,).
 
     disparity: 0 where not predicted. outside: not predicted because the pixel lies outside the
     prediction's view.
@@ -30,23 +30,23 @@ class Sampled:
     outside: NDArray[np.bool_]
 
 
-#: Truth pixels (rows, cols), each (n,), to what the prediction says there.
+#: Maps ground-truth pixels (rows, cols), each (n,), to the prediction there.
 Sample = Callable[[Index, Index], Sampled]
 
-#: A network's input sides are multiples of 14 or so: the aspect may be off by that much.
+#: Tolerance of the aspect: sides of network inputs are multiples of about 14.
 _ASPECT_TOLERANCE: Final = 0.05
 #: Less than half the weight on predicted neighbours: the point is a hole.
 _MIN_WEIGHT: Final = 0.5
-#: Positions this far outside the picture are rounding of its edge.
+#: Positions outside the image by this little are rounding errors of its edge.
 _EDGE_PX: Final = 1e-6
 
 
 def sampler(prediction: DepthArray, truth_wh: tuple[int, int], camera: Camera | None) -> Sample:
-    """How to read a prediction at the truth's pixels.
+    """A function that reads a prediction at the ground truth's pixels.
 
-    camera: None reads at the same place of the picture; otherwise the truth's pixels are the
-    distorted camera's, and the prediction is its pinhole's. DepthPredictionError when the
-    prediction is larger than the truth or of another aspect.
+    camera: None reads at the same image position; otherwise the ground truth's pixels are those of
+    this distorted camera, and the prediction's those of its pinhole. DepthPredictionError if the
+    prediction is larger than the ground truth or has a different aspect.
     """
     check_size(prediction.size_wh, truth_wh)
     if camera is not None and camera.size_wh != truth_wh:
@@ -101,7 +101,7 @@ def _same_pixels(prediction: DepthArray, rows: Index, cols: Index) -> Sampled:
 
 
 def check_size(prediction_wh: tuple[int, int], truth_wh: tuple[int, int]) -> None:
-    """DepthPredictionError unless a prediction is the truth's picture, as large or smaller."""
+    """Raise DepthPredictionError unless the prediction has the aspect and at most the size."""
     if prediction_wh == truth_wh:
         return
     width, height = prediction_wh

@@ -1,4 +1,4 @@
-"""One image of a depth evaluation as a row: its verdict, what it was scored on, its numbers."""
+"""The row of one image of a depth evaluation: status, coverage, metrics."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from legoworld.records.evaluation_rows import DepthRow, Metrics, ScoredDepthRow,
 from legoworld.records.evaluation_view import DepthView
 from legoworld.tracks.colmap import Camera
 
-#: What a flagged fit may mean. A disparity labelled as depth can score well: only its sign tells.
+#: Explanations of flagged fits. A disparity declared as depth can score well; only the sign tells.
 _FLAGS: Final = {
     "inverted": "the prediction falls where the truth rises: is its space declared right?",
     "degenerate": "the prediction is the same at every scored pixel",
@@ -35,7 +35,7 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class ImageResult:
-    """A per_image row, and the image's view (None where nothing was scored)."""
+    """A per_image row, and the image's view (None if not scored)."""
 
     row: DepthRow
     view: DepthView | None
@@ -44,10 +44,10 @@ class ImageResult:
 def score_row(
     image: DepthImage, file: TruthFile, camera: Camera | None, protocol: DepthProtocol
 ) -> ImageResult:
-    """Score one image; both arrays are read here and let go of on return.
+    """Score one image; both arrays are read here and freed on return.
 
-    camera: the truth's distorted camera when predictions are pinhole views to be warped. What is
-    wrong with the prediction becomes the row's status and reason; what is wrong with the truth is
+    camera: the ground truth's distorted camera if predictions are pinhole views to be warped.
+    Errors of the prediction become the row's status and reason; errors of the ground truth are
     raised.
     """
     truth = load_truth(file)
@@ -75,7 +75,7 @@ def _predicted_row(
     camera: Camera | None,
     protocol: DepthProtocol,
 ) -> ImageResult:
-    """The truth's row with what the prediction adds; raises what is wrong with the prediction."""
+    """The ground truth's row extended by the prediction; raises errors of the prediction."""
     prediction = load_prediction(image, partial(check_size, truth_wh=truth.size_wh))
     sample = sampler(prediction, truth.size_wh, camera)
     row = replace(
@@ -159,6 +159,6 @@ def _scored(
 
 
 def worse_than_constant(metrics: Metrics, constant: Metrics) -> tuple[str, ...]:
-    """The hole policies under which AbsRel is above the zero-information constant's."""
+    """The hole policies under which AbsRel exceeds that of the zero-information constant."""
     ours, zero = metrics["abs_rel"], constant["abs_rel"]
     return tuple(p for p in HOLE_POLICIES if ours[p] > zero[p] * (1.0 + _ROUNDING) + _ROUNDING)

@@ -1,4 +1,4 @@
-"""One image's depth score: two passes over the valid truth, a band of rows at a time."""
+"""Depth score of one image: two passes over the valid ground truth, in bands of rows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from legoworld.evaluation.depth.resampling import Sample, Sampled
 from legoworld.records.evaluation_rows import Metrics
 from legoworld.records.evaluation_view import Fit
 
-#: Pixels of a band, about: large enough for numpy, small beside a 6048x4032 picture.
+#: Approximate pixels per band: large enough for NumPy, small beside a 6048x4032 image.
 _BAND_PX: Final = 1 << 18
 
 
@@ -40,10 +40,10 @@ class Counts:
 
 @dataclass(frozen=True, kw_only=True)
 class ImageScore:
-    """fit, metrics and constant are None when too few pixels leave nothing to score.
+    """fit, metrics and constant are None if there are too few pixels to score.
 
-    constant: the metrics of the best constant disparity, which knows nothing of the picture: fitted
-    and scored on the pixels each policy scores. deepest_z_m: the largest valid truth.
+    constant: the metrics of the best constant disparity (zero information), fitted and scored on
+    the pixels each policy scores. deepest_z_m: the largest valid ground truth.
     """
 
     counts: Counts
@@ -62,9 +62,9 @@ class _FirstPass:
 
 
 def score_image(truth_z_m: NDArray[Any], sample: Sample, protocol: DepthProtocol) -> ImageScore:
-    """Align a prediction to the truth and score it under every hole policy.
+    """Align a prediction to the ground truth and score it under every hole policy.
 
-    truth_z_m: (H, W), valid where finite and positive; sample: the prediction at truth pixels.
+    truth_z_m: (H, W), valid where finite and positive; sample: the prediction at its pixels.
     """
     first = _first_pass(truth_z_m, sample)
     if min(first.counts.truth, first.counts.predicted) < protocol.min_valid_px:
@@ -97,7 +97,7 @@ def score_image(truth_z_m: NDArray[Any], sample: Sample, protocol: DepthProtocol
 
 
 def valid_truth(z_m: NDArray[Any]) -> NDArray[np.bool_]:
-    """Where truth is finite and positive, of z_m's shape."""
+    """Mask of finite and positive values, of z_m's shape."""
     return in_range(z_m, signed=False)
 
 

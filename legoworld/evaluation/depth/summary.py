@@ -34,7 +34,7 @@ from legoworld.records.evaluation_summary import (
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What a command line may set."""
+    """Settings of the command line."""
 
     camera_model: str
     draws: int
@@ -91,14 +91,14 @@ def summarise(
 
 
 def metric_policies() -> list[tuple[str, HolePolicy]]:
-    """Every (metric, hole policy) that exists, in the order they are shown."""
+    """Every defined (metric, hole policy), in display order."""
     pairs: list[tuple[str, HolePolicy]]
     pairs = [(metric, policy) for metric in HOLE_METRICS for policy in HOLE_POLICIES]
     return pairs + [(metric, "exclude") for metric in EXCLUDE_METRICS]
 
 
 def _part_of_eth3d(rows: Sequence[DepthRow]) -> PartOfEth3d | UnsetType:
-    """How much of ETH3D's training set the images are; UNSET where one is of another dataset."""
+    """The share of ETH3D's training set; UNSET if an image is from another dataset."""
     names = {row.file_name for row in rows}
     whole = {image.file_name for image in training_images()}
     if not names or not names <= whole:
@@ -118,7 +118,7 @@ def _means(of_images: Sequence[Metrics]) -> Means:
 
 
 def _all_attempted(with_truth: Sequence[DepthRow], protocol: DepthProtocol) -> AllAttempted:
-    """AbsRel over every image with truth; one without a score counts as a whole error."""
+    """AbsRel over every image with ground truth; an unscored one counts with error 1."""
     given = protocol.failed_image_abs_rel
     by_policy: dict[str, float | None] = {
         policy: _mean(
@@ -138,10 +138,10 @@ def _all_attempted(with_truth: Sequence[DepthRow], protocol: DepthProtocol) -> A
 def _intervals(
     with_truth: Sequence[DepthRow], scored: Sequence[ScoredDepthRow], settings: Settings
 ) -> tuple[DepthBootstrap, dict[str, dict[str, Interval]]]:
-    """Bootstrap intervals of the means, over the groups of every image with truth.
+    """Bootstrap intervals of the means, over the groups of all images with ground truth.
 
-    The groups do not depend on what was scored, so two runs over one track share their draws. One
-    group alone says nothing of its spread: its intervals are None.
+    The groups do not depend on what was scored, so two runs over one track share their draws. With
+    only one group the intervals are None.
     """
     by_scene = bool(with_truth) and all(scene_of(row.file_name) for row in with_truth)
     names = sorted({row.group for row in with_truth})

@@ -1,4 +1,4 @@
-"""The truth of every image of a run: found before anything is scored, read one at a time."""
+"""The ground truth of a run's images: located before scoring, read one image at a time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _BAND_ROWS: Final = 64
 
 @dataclass(frozen=True, kw_only=True)
 class TruthFile:
-    """One image's truth. size_wh, camera: of ETH3D's calibration, None for other folders.
+    """One image's ground truth. size_wh, camera: from ETH3D's calibration, None otherwise.
 
     calibration: the files these two were read from.
     """
@@ -63,10 +63,10 @@ class DepthTruth:
 
 
 def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]:
-    """The truth of every image, in their order, sizes and first bytes checked.
+    """The ground truth of every image, in image order; sizes and first bytes are checked.
 
-    ETH3D's tree (or Marigold's) is looked for first, then an array named like the photo.
-    DepthTruthError or DepthFileError: nothing is scored against a truth that has gaps.
+    ETH3D's tree (or Marigold's) is tried first, then an array named like the photo. Raises
+    DepthTruthError or DepthFileError: nothing is scored against incomplete ground truth.
     """
     declared = read_declaration(truth)
     found: list[TruthFile] = []
@@ -85,21 +85,21 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
             found=f"nothing for {absent[0].file_name}",
             expected="ETH3D's <scene>/ground_truth_depth/dslr_images/, or"
             f" {photo_stem(absent[0].file_name)} with one of {' '.join(SUFFIXES)}",
-            next_step="point --truth at the dataset's folder, or use a track of what is there",
+            next_step="point --truth at the dataset's folder, or use a track of the present images",
         )
     return tuple(found)
 
 
 def load_truth(file: TruthFile) -> DepthTruth:
-    """Read one truth as planar metres and count what is invalid in it.
+    """Read one ground truth as planar metres and count its invalid values.
 
-    DepthTruthError when it does not fit into memory.
+    DepthTruthError if it does not fit into memory.
     """
     try:
         return _read_truth(file)
     except MemoryError as error:
         raise DepthTruthError(
-            f"the truth {file.path.name} does not fit into memory",
+            f"the ground truth {file.path.name} does not fit into memory",
             found=f"a file of {file.path.stat().st_size} bytes",
             expected="an array that this process can hold",
             next_step="use fewer workers",
@@ -121,17 +121,17 @@ def _read_truth(file: TruthFile) -> DepthTruth:
 
 
 def planar_metres(array: DepthArray, declared: Declaration, source: str) -> NDArray[Any]:
-    """Truth of any declared space as planar z in metres; a truth needs a unit.
+    """Ground truth in any declared space as planar z in metres; it needs a unit.
 
-    A disparity becomes z = focal * baseline / (d + doffs); where it is inf (Middlebury's
-    "unknown") or d + doffs is not positive, z is inf.
+    A disparity becomes z = focal * baseline / (d + doffs); z is inf where it is inf (Middlebury's
+    "unknown") or d + doffs is not positive.
     """
     if array.space == "disparity":
         return _from_disparity(array, declared, source)
     count = per_metre(array.unit)
     if count is None:
         raise DepthTruthError(
-            f"{source} is a truth without a unit",
+            f"{source} is ground truth without a unit",
             found=f"unit {array.unit!r}",
             expected="m, mm or m/N",
             next_step=f'declare it in {DECLARATION}: unit = "m"',
@@ -154,7 +154,7 @@ def _from_disparity(array: DepthArray, declared: Declaration, source: str) -> ND
     focal, baseline, doffs = declared.focal_px, declared.baseline_m, declared.doffs_px
     if focal is None or baseline is None or doffs is None or array.unit != "px":
         raise DepthTruthError(
-            f"{source} is a disparity without the stereo pair's numbers",
+            f"{source} is a disparity without the stereo parameters",
             found=f"unit {array.unit!r}, focal_px {focal}, baseline_m {baseline}, doffs_px {doffs}",
             expected='unit = "px", focal_px, baseline_m and doffs_px (0 when there is none)',
             next_step=f"declare them in {DECLARATION}",
@@ -183,7 +183,7 @@ def _eth3d(truth: Path, image: RunImage, calibrations: dict[Path, Calibration]) 
         raise _unknown_size(files)
     if image.size_wh is not None and size_wh != image.size_wh:
         raise DepthTruthError(
-            f"the run's {image.file_name} is of another size than its camera",
+            f"the run's {image.file_name} and its camera have different sizes",
             found=f"{image.size_wh[0]}x{image.size_wh[1]} in the run",
             expected=f"{size_wh[0]}x{size_wh[1]} in cameras.txt",
             next_step="make the track from this dataset",
@@ -204,7 +204,7 @@ def _array(truth: Path, image: RunImage, declared: Declaration) -> TruthFile | N
     found = files_named(truth / photo_stem(image.file_name))
     if len(found) > 1:
         raise DepthTruthError(
-            f"{image.file_name} has more than one truth",
+            f"{image.file_name} has more than one ground-truth file",
             found=", ".join(p.name for p in found),
             expected="one depth file",
         )

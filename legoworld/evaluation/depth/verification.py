@@ -1,4 +1,4 @@
-"""Re-checking a depth evaluation: its summary from its rows, and rows from the arrays again."""
+"""Verification of a depth evaluation: its summary from its rows, its rows from the arrays."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from legoworld.records.evidence import DepthEvidence
 from legoworld.records.folders.evaluation_reading import SUMMARY
 from legoworld.records.run_rows import RunImage
 
-#: Images scored again, spread evenly over the track: a full-size one takes seconds.
+#: Number of images to re-score, spread evenly over the track: a full-size one takes seconds.
 SCORED_AGAIN: Final = 10
 
 
 def depth_checks(
     folder: Path, evidence: DepthEvidence, summary: DepthSummary, rows: Sequence[DepthRow]
 ) -> Iterator[Check]:
-    """Means, intervals and counts of the summary against those that follow from the rows."""
+    """Compare means, intervals and counts of the summary with those recomputed from the rows."""
     again = summarise(
         rows,
         kind=str(summary.kind),
@@ -52,7 +52,7 @@ def depth_rows(
     rows: Sequence[DepthRow],
     root: Path | None,
 ) -> Iterator[Check]:
-    """Rows of up to `SCORED_AGAIN` images, scored again from run and truth, which are all there."""
+    """Re-score up to `SCORED_AGAIN` images from the available run and ground truth."""
     paths = {
         role: [located(folder, i.path, root) for i in evidence.inputs if i.role == role]
         for role in ("run", "truth")
@@ -79,7 +79,7 @@ def _settings(summary: DepthSummary) -> Settings:
 
 
 def _truth_files(first: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]:
-    """The truth of every image, from the folder above the first one's that holds them all."""
+    """The ground truth of every image, from the closest common parent folder."""
     refusal: LegoWorldError | None = None
     for folder in first.parents:
         try:

@@ -1,4 +1,4 @@
-"""A small picture of truth and aligned prediction for the report; every value is a real pixel's."""
+"""A small view of ground truth and aligned prediction for the report, made of real pixels."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ LONGEST_SIDE: Final = 256
 def small_view(truth_z_m: NDArray[Any], sample: Sample, fit: Fit, deepest_z_m: float) -> DepthView:
     """One image's view.
 
-    The picture is cut into at most 256 blocks a side. A block shows its first pixel, in row order,
-    that has valid truth, else its middle pixel: truth and prediction are always of the same pixel.
-    truth_z_m and aligned_z_m are base64 of little-endian float32, row major, inf where there is
-    none; size_wh is the view's, image_wh the truth's.
+    The image is divided into at most 256 blocks per side. A block shows its first pixel, in row
+    order, with valid truth, else its middle pixel; ground truth and prediction are always from the
+    same pixel. truth_z_m and aligned_z_m are base64 of little-endian float32, row major, inf where
+    there is no value; size_wh is the view's size, image_wh the ground truth's.
     """
     height, width = truth_z_m.shape
     shrink = max(1.0, max(width, height) / LONGEST_SIDE)
@@ -42,7 +42,7 @@ def small_view(truth_z_m: NDArray[Any], sample: Sample, fit: Fit, deepest_z_m: f
 
 
 def decoded(text: str, size_wh: tuple[int, int]) -> NDArray[np.float32]:
-    """An array of a view, (height, width) float32."""
+    """A view's array as (height, width) float32."""
     return np.frombuffer(base64.b64decode(text), "<f4").reshape(size_wh[::-1])
 
 

@@ -67,7 +67,7 @@ from legoworld.records.folders.evaluation_folder import (
     prepare_folder,
     write_evaluation,
 )
-from legoworld.workers.tasks import ALONE, Crew
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 
 def evaluate_detections(
@@ -81,13 +81,13 @@ def evaluate_detections(
     overwrite: bool,
     notice: Notice,
     warn: Notice,
-    crew: Crew = ALONE,
+    pool: WorkerPool = IN_PROCESS,
     origins: Origins = HERE,
 ) -> Evaluation[DetectionSummary]:
     """Score a coco or lvis run and write the evaluation folder.
 
     evaluator: None for the official one where it is installed, else the fast one. notice is told
-    what is being done, warn what the reader of the numbers must know. crew: works on the images;
+    what is being done, warn what the reader of the numbers must know. pool: works on the images;
     any gives the same bytes. Every LegoWorldError is raised before anything is written.
     """
     run = read_run(run_folder)
@@ -103,7 +103,7 @@ def evaluate_detections(
     batches = read_predictions(run, kind_of(protocol))
     predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
     request = ScoreRequest(
-        truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed, crew=crew
+        truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed, pool=pool
     )
     own = score(request, predictions, notice)
     equal = None

@@ -32,7 +32,7 @@ from legoworld.evaluation.detection.ranking.accumulation import Curves, accumula
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.evaluation.detection.ranking.ties import TieResult, tie_orders
 from legoworld.records.evaluation_summary import Interval, Values
-from legoworld.workers.tasks import ALONE, Crew
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 #: Largest difference between an evaluator's number and ours: summation order, nothing more.
 AGREEMENT: Final = 1e-12
@@ -49,7 +49,7 @@ class ScoreRequest:
     kind: EvaluatorKind
     draws: int
     seed: int
-    crew: Crew = ALONE
+    pool: WorkerPool = IN_PROCESS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Sc
     """Score predictions. EvaluatorDisagreesError when evaluator and matches do not agree."""
     problem = build_problem(request.truth, predictions, request.protocol)
     notice("matching")
-    matches = matches_of(problem, request.truth, predictions, request.crew)
+    matches = matches_of(problem, request.truth, predictions, request.pool)
     ranked = _ranked(request, predictions, problem, matches.state, notice)
     counts = matched_counts(problem, matches.aware), matched_counts(problem, matches.agnostic)
     notice(f"{request.draws} bootstrap samples")
@@ -106,7 +106,7 @@ def ranked_score(request: ScoreRequest, predictions: Predictions, notice: Notice
     """Score the same predictions under another ranking; what is free of scores is left out."""
     problem = build_problem(request.truth, predictions, request.protocol)
     notice("matching")
-    state = states_of(problem, request.truth, predictions, request.crew)
+    state = states_of(problem, request.truth, predictions, request.pool)
     return _ranked(request, predictions, problem, state, notice)
 
 

@@ -15,7 +15,7 @@ from legoworld.evaluation.reconstruction.case import CaseTask, score_case, zero_
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, BenchUnseenError
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_rows import EVALUATOR_ERROR, ReconstructionRow
-from legoworld.workers.tasks import Crew, results_of
+from legoworld.workers.tasks import WorkerPool, results_of
 
 #: Fewer cases than this are scored by the time that other processes have started.
 _FEW: Final = 16
@@ -49,9 +49,9 @@ def seen_tasks(tasks: Sequence[CaseTask]) -> list[SeenTask]:
     return found
 
 
-def scored_cases(tasks: Sequence[SeenTask], crew: Crew) -> Iterator[ReconstructionRow]:
+def scored_cases(tasks: Sequence[SeenTask], pool: WorkerPool) -> Iterator[ReconstructionRow]:
     """Every case's row, in the tasks' order. A case that fails twice is a row of zeros."""
-    used = crew.for_work(worth_a_process=len(tasks) >= _FEW)
+    used = pool.for_work(worth_a_process=len(tasks) >= _FEW)
     for seen, scored in zip(tasks, results_of(score_seen, tasks, used), strict=True):
         if scored.row is None:
             scored = _again(seen)
@@ -68,7 +68,7 @@ def scored_cases(tasks: Sequence[SeenTask], crew: Crew) -> Iterator[Reconstructi
 
 def _again(seen: SeenTask) -> Scored:
     """Once more, in a fresh process."""
-    fresh = Crew(engine="local", workers=2)
+    fresh = WorkerPool(engine="local", workers=2)
     return next(iter(results_of(score_seen, [seen], fresh)))
 
 

@@ -34,7 +34,7 @@ from legoworld.records.folders.evaluation_folder import (
 from legoworld.records.folders.run_reading import ROWS, RUN
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
-from legoworld.workers.tasks import ALONE, Crew
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 
 def evaluate_bench(
@@ -47,12 +47,12 @@ def evaluate_bench(
     seed: int = 0,
     overwrite: bool = False,
     progress: Callable[[ReconstructionRow], None] | None = None,
-    crew: Crew = ALONE,
+    pool: WorkerPool = IN_PROCESS,
     origins: Origins = HERE,
 ) -> ReconstructionSummary:
     """Score a bench run and write the evaluation folder; returns its summary.
 
-    truth: DATASET/private, beside DATASET/public. crew: works on the cases, any gives the same
+    truth: DATASET/private, beside DATASET/public. pool: works on the cases, any gives the same
     bytes. progress: told of each row in the cases' order. Raises before scoring when run, dataset,
     options and output do not go together; what is wrong with one submission is that case's row.
     """
@@ -67,7 +67,7 @@ def evaluate_bench(
     prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
     rows: list[ReconstructionRow] = []
     tasks = case_tasks(bench_run, dataset, protocol, choices)
-    for row in scored_cases(seen_tasks(tasks), crew):
+    for row in scored_cases(seen_tasks(tasks), pool):
         rows.append(row)
         if progress is not None:
             progress(row)

@@ -22,7 +22,7 @@ from legoworld.records.evidence import BenchEvidence
 from legoworld.records.folders.evaluation_reading import SUMMARY
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
-from legoworld.workers.tasks import ALONE
+from legoworld.workers.tasks import IN_PROCESS
 
 #: Cases scored again, spread evenly over the track.
 SCORED_AGAIN: Final = 10
@@ -67,7 +67,7 @@ def bench_rows(
     tasks = case_tasks(run, dataset, bench_protocol(), choices)
     some = tasks[:: max(1, math.ceil(len(tasks) / SCORED_AGAIN))]
     recorded = {row.image_id: as_json(row) for row in rows}
-    for row in scored_cases(seen_tasks(some), ALONE):
+    for row in scored_cases(seen_tasks(some), IN_PROCESS):
         place = recorded.get(row.image_id)
         yield agreement(f"row of image {row.image_id}", as_json(row), place)
 

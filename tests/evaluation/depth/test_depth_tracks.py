@@ -226,7 +226,7 @@ def test_depth_files_named_like_photos(desk: Path, capsys: pytest.CaptureFixture
     make = ["track", "make", "--task", "eth3d", "--truth", str(desk / "depths"), "-o", str(track)]
     make += ["--photos", str(desk / "photos"), "--dataset", "desk"]
     assert cli.run(make) != 0
-    assert "integers of no declared unit" in capsys.readouterr().err
+    assert "integers without a declared unit" in capsys.readouterr().err
     assert not track.exists()
     assert cli.run([*make, "--space", "depth", "--unit", "mm"]) == 0
     said = capsys.readouterr()

@@ -291,7 +291,7 @@ def test_the_dataset_s_camera_is_for_scenes_with_calibration_only(tmp_path: Path
     arrays = write_arrays(tmp_path / "arrays", {name: z})
     with pytest.raises(DepthTruthError, match="needs the camera of every photo"):
         evaluate_depth(run, arrays, tmp_path / "e", camera_model="dataset")
-    with pytest.raises(UsageError, match="no such camera model"):
+    with pytest.raises(UsageError, match="unknown camera model"):
         evaluate_depth(run, folder, tmp_path / "e", camera_model="opencv")
     assert not (tmp_path / "e").exists()
 
@@ -307,7 +307,7 @@ def test_runs_that_cannot_be_scored(tmp_path: Path) -> None:
     document = json.loads((run / "run.json").read_text())
     document["configuration"] |= {"task": "coco", "attempted": 1}
     (run / "run.json").write_text(json.dumps(document))
-    with pytest.raises(UsageError, match="no depth run"):
+    with pytest.raises(UsageError, match="not a depth run"):
         evaluate_depth(run, truth, tmp_path / "e")
     with pytest.raises(RunUnusableError):
         evaluate_depth(tmp_path / "nowhere", truth, tmp_path / "e")

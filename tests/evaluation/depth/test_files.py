@@ -123,7 +123,7 @@ def test_a_photo_is_called_a_photo(tmp_path: Path, name: str) -> None:
     # A photo of exactly the raw depth's size, too.
     path = tmp_path / name
     path.write_bytes(JPEG)
-    with pytest.raises(DepthFileError, match="this is the RGB, not the depth"):
+    with pytest.raises(DepthFileError, match="is the photo, not the depth"):
         read_raw_float32(path, (7, 5)) if name == "a.JPG" else read_labelled(path, IN_METRES)
 
 
@@ -143,8 +143,8 @@ def test_a_readout_and_a_baseline(tmp_path: Path) -> None:
     [
         ({"values": DEPTH}, "does not say what its numbers are"),
         ({"depth_z_m": DEPTH}, "does not say what its numbers are"),
-        ({"depth_z_m": DEPTH, "space": "disparity"}, "labelled in two ways"),
-        ({"depth_z_m": DEPTH, "space": "depth", "unit": "mm"}, "labelled in two ways"),
+        ({"depth_z_m": DEPTH, "space": "disparity"}, "contradictory declarations"),
+        ({"depth_z_m": DEPTH, "space": "depth", "unit": "mm"}, "contradictory declarations"),
         ({"values": DEPTH, "space": "metric"}, "does not say what its numbers are"),
         ({"values": DEPTH, "space": np.array(["depth"])}, "space is no text"),
         ({"values": DEPTH, "depth_z_m": DEPTH, "space": "depth"}, "does not have one depth array"),
@@ -164,7 +164,7 @@ def test_a_readout_and_a_baseline(tmp_path: Path) -> None:
             {"values": DEPTH, "space": "ray_distance", "intrinsics_px": np.array([1.0, 1, 2])},
             "intrinsics_px cannot be used",
         ),
-        ({"values": np.ones((2, 2), np.uint16), "space": "depth"}, "no declared unit"),
+        ({"values": np.ones((2, 2), np.uint16), "space": "depth"}, "without a declared unit"),
         ({"values": np.ones((2, 2), np.int32), "space": "depth", "unit": "mm"}, "16-bit"),
         ({"values": np.array([{}]), "space": "depth"}, "cannot be read"),
     ],
@@ -198,7 +198,7 @@ def test_declared_labels_and_the_file_s_own_must_agree(tmp_path: Path) -> None:
     declared = Declaration(space="depth", unit="m", array="z")
     assert np.array_equal(read_labelled(path, declared).values, DEPTH)
     path = npz(tmp_path / "b.npz", values=DEPTH, space="disparity")
-    with pytest.raises(DepthFileError, match="labelled in two ways"):
+    with pytest.raises(DepthFileError, match="contradictory declarations"):
         read_labelled(path, IN_METRES)
 
 
@@ -230,7 +230,7 @@ def test_png_that_cannot_be_depth(tmp_path: Path) -> None:
     with pytest.raises(DepthFileError, match="one channel"):
         read_labelled(path, Declaration(space="depth", unit="mm"))
     cv2.imwrite(str(path), np.full((4, 4), 200, np.uint16))
-    with pytest.raises(DepthFileError, match="no declared unit"):
+    with pytest.raises(DepthFileError, match="without a declared unit"):
         read_labelled(path, Declaration(space="depth"))
     with pytest.raises(DepthFileError, match="does not say what its numbers are"):
         read_labelled(path, Declaration(unit="mm"))

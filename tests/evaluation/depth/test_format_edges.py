@@ -46,7 +46,9 @@ def test_the_largest_picture_and_one_pixel_more() -> None:
     check_claim(Path("a.npy"), (1 << 14, 1 << 14), told.append)
     assert told == [(MOST_PX, 1), (1 << 14, 1 << 14)]
     for shape in ((1, MOST_PX + 1), ((1 << 14) + 1, 1 << 14)):
-        with pytest.raises(DepthFileError, match=f"claims to be larger.*at most {MOST_PX} pixels"):
+        with pytest.raises(
+            DepthFileError, match=f"claims an impossible image size.*at most {MOST_PX} pixels"
+        ):
             check_claim(Path("a.npy"), shape, None)
     for none in ((0, 7), (5, 0), (5,), (5, 7, 3)):
         with pytest.raises(DepthFileError, match="not one depth image"):
@@ -130,7 +132,7 @@ def test_the_size_of_a_tiff_in_each_integer_type(tmp_path: Path, order: str, kin
     path.write_bytes(directory(order, {**size, 277: (3, 3)}))
     assert tiff_claim(path) == (5, 7, 3)
     path.write_bytes(directory(order, size, following=8))
-    with pytest.raises(DepthFileError, match="several pictures in one TIFF"):
+    with pytest.raises(DepthFileError, match="several images in one TIFF"):
         tiff_claim(path)
     for tag in (256, 257):
         path.write_bytes(directory(order, {tag: (kind, 7)}))
@@ -245,7 +247,7 @@ def test_whole_metres_must_be_said_to_be_so() -> None:
         metres(stored, "m", invalid_value=None, source="a")
     assert metres(stored, "m/1", invalid_value=3, source="a").tolist() == [[0.0, np.inf]]
     for wrong in (stored.astype(np.int16), stored[0]):
-        with pytest.raises(DepthFileError, match="no 16-bit depth image"):
+        with pytest.raises(DepthFileError, match="not a 16-bit depth image"):
             metres(wrong, "mm", invalid_value=None, source="a")
 
 
@@ -264,7 +266,7 @@ def test_what_a_declaration_may_say(tmp_path: Path, line: str, fits: bool) -> No
         declared = read_declaration(tmp_path)
         assert str(getattr(declared, key)) == value.strip("'")
     else:
-        with pytest.raises(DepthTruthError, match="declares something unknown; found: "):
+        with pytest.raises(DepthTruthError, match="has an unknown key or value; found: "):
             read_declaration(tmp_path)
 
 

@@ -226,7 +226,7 @@ def test_no_memory_is_an_error_of_the_file(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf", f"1{'0' * 400}"])
 def test_a_declaration_holds_finite_numbers_only(tmp_path: Path, number: str) -> None:
     (tmp_path / "depth.toml").write_text(f"focal_px = {number}\n")
-    with pytest.raises(DepthTruthError, match=r"depth\.toml declares something unknown"):
+    with pytest.raises(DepthTruthError, match=r"depth\.toml has an unknown key or value"):
         read_declaration(tmp_path)
     (tmp_path / "depth.toml").write_text("array = " + "[" * 5000)
     with pytest.raises(DepthTruthError, match=r"depth\.toml cannot be read"):

@@ -95,7 +95,7 @@ def test_the_wrong_unit_is_not_the_same_picture(rgbd: Path) -> None:
     path = rgbd / "other_formats/SUN_depth.png"
     as_mm = read_labelled(path, Declaration(space="depth", unit="mm")).values
     assert as_mm.max() > 60 > 10 > sun(rgbd).max()
-    with pytest.raises(DepthFileError, match="no declared unit"):
+    with pytest.raises(DepthFileError, match="without a declared unit"):
         read_labelled(path, Declaration(space="depth"))
 
 

@@ -76,7 +76,7 @@ def test_the_photo_in_the_depth_s_place(tmp_path: Path) -> None:
     write_eth3d(tmp_path, {NAME: lidar()})
     path = tmp_path / "courtyard/ground_truth_depth/dslr_images/DSC_0286.JPG"
     path.write_bytes(b"\xff\xd8\xff" + path.read_bytes()[3:])
-    with pytest.raises(DepthFileError, match="this is the RGB, not the depth"):
+    with pytest.raises(DepthFileError, match="is the photo, not the depth"):
         find_truth(tmp_path, [photo()])
 
 
@@ -92,7 +92,7 @@ def test_arrays_named_like_the_photos(tmp_path: Path) -> None:
     files = find_truth(tmp_path, [photo("a/b.png", None), photo("c.jpg", None)])
     assert [np.array_equal(load_truth(f).z_m, e) for f, e in zip(files, (z, z * 2), strict=True)]
     np.save(tmp_path / "c.npy", z)
-    with pytest.raises(DepthTruthError, match="more than one truth"):
+    with pytest.raises(DepthTruthError, match="more than one ground-truth file"):
         find_truth(tmp_path, [photo("c.jpg", None)])
 
 
@@ -108,11 +108,11 @@ def test_declared_arrays(tmp_path: Path) -> None:
 def test_the_photo_s_own_camera_among_several(tmp_path: Path) -> None:
     cameras = "# x\n0 PINHOLE 10 20 1 2 3 4\n\n1 PINHOLE 20 10 1 2 3 4\n"
     (tmp_path / "cameras.txt").write_text(cameras)
-    with pytest.raises(DepthTruthError, match=r"which camera took B\.JPG"):
+    with pytest.raises(DepthTruthError, match=r"camera of B\.JPG"):
         photo_camera(read_calibration(tmp_path), "B.JPG")
     (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 0 1 dslr_images/B.JPG\n\n")
     assert photo_camera(read_calibration(tmp_path), "B.JPG").size_wh == (20, 10)
-    with pytest.raises(DepthTruthError, match=r"which camera took C\.JPG"):
+    with pytest.raises(DepthTruthError, match=r"camera of C\.JPG"):
         photo_camera(read_calibration(tmp_path), "C.JPG")
 
 

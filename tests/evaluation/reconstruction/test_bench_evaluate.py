@@ -19,7 +19,7 @@ from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.run import RunUnusableError
 from legoworld.records.bench_run import Check
-from legoworld.workers.tasks import Crew
+from legoworld.workers.tasks import WorkerPool
 
 
 @pytest.fixture(scope="module")
@@ -244,7 +244,7 @@ def test_the_same_again_is_the_same_bytes_for_any_workers(dataset, tmp_path, mon
     run = write_run(tmp_path / "run", dataset, {3: Submission(status="invalid")})
     evaluated(dataset, run, tmp_path / "one")
     monkeypatch.setattr(case_tasks, "_FEW", 2)
-    evaluated(dataset, run, tmp_path / "two", crew=Crew(engine="local", workers=2))
+    evaluated(dataset, run, tmp_path / "two", pool=WorkerPool(engine="local", workers=2))
     evaluated(dataset, run, tmp_path / "one")  # over itself
     for name in ("summary.json", "per_image.jsonl", "evidence.json"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()

@@ -17,7 +17,7 @@ from legoworld.evaluation.detection.matching.compiled_matching import (
 from legoworld.evaluation.detection.matching.overlaps import overlaps_of
 from legoworld.evaluation.detection.matching.pairing import Pairs
 from legoworld.evaluation.detection.problem import Problem
-from legoworld.workers.tasks import ALONE, Crew, results_of
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +49,11 @@ def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
 
 
 def matches_of(
-    problem: Problem, truth: Truth, predictions: Predictions, crew: Crew = ALONE
+    problem: Problem, truth: Truth, predictions: Predictions, pool: WorkerPool = IN_PROCESS
 ) -> Matches:
     """Match and pair every image of a problem; the same whoever works, and on how many chunks."""
     chunks = Chunks(problem, truth, predictions)
-    done = list(results_of(match_chunk, chunks, crew.for_work(worth_a_process=chunks.many)))
+    done = list(results_of(match_chunk, chunks, pool.for_work(worth_a_process=chunks.many)))
     return Matches(
         state=np.concatenate([m.state for m in done], axis=2),
         aware=_joined([m.aware for m in done], chunks),
@@ -62,12 +62,12 @@ def matches_of(
 
 
 def states_of(
-    problem: Problem, truth: Truth, predictions: Predictions, crew: Crew = ALONE
+    problem: Problem, truth: Truth, predictions: Predictions, pool: WorkerPool = IN_PROCESS
 ) -> NDArray[np.uint8]:
     """Match every image of a problem, without what is free of scores."""
     chunks = Chunks(problem, truth, predictions)
-    crew = crew.for_work(worth_a_process=chunks.many)
-    return np.concatenate(list(results_of(match_chunk_by_score, chunks, crew)), axis=2)
+    pool = pool.for_work(worth_a_process=chunks.many)
+    return np.concatenate(list(results_of(match_chunk_by_score, chunks, pool)), axis=2)
 
 
 def _joined(parts: list[Pairs], chunks: Chunks) -> Pairs:
