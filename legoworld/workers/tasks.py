@@ -142,9 +142,9 @@ class _Numbered(Sequence[tuple[int, Item]]):
 
 def _lost(item: tuple[int, Item], what: str) -> _Outcome[Any]:
     error = ProcessLostError(
-        "every machine that worked on a part of it was lost",
+        "every machine that worked on an item was lost",
         found=what,
-        expected="a machine that stays, with memory for its part",
+        expected="a machine that stays, with enough memory for the item",
         next_step="run the same command again, with fewer --workers where memory is short",
     )
     return _Outcome(item[0], None, error)

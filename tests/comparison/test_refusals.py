@@ -158,7 +158,7 @@ def test_another_comparison_in_the_folder(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     compared((scene, other), tmp_path / "out", draws=5)
     compared((scene, other), tmp_path / "out", draws=5)
-    with pytest.raises(LegoWorldError, match=r"another comparison.*draws: 5 -> 6"):
+    with pytest.raises(LegoWorldError, match=r"different comparison.*draws: 5 -> 6"):
         compared((scene, other), tmp_path / "out", draws=6)
     assert compared((scene, other), tmp_path / "out", draws=6, overwrite=True)
     third = other_evaluation(tmp_path / "c", baseline="other")

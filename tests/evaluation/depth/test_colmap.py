@@ -195,7 +195,7 @@ def test_binary_files_that_are_cut_or_lie(pycolmap: Any, tmp_path: Path) -> None
         whole = (tmp_path / name).read_bytes()
         for end in range(0, len(whole), 5):
             (tmp_path / name).write_bytes(whole[:end])
-            with pytest.raises(CalibrationError, match=rf"{name} is cut"):
+            with pytest.raises(CalibrationError, match=rf"{name} is truncated"):
                 read_calibration(tmp_path)
         (tmp_path / name).write_bytes(struct.pack("<Q", 1 << 62) + whole[8:])
         with pytest.raises(CalibrationError, match=name):
