@@ -1,1 +1,1 @@
-"""Specialist models beside scenes: run in processes of their own, or imported from files."""
+"""Baselines: specialist models run in separate processes, or results imported from files."""

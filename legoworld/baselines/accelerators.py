@@ -1,4 +1,4 @@
-"""What a baseline's Python can compute on: its torch's build, and the devices torch sees."""
+"""The accelerators of a baseline's Python: its torch build, and the devices torch sees."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from legoworld.baselines.cards import BaselineCard
 from legoworld.baselines.environments import ask_python, requirements
 from legoworld.records.base import Record, decode
 
-#: Asked of a baseline's Python. A torch that does not import, as with a missing library, says why.
+#: Run by a baseline's Python. If torch does not import, for a missing library say, the reason is
+#: reported.
 _PROBE: Final = """
 import json, sys
 found = {"version": None, "cuda": None, "devices": [], "mps": False, "error": None}
@@ -46,7 +47,7 @@ class Torch(Record, frozen=True, kw_only=True):
 
     @property
     def best_device(self) -> str:
-        """What `--device auto` is: "cuda" where torch sees a device, else "mps", else "cpu"."""
+        """The device of `--device auto`: "cuda" if torch sees a device, else "mps", else "cpu"."""
         if self.devices:
             return "cuda"
         return "mps" if self.mps else "cpu"
@@ -61,7 +62,7 @@ class Torch(Record, frozen=True, kw_only=True):
 
 @functools.cache
 def torch_of(python: Path) -> Torch:
-    """The torch of a Python, asked once. EnvironmentFailedError when the Python does not run."""
+    """The torch of a Python, cached. EnvironmentFailedError if the Python does not run."""
     return decode(Torch, ask_python(python, _PROBE).strip().splitlines()[-1])
 
 
@@ -71,12 +72,12 @@ def needs_torch(card: BaselineCard) -> bool:
 
 
 def chosen_device(given: str, python: Path) -> str:
-    """The device a run is on record with: `--device auto` is what the baseline's torch sees."""
+    """The device that a run records: `--device auto` resolves to what the baseline's torch sees."""
     return torch_of(python).best_device if given == "auto" else given
 
 
 def chosen_dtype(given: str, device: str, card: BaselineCard) -> str:
-    """The dtype a run is on record with: `--dtype auto` is the card's on CUDA, else float32."""
+    """The dtype that a run records: `--dtype auto` is the card's on CUDA, else float32."""
     if given != "auto":
         return given
     return card.about.dtype_on_cuda if device.partition(":")[0] == "cuda" else "float32"

@@ -1,4 +1,4 @@
-"""One line of a baseline's process: a message, something that cannot be read as one, or a print."""
+"""One line from a baseline's process: a message, an unreadable message, or printed output."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _MAY_BE_LONGER: Final = re.compile(r"[\[:, -]\d{19}")
 
 @dataclass(frozen=True, kw_only=True)
 class Unreadable:
-    """A line that begins like a message and cannot be one.
+    """A line that begins like a message but is not a valid one.
 
-    image_id: whose answer it is, None where the line does not say; reason: one line.
+    image_id: of the answer, None if the line does not say; reason: one line.
     """
 
     image_id: int | None
@@ -29,10 +29,10 @@ class Unreadable:
 
 
 def read_line(line: str) -> Message | Unreadable | None:
-    """The message of a line; None for a print that came through, and for a line cut short.
+    """The message of a line; None for printed output and for a truncated line.
 
-    A message is a JSON object that every file of a run can hold: at most `MOST_LEVELS` deep, its
-    numbers finite and its integers of 64 bits, its texts without lone surrogates.
+    A message is a JSON object that every file of a run can store: at most `MOST_LEVELS` deep, with
+    finite numbers, 64-bit integers, and texts without lone surrogates.
     """
     if not line.startswith("{") or not line.endswith("\n"):
         return None
@@ -51,7 +51,7 @@ def _refuse_longer(text: str) -> int:
 
 
 def _unreadable(line: str, reason: str) -> Unreadable | None:
-    """A line that is no message; None where it is no JSON either."""
+    """An unreadable message; None if the line is not JSON either."""
     try:
         said = json.loads(line)
     except RecursionError:

@@ -1,4 +1,4 @@
-"""`legoworld baseline import`: what is declared of anyone's results, and the run they become."""
+"""`legoworld baseline import`: declarations about imported results, and their run."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from legoworld.tracks.track import Track, TrackImage
 
 @dataclass(frozen=True, kw_only=True)
 class ImportRequest:
-    """What is imported, for which track, and what is declared of it.
+    """An import, its track, and the declarations about it.
 
-    name: what the baseline is called; ran_on: ids of the images it was run on, None for all;
-    subset: whether results of other images are left out instead of refused.
+    name: of the baseline; ran_on: ids of the images it was run on, None for all; subset: whether
+    results of other images are ignored instead of refused.
     """
 
     protocol: Protocol
@@ -40,12 +40,12 @@ class ImportRequest:
     overwrite: bool
 
     def was_run_on(self, image: TrackImage) -> bool:
-        """Whether an image without results has an empty answer, rather than none."""
+        """Whether an image without results has an empty answer instead of no answer."""
         return self.ran_on is None or image.id in self.ran_on
 
 
 def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
-    """The images a list names, by id or file name: a JSON list, or one a line.
+    """The images named by a list of ids or file names: a JSON list, or one per line.
 
     UsageError for a name or id that the track does not have.
     """
@@ -53,7 +53,7 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{path.name} is no list of images", found=str(error), expected="text or JSON"
+            f"{path.name} is not a list of images", found=str(error), expected="text or JSON"
         ) from error
     try:
         listed = json.loads(text)
@@ -78,14 +78,14 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
 
 
 def not_run_on(image: TrackImage) -> ImageRecord:
-    """The record of an image that the results say nothing about."""
+    """The record of an image that the results do not cover."""
     return failed_record(image, ResultMissingError("not among the images it was run on"))
 
 
 def import_configuration(
     request: ImportRequest, images: Sequence[TrackImage], imported: Imported
 ) -> Configuration:
-    """What an import's results depend on. imported: what was given and what was declared of it."""
+    """Everything an import's results depend on. imported: the input and its declarations."""
     ran_on = sorted(request.ran_on) if request.ran_on is not None else None
     return replace(
         common_configuration(request.protocol, request.track, images, partial=False),

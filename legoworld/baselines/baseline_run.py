@@ -1,4 +1,4 @@
-"""`legoworld baseline run`: a track's photos through a specialist, to a run folder."""
+"""`legoworld baseline run`: run a specialist over a track's photos into a run folder."""
 
 from __future__ import annotations
 
@@ -48,18 +48,18 @@ def run_baseline(
     log: Say,
     kept: Callable[[int], None] = lambda _n: None,
 ) -> RunResult:
-    """Predict every image of the request that has no valid result yet, then write the run.
+    """Predict every requested image without a valid result, then write the run.
 
     Raises UsageError, ConfigurationMismatchError or BaselineFailedError before an image is
-    predicted; an image the baseline cannot do is a row of the run, never an exception.
-    log: what the baseline prints; kept: told once how many images an earlier run has done.
+    predicted; an image that the baseline cannot process is a row of the run, never an exception.
+    log: called with the baseline's output; kept: called once with the number of kept images.
     """
     images = selected_images(request.track, request.image_ids, request.limit)
     known = configuration_of(request, images)
     photos = {i.id: path for i in images if (path := find_photo(request.photos, i)) is not None}
     if not photos:
         raise UsageError(
-            "PHOTOS has none of the track's photos",
+            "PHOTOS contains none of the track's photos",
             found=f"nothing like {request.photos.name}/{images[0].file_name}",
             expected="photos by the track's file names, or those below train2017/ or val2017/",
         )
@@ -95,7 +95,7 @@ def run_baseline(
                 title=request.card.about.title,
                 licence=request.card.about.licence,
                 label_map=request.labels,
-                # Names only. They are no part of the configuration: a run resumes without them.
+                # Only names, and not part of the configuration: a run resumes without them.
                 variables=tuple(passed(request.variables)),
             ),
         )
@@ -104,7 +104,7 @@ def run_baseline(
 def _intact(
     earlier: Sequence[ImageRecord], images: Sequence[TrackImage], photos: dict[int, Path], run: Path
 ) -> dict[int, ImageRecord]:
-    """The earlier records that need not be made again, by image id."""
+    """The earlier records that can be kept, by image id."""
     by_id = {record.row.image_id: record for record in earlier}
     return {
         i.id: by_id[i.id]
@@ -138,10 +138,10 @@ def _journalled(
     made: Iterator[ImageRecord],
     progress: Progress,
 ) -> dict[int, JournalledImage]:
-    """Every record on disk, in the order they are made; without its predictions afterwards.
+    """Write every record to disk as it is made; yield it without its predictions.
 
-    The journal is opened with the first new record: until a model has said what it is, nothing
-    in the folder is touched.
+    The journal is opened with the first new record: the folder is not touched until the model has
+    reported its provenance.
     """
     first = next(made, None)
     with journal(request.run) as stream:
@@ -159,7 +159,7 @@ def write_run(
     configuration: Configuration,
     baseline: BaselineAbout,
 ) -> RunResult:
-    """The canonical files of a baseline's run, from journalled records in the images' order.
+    """Write the canonical files of a baseline's run, from journalled records in image order.
 
     Depth files of images without a result, of an earlier photo or refused, are deleted.
     """
@@ -180,7 +180,7 @@ def write_run(
 
 
 def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummary:
-    """summary.json: coverage by status, what was predicted, what was counted on the way."""
+    """summary.json: coverage by status, predictions, and counted events."""
     ok = [row for row in rows if row.status == "ok"]
     counts: Counter[str] = Counter()
     for row in ok:

@@ -1,4 +1,4 @@
-"""Boxes as other people write them: turned into x, y, width, height, or held against a claim."""
+"""Box formats: conversion to x, y, width, height, and checks of a declared format."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MAX_SHARE_OUTSIDE: Final = 0.04
 
 
 def with_xywh(entry: Entry, box_format: BoxFormat) -> Entry:
-    """A results entry with its bbox as x, y, width, height; left alone where it is no box."""
+    """A results entry with its bbox as x, y, width, height; unchanged if it is not a box."""
     if box_format == "xywh" or not _is_box(entry):
         return entry
     a, b, c, d = entry["bbox"]
@@ -34,10 +34,10 @@ def with_xywh(entry: Entry, box_format: BoxFormat) -> Entry:
 def check_declared(
     as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
 ) -> None:
-    """BoxFormatError when the boxes lie in their images in another format, and not as declared.
+    """Raise BoxFormatError if the boxes fit their images in another format, but not as declared.
 
-    as_given: entries with the file's own numbers. The check of a results list takes any boxes
-    that no format explains; a declared format has to be the one that explains them.
+    as_given: entries with the file's own numbers. The check of a results list accepts boxes that no
+    format explains; a declared format must be the one that explains them.
     """
     others = other_formats(as_given, sizes_wh, declared)
     share = _shares_outside(as_given, sizes_wh).get(declared, 0.0)
@@ -53,7 +53,7 @@ def check_declared(
 def in_terms_of(
     error: BoxFormatError, declared: BoxFormat, others: Sequence[BoxFormat]
 ) -> BoxFormatError:
-    """The error of a results list's check in terms of what was declared and what would do."""
+    """The error of a results list's check, rephrased for the declared and the fitting formats."""
     return BoxFormatError(
         f"the boxes are not {declared} in pixels",
         found=error.found if declared == "xywh" else f"as x, y, width, height: {error.found}",
@@ -65,7 +65,7 @@ def in_terms_of(
 def other_formats(
     as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
 ) -> list[BoxFormat]:
-    """The formats besides the declared one in which the boxes lie in their images."""
+    """The formats other than the declared one in which the boxes fit their images."""
     shares = _shares_outside(as_given, sizes_wh)
     return [f for f in shares if f != declared and shares[f] <= _MAX_SHARE_OUTSIDE]
 
@@ -75,7 +75,7 @@ def _shares_outside(
 ) -> dict[BoxFormat, float]:
     """Per format, the share of boxes that leave their image or have a negative extent.
 
-    Empty when there is no saying: an entry is no box, or all are fractions of the image's size.
+    Empty if undecidable: an entry is not a box, or all are fractions of the image's size.
     """
     if not as_given or not all(map(_is_box, as_given)):
         return {}
@@ -104,4 +104,4 @@ def _is_number(value: object) -> bool:
 
 
 def _pass(formats: Sequence[BoxFormat]) -> str:
-    return f"pass --box-format {' or '.join(formats)}, in which they lie in their images"
+    return f"pass --box-format {' or '.join(formats)}, in which they fit their images"

@@ -1,4 +1,4 @@
-"""Baselines by their card.toml: what each is, what it can be asked, and what its code hashes to."""
+"""Baseline cards (card.toml): description, options and code hash of each baseline."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TRUE_AND_FALSE: Final = {"true": True, "false": False}
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """One [options.KEY] of a card. default None: the baseline decides; choices (): any value."""
+    """One [options.KEY] of a card. default None: the baseline's choice; choices (): any value."""
 
     key: str
     type: str
@@ -49,7 +49,7 @@ class BaselineCard:
 
     @property
     def name(self) -> str:
-        """Its name, which is its folder's."""
+        """The name, equal to the folder's."""
         return self.about.name
 
     @property
@@ -59,7 +59,7 @@ class BaselineCard:
 
     @property
     def program(self) -> Path:
-        """The program that is started."""
+        """The program to start."""
         return self.folder / PROGRAM
 
     @property
@@ -68,7 +68,7 @@ class BaselineCard:
         return catalog.folder("baselines") / SHARED
 
     def code_sha256(self) -> str:
-        """Hash of every program and card a run depends on: the baseline's own and the shared."""
+        """Hash of all code and cards that a run depends on: the baseline's and the shared ones."""
         named = [
             (kind, path.relative_to(top).as_posix(), sha256_of_file(path))
             for kind, top in (("own", self.folder), ("shared", self.shared))
@@ -79,14 +79,14 @@ class BaselineCard:
 
 
 def baseline_cards() -> list[BaselineCard]:
-    """Every baseline there is, by name. CatalogError for a card that cannot be used."""
+    """All baselines by name. CatalogError for an unusable card."""
     return [read_card(p) for p in sorted(catalog.folder("baselines").glob(f"*/{CARD}"))]
 
 
 def load_baseline(name: str) -> BaselineCard:
-    """A baseline by name, or by the path of its folder, which has a "/" in it.
+    """A baseline by name, or by the path of its folder, which must contain a "/".
 
-    UsageError lists the nearest names where there is none.
+    UsageError lists the nearest names for an unknown one.
     """
     folder = Path(name) if "/" in name else catalog.folder("baselines") / name
     if (folder / CARD).is_file():
@@ -94,15 +94,15 @@ def load_baseline(name: str) -> BaselineCard:
     names = sorted(p.parent.name for p in catalog.folder("baselines").glob(f"*/{CARD}"))
     near = difflib.get_close_matches(name, names, n=3)
     raise UsageError(
-        "there is no such baseline",
+        "unknown baseline",
         found=repr(name),
         expected=" or ".join([*(near or names), f"a folder's path, with a /, that has a {CARD}"]),
-        next_step="`legoworld list baselines` shows them all",
+        next_step="`legoworld list baselines` lists all of them",
     )
 
 
 def read_card(path: Path) -> BaselineCard:
-    """Read a card.toml. CatalogError says what it lacks."""
+    """Read a card.toml. Raises CatalogError for an invalid one."""
     try:
         about = to_record(BaselineCardFile, tomllib.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError) as error:
@@ -120,7 +120,7 @@ def read_card(path: Path) -> BaselineCard:
 
 
 def chosen_options(card: BaselineCard, given: Sequence[str]) -> dict[str, OptionValue | None]:
-    """The card's options with those given as KEY=VALUE. UsageError for what it does not have."""
+    """The card's options, overridden by KEY=VALUE texts. UsageError for an unknown option."""
     known = {option.key: option for option in card.options}
     values = {option.key: option.default for option in card.options}
     for text in given:

@@ -1,6 +1,6 @@
-"""Category ids of results without names: the dataset's own, or places in its list of categories.
+"""Category ids of results without names: the dataset's own, or positions in its category list.
 
-Nothing in a results file says which, and on few photos both fit: what is believed is named.
+A results file does not say which, and on few photos both fit, so the assumption is reported.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from legoworld.tracks.vocabulary import Vocabulary, normal_name
 CategoryIds = Literal["dataset", "coco80-0", "coco80-1", "lvis-0"]
 CATEGORY_IDS: Final[tuple[CategoryIds, ...]] = get_args(CategoryIds)
 
-#: Contiguous numberings: the dataset they are of, and the number of its first category.
+#: Contiguous numberings: their dataset, and the number of its first category.
 _CONTIGUOUS: Final[Mapping[CategoryIds, tuple[str, int]]] = {
     "coco80-0": ("coco", 0),
     "coco80-1": ("coco", 1),
@@ -31,7 +31,7 @@ _SHOWN_CATEGORIES: Final = 8
 
 
 def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int, int]]:
-    """Each numbering this vocabulary may be given in, from its ids to the vocabulary's."""
+    """Every numbering applicable to this vocabulary, as a map to the vocabulary's ids."""
     own = [category.id for category in vocabulary.categories]
     found: dict[CategoryIds, dict[int, int]] = {"dataset": {i: i for i in own}}
     dataset = dataset_of(task)
@@ -44,11 +44,11 @@ def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int,
 
 
 def numbering(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[int, int]:
-    """The declared numbering's ids to the vocabulary's. UsageError where it has no such one."""
+    """The map from the declared numbering to the vocabulary's ids. UsageError if inapplicable."""
     known = numberings(vocabulary, task)
     if declared not in known:
         raise UsageError(
-            f"--category-ids {declared} does not go with this track's categories",
+            f"--category-ids {declared} does not fit this track's categories",
             found=f"{len(vocabulary.categories)} categories of --task {task}",
             expected=" or ".join(known),
             next_step="map other ids with --label-map FILE",
@@ -57,13 +57,13 @@ def numbering(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[
 
 
 def fitting(ids: Iterable[int], vocabulary: Vocabulary, task: str) -> list[CategoryIds]:
-    """The numberings that have all of these ids."""
+    """The numberings that contain all of these ids."""
     wanted = set(ids)
     return [n for n, known in numberings(vocabulary, task).items() if wanted <= known.keys()]
 
 
 def check_numbering(by_id: Counter[int], known: Mapping[int, int], declared: str) -> None:
-    """PredictionsInvalidError for category ids that the declared numbering does not have."""
+    """Raise PredictionsInvalidError for category ids outside the declared numbering."""
     bad = {i: count for i, count in by_id.items() if i not in known}
     if bad:
         raise PredictionsInvalidError(
@@ -76,7 +76,7 @@ def check_numbering(by_id: Counter[int], known: Mapping[int, int], declared: str
 
 
 def doubt(ids: Counter[int], vocabulary: Vocabulary, task: str) -> str | None:
-    """Why ids that the dataset has may still be places in its list; None when nothing says so.
+    """Why ids of the dataset may still be positions in its list; None if nothing suggests it.
 
     ids: undeclared category ids with their counts.
     """
@@ -99,7 +99,7 @@ def doubt(ids: Counter[int], vocabulary: Vocabulary, task: str) -> str | None:
 
 
 def most_frequent(category_ids: Iterable[int], vocabulary: Vocabulary) -> str:
-    """The most frequent category names with their counts, in words."""
+    """The most frequent category names with their counts, as text."""
     counts = Counter(category_ids)
     shown = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:_SHOWN_CATEGORIES]
     names = ", ".join(f"{vocabulary.name_of(i)} {count:,}" for i, count in shown)

@@ -29,7 +29,7 @@ from legoworld.workers.scratch import ScratchFolder
 _KEPT_LOG_LINES: Final = 60
 _WAIT_FOR_END_S: Final = 5.0
 _POLL_S: Final = 0.5
-#: The longest line that is held in memory: hundreds of masks of the largest photos are 10 MB.
+#: Maximum length of a line in memory: hundreds of masks of the largest photos are 10 MB.
 _LONGEST_LINE: Final = 256 << 20
 _LONGEST_LOG_LINE: Final = 1 << 16
 
@@ -42,7 +42,7 @@ class BaselineFailedError(LegoWorldError):
 
 
 class TooSlowError(Exception):
-    """No message came within the time limit."""
+    """No message arrived within the time limit."""
 
 
 class BaselineProcess:
@@ -116,7 +116,7 @@ class BaselineProcess:
         self.close()
 
     def next_message(self, time_limit_s: float | None) -> Message | Unreadable | None:
-        """The next message; None when the process has ended. TooSlowError past the limit."""
+        """The next message; None if the process has ended. TooSlowError after the time limit."""
         deadline = None if time_limit_s is None else time.monotonic() + time_limit_s
         while True:
             left = _POLL_S if deadline is None else min(_POLL_S, deadline - time.monotonic())
@@ -129,14 +129,14 @@ class BaselineProcess:
                     raise TooSlowError from error
 
     def _last_message(self) -> Message | Unreadable | None:
-        """What a process that has ended said last; what it started may hold its pipe open."""
+        """The last message of an ended process, whose children may keep its pipe open."""
         self._kill()
         with contextlib.suppress(queue.Empty):
             return self._messages.get(timeout=_WAIT_FOR_END_S)
         return None
 
     def how_it_ended(self) -> str:
-        """The exit code or signal, and the last line of its log; to be asked after its end."""
+        """The exit code or signal, and the last line of its log; call it after the end."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_WAIT_FOR_END_S)
         self.close()
@@ -145,7 +145,7 @@ class BaselineProcess:
         return f"{how}; {self.last_words()}"
 
     def last_words(self) -> str:
-        """The last line of standard error that says something."""
+        """The last non-empty line of standard error."""
         lines = [line for line in self._tail if line.strip()]
         return one_line(lines[-1], 300) if lines else "no message"
 
@@ -192,7 +192,7 @@ class BaselineProcess:
 
 
 def _lines(stream: IO[str], longest: int) -> Iterator[str]:
-    """Lines; one without an end comes in pieces of `longest` characters."""
+    """Lines; one longer than `longest` characters is split into pieces."""
     return iter(lambda: stream.readline(longest), "")
 
 

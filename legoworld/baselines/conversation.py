@@ -1,4 +1,4 @@
-"""From images to answers through processes that may refuse, crash, hang or say nothing."""
+"""The dialogue with a baseline's process, which may refuse, crash, hang or stay silent."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ Photos = Mapping[int, Path]
 Provenance = dict[str, Any]
 """What a model says of itself, as run.json keeps it."""
 
-#: An image whose process dies is tried once more, in a fresh one: the cause may lie elsewhere.
+#: Attempts per image: after a crash it is retried once in a new process, in case of other causes.
 _TRIES = 2
 
 
 class BaselineRefusedError(UsageError):
-    """The baseline says that nothing can be run as asked."""
+    """The baseline refuses the request."""
 
     code = "baseline_refused"
 
 
 class Conversation:
-    """Asks for images until each has a record.
+    """Requests images until each has a record.
 
-    photos: every image's photo; batches: every image's batch number; begin: called with each
-    process's provenance before anything is asked of it, and may refuse it; log, notice: what is
-    said only when asked for, and what is always said.
+    photos: the photo of each image; batches: the batch number of each image; begin: called with
+    each process's provenance before the first request, and may refuse it; log: called with
+    verbose output; notice: called with messages that are always shown.
     """
 
     def __init__(
@@ -67,11 +67,11 @@ class Conversation:
         self._environment: dict[str, Any] = {}
 
     def records(self, images: list[TrackImage], todo: list[TrackImage]) -> Iterator[ImageRecord]:
-        """A record of every image of `todo`, as they are made. images: the whole run's, in order.
+        """Records of the `todo` images, as they are made. images: all of the run, in order.
 
-        Images that share a batch with a pending one are predicted again with it, so that a batch
-        is always of the same images; only pending ones are recorded. With nothing to do a process
-        is started, too: only it can say that the weights are still those of the run.
+        Images in the same batch as a pending one are predicted again, so that a batch always has
+        the same images; only pending ones are recorded. A process is started even if nothing is
+        pending, because only it can confirm that the weights are still those of the run.
         """
         self._pending = {image.id: image for image in todo}
         begun = False
@@ -127,7 +127,7 @@ class Conversation:
         name = self._request.card.name
         if message is None:
             raise BaselineFailedError(
-                f"the baseline {name} ended before it could begin",
+                f"the baseline {name} ended before it was ready",
                 found=process.how_it_ended(),
                 expected="a loaded model",
                 next_step="`legoworld doctor` says what its environment lacks; -v shows its log",
@@ -147,7 +147,7 @@ class Conversation:
             )
         if message.provenance is None:
             raise BaselineFailedError(
-                f"the baseline {name} does not say what it runs",
+                f"the baseline {name} does not report what it runs",
                 found="a first line without a provenance",
                 expected='{"provenance": {...}, "environment": {...}}',
             )
@@ -162,7 +162,7 @@ class Conversation:
         self._begin(message.provenance)
 
     def _waited_for(self, image_ids: Sequence[int]) -> list[int]:
-        """Those of the ids a process wrote down that still have no record."""
+        """The ids that a process noted and that still have no record."""
         return list(dict.fromkeys(i for i in image_ids if i in self._pending))
 
     def _answered(self, image_id: int, message: Message) -> ImageRecord:
@@ -181,7 +181,7 @@ class Conversation:
         return answered_record(image, message, self._request.rules, source)
 
     def _unusable(self, line: Unreadable, working: list[int]) -> Iterator[ImageRecord]:
-        """A line that is no message fails the image it names, or those that are worked on."""
+        """Fail the image that an unreadable message names, or those in progress."""
         failed = working if line.image_id is None else self._waited_for([line.image_id])
         self._log(f"legoworld: a line of the baseline cannot be used: {line.reason}")
         error = AnswerInvalidError(
@@ -190,7 +190,7 @@ class Conversation:
         yield from self._fail(failed, error)
 
     def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[ImageRecord]:
-        """Name the images it died of; those that were tried before are given up."""
+        """Record a crash: images that crashed before fail, the others are retried."""
         ended = process.how_it_ended()
         if not self._pending:  # it had answered for all of them
             return

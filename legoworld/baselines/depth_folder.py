@@ -1,4 +1,4 @@
-"""Anyone's depth arrays: a folder that mirrors the track, each array labelled and planar."""
+"""Imported depth arrays: a folder that mirrors the track, each array declared and planar."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ _DECLARE: Final = (
 
 
 class IntrinsicsError(LegoWorldError):
-    """The file of intrinsics cannot be used."""
+    """The intrinsics file is unusable."""
 
     code = "intrinsics"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """A pinhole. size_wh: the array size its numbers are at, None where the file does not say."""
+    """A pinhole camera. size_wh: the array size of its numbers, None if the file does not say."""
 
     intrinsics_px: Intrinsics
     size_wh: tuple[int, int] | None
@@ -51,10 +51,10 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthSource:
-    """A folder and what is declared of its arrays.
+    """A folder and the declaration of its arrays.
 
-    cameras: by file name; "" is for every photo. array: the name in an .npz or .exr; suffix: what
-    the files' names end in.
+    cameras: by file name; "" applies to every photo. array: the name in an .npz or .exr; suffix:
+    the ending of the files' names.
     """
 
     folder: Path
@@ -66,11 +66,10 @@ class DepthSource:
 
 
 def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArray:
-    """A photo's array after every check; ray distances come back as planar depth.
+    """A photo's array after all checks; ray distances are converted to planar depth.
 
-    DepthFileError when the array does not say what it is, or cannot be turned into depth;
-    DepthPredictionError when no scorer could use it: of another size than the photo, or without
-    a single prediction.
+    DepthFileError if the array's quantity is undeclared or cannot be converted to depth;
+    DepthPredictionError if it cannot be scored: of the wrong size, or without any prediction.
     """
     assert image.size_wh is not None
     camera = source.cameras.get(image.file_name, source.cameras.get(""))
@@ -99,7 +98,7 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
 def _labelled(
     path: Path, source: DepthSource, camera: Camera | None, check: SizeCheck
 ) -> DepthArray:
-    """The array as the file or the command declares it; what it lacks is an option here."""
+    """The array as declared by the file or the command; a missing part names the option."""
     declared = Declaration(
         space=source.space,
         unit=source.unit,
@@ -125,7 +124,7 @@ def planar_from_ray_distance(distance: NDArray[Any], intrinsics_px: Intrinsics) 
     ((u + 0.5 - cx) / fx, (v + 0.5 - cy) / fy, 1) with fx, fy, cx, cy at this array's size and the
     origin at the top left corner of the top left pixel (Hartley and Zisserman, Multiple View
     Geometry, 2nd edition, section 6.1). A point at distance d along it has z = d over that
-    direction's length. Computed in float64; NaN and inf stay.
+    direction's length. Computed in float64; NaN and inf are kept.
     """
     rows, cols = np.ogrid[: distance.shape[0], : distance.shape[1]]
     planar: NDArray[Any] = distance.astype(np.float64) / ray_lengths(intrinsics_px, rows, cols)
@@ -133,16 +132,16 @@ def planar_from_ray_distance(distance: NDArray[Any], intrinsics_px: Intrinsics) 
 
 
 def write_array(path: Path, array: DepthArray) -> None:
-    """Write an array with its labels as the run's .npz, whole or not at all."""
+    """Write an array with its declaration as the run's .npz, atomically."""
     labels = {"space": np.array(array.space), "unit": np.array(array.unit or "")}
     write_npz(path, {"values": array.values, **labels})
 
 
 def read_cameras_file(path: Path) -> dict[str, Camera]:
-    """Intrinsics: one camera for every photo (key ""), or one for each file name.
+    """Intrinsics: one camera for all photos (key ""), or one per file name.
 
-    A camera is {"fx", "fy", "cx", "cy"} in pixels, with "width" and "height" where they are not at
-    the arrays' own size. IntrinsicsError when the file holds something else.
+    A camera is {"fx", "fy", "cx", "cy"} in pixels, with "width" and "height" if they are not at the
+    arrays' own size. IntrinsicsError for any other content.
     """
     try:
         document = decode(dict[str, Any], path.read_bytes())

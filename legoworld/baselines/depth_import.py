@@ -1,4 +1,4 @@
-"""A folder of depth arrays as a run folder: planar, labelled, each a row of its own."""
+"""A folder of depth arrays as a run folder: planar and declared, one row each."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ _FLOAT16: Final = "the file holds float16: three digits, and nothing beyond 6550
 def import_depth(
     request: ImportRequest, source: DepthSource, *, progress: Progress, notice: Say
 ) -> RunResult:
-    """Import a folder of depth arrays; goes on where an interrupted import stopped.
+    """Import a folder of depth arrays; an interrupted import is resumed.
 
-    An array that `evaluate` could not score is a row of the run. When no array at all can be
-    used, the first one's error is raised and nothing is kept.
+    An array that `evaluate` could not score is a row of the run. If no array is usable, the first
+    one's error is raised and nothing is kept.
     """
     images = list(request.track.images)
     imported = Imported(
@@ -107,7 +107,7 @@ def _depth_records(
 def _depth_record(
     image: TrackImage, request: ImportRequest, entry: ImageSource, array: DepthArray
 ) -> ImageRecord:
-    """The record with what of the file was read, and a warning where it is less than float32."""
+    """The record with what was read from the file, and a warning below float32 precision."""
     stored = array.stored
     assert stored is not None
     read = ReadArray(array=stored.array, dtype=stored.dtype, shape=tuple(stored.shape))
@@ -118,11 +118,11 @@ def _depth_record(
 
 
 def _notice_names(matches: Matches, notice: Say) -> None:
-    """How files were matched where not by the photos' own paths, and those of no photo."""
+    """Report files matched other than by the photos' own paths, and files that match no photo."""
     strangers = matches.strangers
     if strangers:
         files = counted(len(strangers), "file is", "files are")
-        notice(f"{files} of no photo of the track, such as {strangers[0]}")
+        notice(f"{files} not matched to a photo of the track, such as {strangers[0]}")
     for how, count in sorted(Counter(m.how for m in matches.by_image.values()).items()):
         if how != "same_path":
             files = counted(count, "file is", "files are")
@@ -132,7 +132,7 @@ def _notice_names(matches: Matches, notice: Say) -> None:
 def _refuse_unusable(
     request: ImportRequest, source: DepthSource, images: Sequence[TrackImage], matches: Matches
 ) -> None:
-    """Raise the first array's error when not one array is usable, before anything is written."""
+    """Raise the first array's error if no array is usable, before anything is written."""
     first_error: LegoWorldError | None = None
     for image in images:
         try:
@@ -144,10 +144,10 @@ def _refuse_unusable(
             first_error = first_error or error
     other = f", but {matches.strangers[0]}" if matches.strangers else ""
     raise first_error or UsageError(
-        "the folder has no depth of the track's photos",
+        "the folder has no depth for the track's photos",
         found=f"nothing like {images[0].scene}.npy{other}",
         expected=f"<file_name without extension> and one of {' '.join(SUFFIXES)}",
-        next_step="for names with something more before the format, pass --suffix",
+        next_step="for names with an extra ending before the format, pass --suffix",
     )
 
 

@@ -1,4 +1,4 @@
-"""Which file of a folder is which photo's depth, however its tool named it."""
+"""Matching depth files to photos by their names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.pictures import SUFFIXES
 from legoworld.tracks.track import TrackImage
 
-#: What tools add to a photo's name; others are named with --suffix.
+#: Endings that tools add to a photo's name; --suffix sets any other.
 KNOWN_SUFFIXES: Final = (
     *("_depth", "-depth", "_pred", "-pred", "_depth_pred", "_pred_depth"),
     *("_disp", "-disp", "_disparity"),
@@ -25,7 +25,7 @@ _Rule = Callable[[TrackImage, Sequence[str]], list[str]]
 
 @dataclass(frozen=True, kw_only=True)
 class Match:
-    """A photo's file. how: the rule by which its name is the photo's."""
+    """A photo's file. how: the rule that matched its name."""
 
     path: Path
     how: str
@@ -33,14 +33,14 @@ class Match:
 
 @dataclass(frozen=True, kw_only=True)
 class Matches:
-    """The files of a folder by image id, why an image has none it could use, and the others."""
+    """The files of a folder by image id, the errors of ambiguous images, and unmatched files."""
 
     by_image: dict[int, Match]
     errors: dict[int, DepthFileError]
     strangers: tuple[str, ...]
 
     def of(self, image: TrackImage) -> Match | None:
-        """An image's file; None without one, DepthFileError when its name is ambiguous."""
+        """An image's file; None without one, DepthFileError if the match is ambiguous."""
         if image.id in self.errors:
             raise self.errors[image.id]
         return self.by_image.get(image.id)
@@ -83,7 +83,7 @@ def _claims(
     *,
     fold: bool,
 ) -> list[tuple[TrackImage, list[str]]]:
-    """The images that a rule finds files for, and the files' names. fold: whatever their case."""
+    """The images for which a rule finds files, and the files' names. fold: ignore case."""
     by_body: dict[str, list[str]] = defaultdict(list)
     for name, body in files.items():
         by_body[body.casefold() if fold else body].append(name)
@@ -102,7 +102,7 @@ def _rivals(
     *,
     by_name_alone: bool,
 ) -> dict[int, list[str]]:
-    """The photos, by image id, that the image's files could be of, itself among them."""
+    """The photos, by image id, that the image's files could belong to, including itself."""
     by_file: dict[str, list[str]] = defaultdict(list)
     for image, found in claims:
         for name in found:
@@ -186,6 +186,6 @@ def _ambiguous(image: TrackImage, found: Sequence[str], others: Sequence[str]) -
 
 
 def _ending(name: str, image: TrackImage) -> str:
-    """What a file's name has after the photo's."""
+    """The part of a file's name after the photo's."""
     _, _, ending = PurePosixPath(name).name.casefold().partition(_base(image))
     return name[len(name) - len(ending) :] if ending else PurePosixPath(name).suffix

@@ -61,10 +61,9 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSource:
-    """A results file and what is declared of it.
+    """A results file and its declarations.
 
-    box_format: None for what the file's kind says, else x, y, width, height; category_ids: None
-    when nothing is declared.
+    box_format: None for the default of the file's kind; category_ids: None if undeclared.
     """
 
     path: Path
@@ -74,7 +73,7 @@ class DetectionSource:
 
 
 def import_detections(request: ImportRequest, source: DetectionSource, *, notice: Say) -> RunResult:
-    """Import boxes or masks. Nothing is written when anything in them would be refused."""
+    """Import boxes or masks. Nothing is written if any of them is refused."""
     images = list(request.track.images)
     found = read_results(source.path)
     box_format = source.box_format or found.box_format or "xywh"
@@ -117,7 +116,7 @@ def _say_placed(placed: Placed, of: int, notice: Say) -> None:
     if placed.left_out:
         n_kept = of - placed.left_out
         kept, are = share(n_kept, of, "prediction", "predictions"), word_for(n_kept, "is", "are")
-        notice(f"{kept} {are} of the track's images; the rest is left out")
+        notice(f"{kept} {are} of the track's images; the rest is ignored")
 
 
 def _named(
@@ -139,7 +138,7 @@ def _named(
 def _say_categories(
     request: ImportRequest, source: DetectionSource, named: Named, checked: Predictions, notice: Say
 ) -> None:
-    """What was left out, what the predictions name, and whether their ids may mean others."""
+    """Report dropped labels, the predicted categories, and doubts about the ids' meaning."""
     vocabulary = request.protocol.vocabulary
     assert vocabulary is not None
     for label, count in named.left_out.items():
@@ -161,7 +160,7 @@ def _checked(
     as_given: Sequence[Entry],
     notice: Say,
 ) -> Predictions:
-    """Entries after every check that scoring makes, its errors in terms of the import's options.
+    """Entries after all checks of scoring, with errors rephrased for the import's options.
 
     as_given: entries with the file's own boxes.
     """
@@ -200,7 +199,7 @@ def _checked(
 def _with_options(
     error: PredictionsInvalidError, numberings: Sequence[CategoryIds]
 ) -> PredictionsInvalidError:
-    """An error about category ids, with the options that say what they are."""
+    """An error about category ids, extended by the options that declare them."""
     declare = f", or pass --category-ids {' or '.join(numberings)}" if numberings else ""
     return PredictionsInvalidError(
         error.what,

@@ -1,4 +1,4 @@
-"""The Python a baseline runs with: one the user names, or an environment made for it."""
+"""The Python of a baseline: one given by the user, or an environment created for it."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from legoworld.records.base import decode
 
 _STAMP: Final = "legoworld-requirements"
 _PIN: Final = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[[^]]*])?\s*(==\s*(?P<version>[^;,\s]+))?")
-#: What an index of torch's builds serves.
+#: The packages served by an index of torch builds.
 _TORCH_PACKAGES: Final = ("torch", "torchvision", "torchaudio")
-#: Asked of a baseline's Python: the installed versions of distributions.
+#: Run by a baseline's Python: prints the installed versions of distributions.
 _VERSIONS: Final = """
 import importlib.metadata as m, json, sys
 found = {}
@@ -54,7 +54,7 @@ class IsolatedProject(Protocol):
 
 
 class EnvironmentFailedError(LegoWorldError):
-    """A baseline's environment could not be made or asked."""
+    """A baseline's environment could not be created or queried."""
 
     code = "baseline_environment"
     exit_code = exit_codes.BLOCKED
@@ -62,10 +62,10 @@ class EnvironmentFailedError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """What a baseline's pyproject.toml asks for.
+    """The requirements in a baseline's pyproject.toml.
 
-    dependencies: installed with theirs; no_deps: installed alone ([tool.legoworld] no-deps), for
-    packages whose own pins fit nowhere.
+    dependencies: installed with their dependencies; no_deps: installed without them
+    ([tool.legoworld] no-deps), for packages whose own pins cannot be satisfied.
     """
 
     dependencies: tuple[str, ...]
@@ -73,7 +73,7 @@ class Requirements:
 
     @property
     def sha256(self) -> str:
-        """Hash by which an environment knows that it is current."""
+        """Hash that tells whether an environment is current."""
         return sha256_of_text(canonical_json([self.dependencies, self.no_deps]))
 
 
@@ -91,27 +91,27 @@ def requirements(card: IsolatedProject) -> Requirements:
 
 
 def environment_folder(card: IsolatedProject) -> Path:
-    """Where `legoworld baseline install` and `legoworld agent install` make an environment."""
+    """The folder of the environment that an `install` command creates."""
     from platformdirs import user_data_path
 
     return Path(user_data_path("legoworld")) / card.shelf / card.name
 
 
 def installed_python(card: IsolatedProject) -> Path | None:
-    """The Python of the baseline's own environment; None where none was made, or not to its end."""
+    """The Python of a project's environment; None without one, or if it is incomplete."""
     folder = environment_folder(card)
     return _python_in(folder) if (folder / _STAMP).is_file() else None
 
 
 def chosen_python(card: BaselineCard, given: Path | None) -> Path:
-    """The Python to run a baseline with. UsageError says how to get one."""
+    """The Python to run a baseline with. UsageError if there is none."""
     python = given or installed_python(card)
     if python is None:
         raise UsageError(
             f"the baseline {card.name} has no environment yet",
             found=f"nothing in {environment_folder(card)}",
             expected="an environment with its own requirements",
-            next_step=f"`legoworld baseline install {card.name}`, or pass --python of one you have",
+            next_step=f"`legoworld baseline install {card.name}`, or pass one with --python",
         )
     return python
 
@@ -119,7 +119,7 @@ def chosen_python(card: BaselineCard, given: Path | None) -> Path:
 def problems(card: IsolatedProject, python: Path) -> list[str]:
     """What a Python lacks of a baseline's requirements; empty when it is ready.
 
-    Versions are compared where the requirement pins one with ==.
+    Versions are compared if the requirement pins one with ==.
     """
     needed = requirements(card)
     pins = [m for text in (*needed.dependencies, *needed.no_deps) if (m := _PIN.match(text))]
@@ -143,11 +143,10 @@ def install(
     torch_index: str | None = None,
     extra: Sequence[str] = (),
 ) -> Path:
-    """Make the baseline's environment anew, with uv where there is one, and return its Python.
+    """Create the baseline's environment anew, with uv if available, and return its Python.
 
-    torch_index: URL of the package index that torch and torchvision come from, such as one of
-    CPU-only wheels; everything else comes from where packages usually do. extra: packages besides
-    the baseline's own.
+    torch_index: URL of the package index for torch and torchvision, such as one with CPU-only
+    wheels; everything else comes from the default index. extra: additional packages.
     """
     folder, needed = environment_folder(card), requirements(card)
     uv = shutil.which("uv")
@@ -176,8 +175,8 @@ def install_steps(
 ) -> list[tuple[list[str], list[str]]]:
     """Arguments and packages of each call of pip, in order.
 
-    Torch's own packages come first and alone from `torch_index`: the later steps find them there
-    and add what they depend on from the usual index.
+    Torch's own packages are installed first and without dependencies from `torch_index`; the later
+    steps find them installed and add their dependencies from the default index.
     """
     everything = [*needed.dependencies, *extra]
     of_torch = [text for text in everything if torch_index and _name(text) in _TORCH_PACKAGES]
@@ -190,7 +189,7 @@ def install_steps(
 
 
 def ask_python(python: Path, program: str, *arguments: str) -> str:
-    """What a program prints in a Python. EnvironmentFailedError when it fails."""
+    """The output of a program run by a Python. EnvironmentFailedError if it fails."""
     return _run([str(python), "-c", program, *arguments])
 
 

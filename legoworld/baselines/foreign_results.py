@@ -1,4 +1,4 @@
-"""Detector outputs that are no results list: taken where they say all of it, else a way on."""
+"""Third-party detector outputs: accepted if complete, otherwise refused with instructions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 
-#: One object of a foreign results file.
+#: One object of a third-party results file.
 Entry = Mapping[str, Any]
 
 RESULTS: Final = (
@@ -23,7 +23,7 @@ _YOLO: Final = (
     "Ultralytics writes predictions.json with save_json=True; labels in YOLO's form become COCO "
     "by supervision's DetectionDataset.from_yolo(...).as_coco(...), without confidences"
 )
-#: What to do with a file of another kind, by its name's end.
+#: Conversion instructions for other kinds of files, by suffix.
 _CONVERTERS: Final = {
     **dict.fromkeys((".pt", ".pth", ".pkl", ".pickle"), _TENSORS),
     **dict.fromkeys((".npz", ".npy"), "write JSON: every array's tolist()"),
@@ -39,7 +39,7 @@ _SAM: Final = (
 
 
 def next_step_for(path: Path) -> str:
-    """How a file that is not JSON, or a folder, becomes something that is taken."""
+    """Conversion instructions for a folder or a file that is not JSON."""
     if path.is_dir():
         suffixes = {p.suffix.lower() for p in sorted(path.iterdir())[:100]}
         return next((_CONVERTERS[s] for s in sorted(suffixes) if s in _CONVERTERS), "")
@@ -47,7 +47,7 @@ def next_step_for(path: Path) -> str:
 
 
 def refuse_other_documents(document: object, path: Path) -> None:
-    """PredictionsInvalidError for what looks like masks without classes, or like LabelMe."""
+    """Raise PredictionsInvalidError for masks without classes and for LabelMe files."""
     first = document[0] if isinstance(document, list) and document else document
     if not isinstance(first, dict):
         return
@@ -64,7 +64,7 @@ def refuse_other_documents(document: object, path: Path) -> None:
 
 
 def per_image_outputs(document: object) -> list[Entry] | None:
-    """torchvision's outputs, one {"boxes", "labels", "scores"} an image; None for all else.
+    """torchvision outputs, one {"boxes", "labels", "scores"} per image; None for anything else.
 
     A list whose objects name their image, or an object of them by image id or file name.
     """
@@ -80,7 +80,7 @@ def _is_output(value: object) -> bool:
 
 
 def entries_of_outputs(outputs: list[Entry], path: Path) -> Iterator[Entry]:
-    """One entry a box, its corners as they are. PredictionsInvalidError for lists that differ."""
+    """One entry per box, corners unchanged. PredictionsInvalidError for lists of unequal length."""
     for number, output in enumerate(outputs, start=1):
         image = {k: v for k, v in output.items() if k in ("image_id", "file_name")}
         columns = {k: v for k, v in output.items() if k in ("boxes", "labels", "scores", "masks")}

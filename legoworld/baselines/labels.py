@@ -1,4 +1,4 @@
-"""Other people's label names to a vocabulary's: by name, with a map where they differ."""
+"""Mapping of third-party label names to a vocabulary: by name, with a map for differences."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ OLD_NAMES: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 LabelMap = dict[str, str | None]
-"""Their name to ours; None leaves their label out."""
+"""Maps their name to the vocabulary's; None drops their label."""
 
 
 class LabelsUnmatchedError(LegoWorldError):
-    """Labels that name no category of the vocabulary."""
+    """Labels that match no category of the vocabulary."""
 
     code = "labels_unmatched"
 
 
 def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
-    """The old names that apply to this vocabulary, and the user's own map, which wins.
+    """The known aliases for this vocabulary, overridden by the user's own map.
 
-    path: JSON {"their label": "our name", "another": null}. LabelsUnmatchedError when a name of
-    ours is not in the vocabulary, with the nearest that are.
+    path: JSON {"their label": "category name", "another": null}. LabelsUnmatchedError if a category
+    name is not in the vocabulary, with the nearest names.
     """
     found: LabelMap = {
         old: name
@@ -59,7 +59,7 @@ def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
 
 
 class Matcher:
-    """Finds the category of a label, and keeps what it does not find for one message."""
+    """Finds the category of a label, and collects unmatched labels for one message."""
 
     def __init__(self, vocabulary: Vocabulary, names: LabelMap) -> None:
         self._vocabulary = vocabulary
@@ -68,11 +68,11 @@ class Matcher:
         self.left_out: dict[str, int] = {}
 
     def knows(self, label: str) -> bool:
-        """Whether the map says what becomes of this label."""
+        """Whether the map contains this label."""
         return normal_name(label) in self._names
 
     def match(self, label: str) -> Category | None:
-        """The label's category; None, counted, when it is left out or not found."""
+        """The label's category; None, counted, if it is dropped or unmatched."""
         name = self._names.get(normal_name(label), label)
         if name is None:
             self.left_out[label] = self.left_out.get(label, 0) + 1
@@ -83,7 +83,7 @@ class Matcher:
         return category
 
     def refuse_unmatched(self) -> None:
-        """LabelsUnmatchedError when a label was not found."""
+        """Raise LabelsUnmatchedError if a label was not matched."""
         if self.unmatched:
             raise _unmatched(
                 counted(len(self.unmatched), "label names", "labels name") + " no category",
@@ -101,7 +101,7 @@ def _unmatched(what: str, labels: list[str], vocabulary: Vocabulary) -> LabelsUn
         what,
         found=", ".join(shown) + (", ..." if len(labels) > len(shown) else ""),
         expected=f"one of the vocabulary's {len(vocabulary.categories)} names",
-        next_step='pass --label-map FILE with {"their label": "our name"}, or null to leave it out',
+        next_step='pass --label-map FILE with {"their label": "category name"}, or null to drop it',
     )
 
 
@@ -112,5 +112,5 @@ def _read(path: Path) -> LabelMap:
         raise LabelsUnmatchedError(
             f"the label map {path.name} cannot be used",
             found=str(error),
-            expected='{"their label": "our name" or null}',
+            expected='{"their label": "category name" or null}',
         ) from error

@@ -1,7 +1,7 @@
-"""Whose photo a result is of: by file name where the results say one, by id otherwise.
+"""Matching of results to photos: by file name if the results contain one, otherwise by id.
 
-Exporters renumber images (FiftyOne, supervision), so an id is the track's only where nothing in
-the file names its photo.
+Exporters renumber images (FiftyOne, supervision), so ids are only used if nothing in the file
+names the photo.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from legoworld.errors import LegoWorldError
 from legoworld.pluralize import in_another_folder, share, word_for
 from legoworld.tracks.track import TrackImage
 
-#: As many image ids without a gap are positions in a list, where the track's are others.
+#: This many gap-free image ids are positions in a list, unless the track's ids are the same.
 _FEWEST_POSITIONS: Final = 10
 _IN_THE_FILE: Final = "the file's images"
 
 
 class PhotosUnmatchedError(LegoWorldError):
-    """Results are of other photos than the track's, or do not say of which."""
+    """Results are for photos outside the track, or do not identify their photo."""
 
     code = "photos_unmatched"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Placed:
-    """Results with the track's image ids. by: what told the photo; left_out: of other photos."""
+    """Results with the track's image ids. by: how photos were matched; left_out: ignored ones."""
 
     entries: tuple[Entry, ...]
     by: Literal["file_names", "ids"]
@@ -43,11 +43,11 @@ def place(
     *,
     subset: bool,
 ) -> Placed:
-    """Give results the track's image ids.
+    """Assign the track's image ids to results.
 
-    infos: the file's own image entries by their id; subset: results of other photos are left out
-    instead of refused. PhotosUnmatchedError says what disagrees. What is no result at all is
-    left for the check that follows.
+    infos: the file's own image entries by id; subset: results of other photos are ignored instead
+    of refused. PhotosUnmatchedError names a contradiction. Entries that are not results are left to
+    the next check.
     """
     photos = _Photos(images)
     places = _places(infos, photos)
@@ -70,14 +70,14 @@ def place(
 
 
 class _Outside:
-    """The answer for a photo that is not in the track."""
+    """Marks a photo that is not in the track."""
 
 
 _OUTSIDE: Final = _Outside()
 
 
 class _Photos:
-    """The track's photos by path, and by base name where the folders do not disagree.
+    """The track's photos by path, and by base name if the folders do not contradict.
 
     Folders agree when one path ends in the other: "val2017/1.jpg" may be "1.jpg", and
     "b/1.jpg" is not "a/1.jpg".
@@ -112,13 +112,13 @@ class _Photos:
 
 
 def _agree(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
-    """Whether one path of folders ends in the other."""
+    """Whether one folder path is a suffix of the other."""
     length = min(len(one), len(other))
     return not length or one[-length:] == other[-length:]
 
 
 def _name(entry: Entry, infos: Mapping[Any, Entry]) -> str | None:
-    """What the results call the entry's photo, if anything."""
+    """The photo name in the entry, if any."""
     if isinstance(entry.get("file_name"), str):
         return str(entry["file_name"])
     image_id = entry.get("image_id")
@@ -138,9 +138,9 @@ def file_name(info: Entry) -> str | None:
 def _image_id(
     entry: Entry, name: str | None, places: Mapping[str, int], photos: _Photos, *, named: bool
 ) -> int | _Outside | None:
-    """The entry's photo; None where it says none that could be one.
+    """The entry's photo; None if it has no plausible one.
 
-    named: the file names its photos, so that an id it gives no name is not the track's.
+    named: the file names its photos, so an id without a name is not the track's.
     """
     if name is not None:
         found = places[name] if name in places else photos.find(name)
@@ -152,7 +152,7 @@ def _image_id(
 
 
 def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
-    """The file's photo names to the track's images; refuses two of one photo, and other sizes."""
+    """Maps the file's photo names to the track's images; refuses duplicates and wrong sizes."""
     found: dict[str, int] = {}
     taken: dict[int, str] = {}
     resized = []
@@ -166,7 +166,7 @@ def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
                 f"two of {_IN_THE_FILE} are one photo of the track",
                 found=f"{taken[image_id]!r} and {name!r} for image {image_id}",
                 expected="one image entry for each photo",
-                next_step="give the file the track's own file names",
+                next_step="use the track's file names in the file",
             )
         found[name] = image_id
         taken[image_id] = name
@@ -185,7 +185,7 @@ def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
 
 
 def _refuse_positions(entries: Sequence[Entry], images: Sequence[TrackImage]) -> None:
-    """Ids without a gap that leave out some of the track's count a list's places, not photos."""
+    """Refuse gap-free ids that miss some of the track's: they are positions in a list."""
     given = [entry.get("image_id") for entry in entries]
     ids = {i for i in given if type(i) is int}
     own = {image.id for image in images}
@@ -195,10 +195,10 @@ def _refuse_positions(entries: Sequence[Entry], images: Sequence[TrackImage]) ->
     if ids != set(range(first, first + len(ids))):
         return
     raise PhotosUnmatchedError(
-        "the image ids look like places in a list, not like the track's ids",
+        "the image ids look like positions in a list, not like the track's ids",
         found=f"ids {first} to {first + len(ids) - 1} without a gap",
         expected=f"ids such as {', '.join(str(i) for i in sorted(own)[:3])}",
-        next_step="give the whole file with its images, or file_name in place of image_id",
+        next_step="pass the complete file with its images, or use file_name for image_id",
     )
 
 

@@ -1,4 +1,4 @@
-"""What becomes of one image's answer: a record of the run, checked as `evaluate` would check it."""
+"""Records of a baseline's run: each image's answer, checked as `evaluate` would check it."""
 
 from __future__ import annotations
 
@@ -31,33 +31,33 @@ from legoworld.tracks.vocabulary import Vocabulary
 
 
 class ImageFailedError(LegoWorldError):
-    """The baseline has no result for an image, and said why."""
+    """The baseline has no result for an image and reported the reason."""
 
     code = "baseline_image"
 
 
 class AnswerInvalidError(LegoWorldError):
-    """A baseline's result is not what it should be."""
+    """A baseline's result is invalid."""
 
     code = "baseline_answer"
 
 
 class PhotoMissingError(LegoWorldError):
-    """There is no photo for an image of the track."""
+    """An image of the track has no photo."""
 
     code = "missing_photo"
     status = "missing"
 
 
 class ResultMissingError(LegoWorldError):
-    """What was imported has nothing for an image of the track."""
+    """The imported results do not cover an image of the track."""
 
     code = "missing_result"
     status = "missing"
 
 
 class ImageCrashedError(LegoWorldError):
-    """The baseline's process died each time it worked on an image."""
+    """The baseline's process crashed at every attempt at an image."""
 
     code = "baseline_crashed"
 
@@ -71,7 +71,7 @@ class ImageTimeoutError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerRules:
-    """What an image's answer is checked against. protocol, vocabulary: None for depth."""
+    """The rules for checking an image's answer. protocol, vocabulary: None for depth."""
 
     run: Path
     protocol: DetectionProtocol | None
@@ -81,7 +81,7 @@ class AnswerRules:
 def answered_record(
     image: TrackImage, answer: Message, rules: AnswerRules, source: ImageSource
 ) -> ImageRecord:
-    """A child's answer as a record; one that `evaluate` would refuse is that image's failure."""
+    """A child's answer as a record; one that `evaluate` would refuse fails that image."""
     try:
         if answer.failed is not None:
             raise ImageFailedError(answer.failed)
@@ -113,7 +113,7 @@ def detection_record(
 def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageRecord:
     """The record of one image's depth file in the run, read back and checked.
 
-    LegoWorldError when it is absent, unlabelled, or cannot be scored.
+    LegoWorldError if it is missing, undeclared, or cannot be scored.
     """
     name = depth_file(image.scene)
     path = run / name
@@ -135,10 +135,10 @@ def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageReco
 
 
 def predicted_px(array: DepthArray, image: TrackImage) -> int:
-    """How many pixels have a prediction, as the scorer has it (`DepthArray.disparity_at`).
+    """The number of pixels with a prediction, as in scoring (`DepthArray.disparity_at`).
 
-    DepthPredictionError for an array no truth could score: of another size than the photo, or
-    without a prediction at any pixel.
+    DepthPredictionError for an array that cannot be scored: of the wrong size, or without a
+    prediction at any pixel.
     """
     assert image.size_wh is not None
     check_size(array.size_wh, image.size_wh)
@@ -153,7 +153,7 @@ def predicted_px(array: DepthArray, image: TrackImage) -> int:
 
 
 def is_intact(record: ImageRecord, run: Path, source: ImageSource) -> bool:
-    """Whether a stored record is a result, whole, of this same source (its hashes)."""
+    """Whether a stored record is a complete result of the same source (by its hashes)."""
     if record.row.status != "ok" or record.scene is None:
         return False
     stored = as_json(record.scene)
@@ -184,7 +184,7 @@ def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predicti
 
 
 def _check_depth_answer(said: DepthSaid | None, row: RunRow) -> None:
-    """The file that was written is the one the child spoke of."""
+    """Check that the written file is the one the child reported."""
     assert row.depth
     assert row.rendered_wh
     found = DepthSaid(

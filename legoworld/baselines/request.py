@@ -1,4 +1,4 @@
-"""What a baseline is asked for, and the configuration and request that follow from it."""
+"""The request for a baseline's run, and its configuration."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from legoworld.tracks.track import Track, TrackImage
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineRequest:
-    """Everything a run of a baseline is asked for.
+    """All parameters of a baseline's run.
 
     python, offline, overwrite and time_limit_s never change its results. device: such as "cpu" or
-    "cuda:1"; time_limit_s: for one image or batch, None for no limit; pass_variables: of the
-    caller's environment, besides those the card names.
+    "cuda:1"; time_limit_s: for one image or batch, None for no limit; pass_variables: further
+    variables of the caller's environment besides those the card names.
     """
 
     card: BaselineCard
@@ -60,12 +60,12 @@ class BaselineRequest:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """The caller's variables that the baseline's process gets by name."""
+        """Names of the caller's variables that are passed to the baseline's process."""
         return (*self.card.about.variables, *self.pass_variables)
 
     @property
     def rules(self) -> AnswerRules:
-        """What answers are checked against."""
+        """The rules for checking answers."""
         vocabulary = self.protocol.vocabulary
         task = self.protocol.task.name
         protocol = detection_protocol(task) if vocabulary is not None else None
@@ -73,7 +73,7 @@ class BaselineRequest:
 
 
 def selected_images(track: Track, image_ids: Sequence[int], limit: int | None) -> list[TrackImage]:
-    """The images to attempt: all of the track's, or those that --image-id and --limit leave."""
+    """The images to attempt: all of the track's, or those selected by --image-id and --limit."""
     images = list(track.images)
     known = {image.id for image in images}
     unknown = [i for i in image_ids if i not in known]
@@ -91,7 +91,7 @@ def selected_images(track: Track, image_ids: Sequence[int], limit: int | None) -
 def common_configuration(
     protocol: Protocol, track: Track, images: Sequence[TrackImage], *, partial: bool
 ) -> Configuration:
-    """The part of a configuration that runs and imports share with a scene's run."""
+    """The part of the configuration shared with a scene's run."""
     described = [[i.id, i.file_name, i.size_wh] for i in images]
     return Configuration(
         schema_version=SCHEMA_VERSION,
@@ -110,9 +110,9 @@ def common_configuration(
 
 
 def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> Configuration:
-    """What a run's results depend on, besides photos and what the model says of itself.
+    """Everything a run's results depend on, except the photos and the model's provenance.
 
-    The weights' own hashes are in the provenance that the process gives when it has loaded them.
+    The hashes of the weights are in the provenance that the process reports after loading them.
     """
     weights = Path(request.weights)
     partial = request.limit is not None or bool(request.image_ids)
@@ -135,7 +135,7 @@ def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> 
 def child_request(
     request: BaselineRequest, images: Sequence[tuple[TrackImage, Path, int]]
 ) -> ChildRequest:
-    """The one request a process is sent. images: with the photo's path and the batch's number."""
+    """The single request sent to a process. images: with photo path and batch number."""
     vocabulary, weights = request.protocol.vocabulary, Path(request.weights)
     return ChildRequest(
         schema_version=SCHEMA_VERSION,

@@ -1,4 +1,4 @@
-"""Anyone's detection results: their format and label names to a run's own, or a refusal."""
+"""Third-party detection results: conversion of their format and label names, or refusal."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NAME_KEYS: Final = ("category_name", "category", "label")
 
 @dataclass(frozen=True, kw_only=True)
 class ResultsFile:
-    """Entries as the file has them, and what the file itself says of its ids.
+    """Entries as in the file, and the file's own information about its ids.
 
     names: its category names by id; images: its image entries by id; box_format: None where its
     kind does not say.
@@ -47,7 +47,7 @@ class ResultsFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Named:
-    """Entries with category ids of the vocabulary where a name was given.
+    """Entries with category ids of the vocabulary if they had a name.
 
     by_id: those that have an id and no name, counted by it; left_out: labels the map drops.
     """
@@ -58,11 +58,11 @@ class Named:
 
 
 def read_results(path: Path) -> ResultsFile:
-    """Detection results of any kind that says what of, where and how sure.
+    """Detection results of any supported kind, with category, location and score.
 
-    A COCO or LVIS results list; an object with such a list, perhaps with its own "images" and
-    "categories" (a whole COCO JSON); one such object a line; or torchvision's outputs, one
-    {"boxes", "labels", "scores"} an image. PredictionsInvalidError when the file is none.
+    A COCO or LVIS results list; an object with such a list, optionally with its own "images" and
+    "categories" (a complete COCO JSON); one such object per line; or torchvision outputs, one
+    {"boxes", "labels", "scores"} per image. PredictionsInvalidError for anything else.
     """
     document = _listed(_read(path))
     refuse_other_documents(document, path)
@@ -76,7 +76,7 @@ def read_results(path: Path) -> ResultsFile:
     if len(lists) != 1:
         keys = sorted(document)[:6] if isinstance(document, dict) else type(document).__name__
         raise PredictionsInvalidError(
-            f"{path.name} holds no results",
+            f"{path.name} contains no results",
             found=f"{keys}",
             expected=f"{RESULTS}, or an object with one of {', '.join(_LISTS)}",
         )
@@ -100,7 +100,7 @@ def _objects(values: list[Any]) -> tuple[Entry, ...]:
 
 
 def _read(path: Path) -> Any:
-    """The file's JSON; of JSON lines, the list of them."""
+    """The file's JSON; for JSON lines, their list."""
     try:
         text = path.read_text(encoding="utf-8")
         try:
@@ -120,7 +120,7 @@ def _read(path: Path) -> Any:
 
 
 def _listed(document: object) -> Any:
-    """A file of one line is JSON as well as JSON lines: a result by itself is a list of one."""
+    """A one-line file is both JSON and JSON lines: a single result becomes a list."""
     if not isinstance(document, dict) or any(isinstance(document.get(k), list) for k in _LISTS):
         return document
     return [document] if any(key in document for key in _OF_ONE) else document
@@ -132,11 +132,11 @@ def with_our_categories(
     matcher: Matcher,
     numbering: Mapping[int, int] | None,
 ) -> Named:
-    """Entries with our category ids where they, or the file's categories, name one.
+    """Entries with the vocabulary's category ids, if they or the file's categories name one.
 
-    A category is taken by its name where the file has one, or the label map has its id; by its id
-    otherwise, in the given numbering (theirs to ours). LabelsUnmatchedError for names that are
-    nowhere; whatever else is wrong is left for the check that follows.
+    A category is matched by name if the file has one or the label map has its id, otherwise by id
+    in the given numbering (theirs to ours). LabelsUnmatchedError for unknown names; all other
+    errors are left to the next check.
     """
     kept: list[Entry] = []
     by_id: Counter[int] = Counter()
@@ -163,9 +163,9 @@ def _with_our_id(entry: Entry, by_id: Counter[int], numbering: Mapping[int, int]
 def with_masks(
     entries: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]]
 ) -> tuple[list[Entry], int]:
-    """Entries whose polygons are filled as pycocotools fills a truth's, and how many were.
+    """Entries with polygons filled as pycocotools fills those of ground truth, and their number.
 
-    What is no polygon list is left for the check that follows.
+    Anything but a polygon list is left to the next check.
     """
     filled, count = [], 0
     for entry in entries:

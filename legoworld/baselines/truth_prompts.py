@@ -1,4 +1,4 @@
-"""The one place upstream of `evaluate` that reads truth: LVIS's verified categories as prompts."""
+"""LVIS's verified categories as prompts: the only ground truth read upstream of `evaluate`."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class TruthPrompts:
 def read_truth_prompts(
     path: Path, images: Sequence[TrackImage], card: BaselineCard, task: str
 ) -> TruthPrompts:
-    """The categories that LVIS verified on each image: those annotated, and those known absent.
+    """The categories that LVIS verified on each image: annotated ones and those known absent.
 
-    UsageError when the baseline cannot be prompted or the task is not lvis; CatalogError when the
-    file is not LVIS truth of these images.
+    UsageError if the baseline cannot be prompted or the task is not lvis; CatalogError if the file
+    is not LVIS ground truth of these images.
     """
     if task != "lvis" or not card.about.prompts_from_truth:
         raise UsageError(
@@ -59,7 +59,7 @@ def read_truth_prompts(
 
 
 def prompts_of_request(prompts: TruthPrompts | None) -> dict[str, list[int]] | None:
-    """The request's "prompts": JSON keys are texts."""
+    """The request's "prompts", with string keys as JSON requires."""
     if prompts is None:
         return None
     return {str(image_id): ids for image_id, ids in sorted(prompts.category_ids.items())}

@@ -171,7 +171,7 @@ def test_a_strange_line_costs_no_image(request_of, strange):
         ),
         (line(provenance={}, environment=[]), r"first line .* got array at \$\.environment"),
         (line(refused="no"), r"first line .* got str at \$\.refused"),
-        (line(image_id=1), "does not say what it runs"),
+        (line(image_id=1), "does not report what it runs"),
     ],
 )
 def test_an_unusable_beginning_is_the_runs_error(request_of, first, words):

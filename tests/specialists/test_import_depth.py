@@ -246,7 +246,7 @@ def test_files_of_other_photos_are_counted(bring, source):
         np.save(source / f"{stem}.npy", DEPTH)
     code, run, said = bring("--space", "depth", "--unit", "m")
     assert code == 0
-    assert f"1 file is of no photo of the track, such as {STEMS[0]}_other.npy" in said
+    assert f"1 file is not matched to a photo of the track, such as {STEMS[0]}_other.npy" in said
     assert len(list(run.rglob("*.npz"))) == 2
 
 
@@ -308,7 +308,7 @@ def test_two_files_of_one_photo_are_ambiguous(bring, source):
 def test_a_folder_of_something_else_is_refused(bring, source):
     code, run, said = bring("--space", "depth")
     assert code == 2
-    assert "no depth of the track's photos" in said
+    assert "no depth for the track's photos" in said
     assert not run.exists()
 
 

@@ -132,7 +132,7 @@ def test_fractions_of_the_size_are_refused(bring):
 
 
 REFUSED = {
-    "no list": ({"images": []}, "holds no results"),
+    "no list": ({"images": []}, "contains no results"),
     "an unknown image": ([box(9)], "1 of 1 prediction is of images outside the track"),
     "an unknown category": ([box(1, 19)], "of categories the vocabulary does not have"),
     "contiguous ids": ([box(1, 0), box(1, 1)], "look like positions 0..3"),
@@ -249,7 +249,7 @@ def test_an_image_list_that_is_no_text_is_refused(bring, tmp_path):
     listed.write_bytes(b"\xff\xfe\x00")
     code, folder, said = bring([box(1)], "--images-run", listed)
     assert code == 2
-    assert "list.bin is no list of images" in said
+    assert "list.bin is not a list of images" in said
     assert not folder.exists()
 
 

@@ -175,7 +175,7 @@ def test_places_in_a_list_are_no_ids(bring):
     for options in ((), ("--subset",)):
         code, _, said = bring(given, *options)
         assert code == 2
-        assert "look like places in a list" in said
+        assert "look like positions in a list" in said
         assert "ids 0 to 11 without a gap; expected: ids such as 139, 285, 632" in said
         assert "--subset" not in said
 
@@ -344,7 +344,7 @@ def test_one_line_that_is_no_result_is_refused(bring):
     del line["bbox"]
     code, _, said = bring(json.dumps(line), suffix=".jsonl")
     assert code == 2
-    assert "results.jsonl holds no results" in said
+    assert "results.jsonl contains no results" in said
     masks = {"segmentation": {"size": [1, 1], "counts": "1"}, "predicted_iou": 0.5}
     code, _, said = bring(json.dumps(masks), suffix=".jsonl", task="lvis")
     assert "holds SAM's automatic masks" in said

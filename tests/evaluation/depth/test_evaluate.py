@@ -375,7 +375,7 @@ def test_files_that_claim_too_much_are_rows(tmp_path: Path) -> None:
     summary = evaluate_depth(run, truth, tmp_path / "e", draws=9)
     by_name = {row["file_name"]: row for row in rows_of(tmp_path / "e")}
     assert summary.coverage.by_status == {"invalid": 2, "ok": 1}
-    assert "cut, or its header is damaged" in by_name["claims.jpg"]["reason"]
+    assert "truncated, or its header is damaged" in by_name["claims.jpg"]["reason"]
     assert "4000x4000" in by_name["larger.jpg"]["reason"]
 
 
