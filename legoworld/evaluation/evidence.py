@@ -1,4 +1,4 @@
-"""Re-checking an evaluation folder: hashes of everything, and the numbers from the matches."""
+"""Verification of an evaluation folder: all hashes, and the numbers from the matches."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from legoworld.records.reconstruction_summary import ReconstructionSummary
 
 
 def verify(folder: Path, root: Path | None) -> list[Check]:
-    """Every check of an evaluation folder; inputs are looked for below `root` where given."""
+    """Every check of an evaluation folder; inputs are looked for below `root` if given."""
     evidence = read_evidence(folder)
     checks = [*check_files(folder, evidence), *check_inputs(folder, evidence, root)]
     if any(c.status != "ok" for c in checks if c.what.startswith("file ")):

@@ -1,4 +1,4 @@
-"""How evidence.json names an input when a command works on copies of what is at URLs."""
+"""The names of inputs in evidence.json when a command works on local copies of URLs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HERE = Origins()
 
 
 def recorded_inputs(inputs: Sequence[InputFile], run: Path, origins: Origins) -> list[InputFile]:
-    """The inputs with the names that still mean something when the copies are gone.
+    """The inputs with names that remain valid after the copies are deleted.
 
     A file of a run at a URL is named by its own URL. Where the evaluation goes to a URL, a file
     of this machine has no path relative to it, and is named by its whole path.
@@ -34,7 +34,7 @@ def recorded_inputs(inputs: Sequence[InputFile], run: Path, origins: Origins) ->
 
 def _recorded(path: Path, run: Path, origins: Origins) -> str | None:
     if origins.run_url is not None and path.is_relative_to(run):
-        # A name and a password of the URL are nobody's business.
+        # Strip credentials from the URL.
         url = re.sub(r"(?<=://)[^/@]*@", "", origins.run_url)
         return child(url, path.relative_to(run).as_posix())
     return path.resolve().as_posix() if origins.output_url is not None else None

@@ -1,4 +1,4 @@
-"""Reading a finished run folder: its images are the denominator of every number."""
+"""Reading finished run folders, whose images are the denominator of every number."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ def read_run(folder: Path) -> Run:
         raise _unreadable(folder, RUN, error) from error
     if (folder / JOURNAL).exists():
         raise RunUnusableError(
-            f"the run in {folder.name} has not ended",
+            f"the run in {folder.name} is unfinished",
             found=f"{JOURNAL} is still there",
             expected="a finished run",
-            next_step="run its command again: it goes on where it stopped",
+            next_step="run its command again to resume",
         )
     _refuse_altered(folder, head, [folder / ROWS])
     try:
@@ -90,7 +90,7 @@ def read_rows(run: Run) -> list[RunRow]:
 
 
 def _refuse_altered(folder: Path, head: RunHead, files: list[Path]) -> None:
-    """RunUnusableError where a file is not the one the run wrote."""
+    """Raise RunUnusableError if a file was altered after the run."""
     for name in altered(folder, head, files):
         raise RunUnusableError(
             f"{folder.name}/{name} is not the one that the run wrote",

@@ -1,4 +1,4 @@
-"""A finished evaluation as comparisons and reports read it: held to its own hashes, named."""
+"""A finished evaluation as comparisons and reports read it: named, and checked by its hashes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ READ: Final = (SUMMARY, PER_IMAGE, PER_CATEGORY, MATCHES, RUN_VIEW)
 
 
 class EvaluationChangedError(LegoWorldError):
-    """An evaluation folder is no longer what was written."""
+    """An evaluation folder was changed after it was written."""
 
     code = "evaluation_changed"
 
@@ -199,7 +199,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
     if missing := sorted(needed - {*found}):
         raise EvaluationChangedError(
-            f"{folder.name} is not of this version",
+            f"{folder.name} has a different version",
             found=f"no {', '.join(missing)}",
             expected="a folder of this version's `legoworld evaluate`",
             next_step="evaluate again with --overwrite",

@@ -1,4 +1,4 @@
-"""Whether depth files will fit on the disk, said and checked before the first is written."""
+"""Check that the depth files will fit on the disk before the first one is written."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check_disk(
     *,
     next_step: str,
 ) -> None:
-    """Say how large float32 depth of these sizes will be; OutputFullError when it does not fit."""
+    """Report the size of float32 depth at these sizes; OutputFullError if it does not fit."""
     expected = sum(depth_file_bytes(size) for size in sizes_wh)
     free = shutil.disk_usage(folder).free
     notice(

@@ -1,4 +1,4 @@
-"""`legoworld freeze`: the verdict of every artefact, and the record of its content."""
+"""`legoworld freeze`: check every artefact and record its content."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from legoworld.scene.side_files import read_side_file
 from legoworld.tracks.track import track_of_folder
 from legoworld.workers.engines import ENGINES, EngineName, Job, machine_lost
 
-#: A limit that was reached says nothing lasting about a scene: no record is made of it.
+#: A limit that was reached is not a lasting property of a scene: it is not recorded.
 _NOT_THE_SCENES_FAULT: Final = (
     WorkerCrashedError.code,
     WorkerMemoryError.code,
@@ -57,7 +57,7 @@ def freeze_scenes(
     cache: SnapshotCache | None,
     limits: Limits,
 ) -> list[FrozenRow]:
-    """Freeze every scene folder below SCENES; one row each, sorted by name."""
+    """Freeze every scene folder below SCENES; one row per scene, sorted by name."""
     folders = [find_scene(scenes, image.scene) for image in track_of_folder(scenes).images]
     job = Job(make=partial(_Freezer, cache, limits), lost=_lost)
     with closing(ENGINES[engine](job, folders, workers)) as rows:
@@ -65,7 +65,7 @@ def freeze_scenes(
 
 
 class _Freezer:
-    """Freezes scene after scene with one Blender process of its own."""
+    """Freezes scenes with its own Blender process."""
 
     def __init__(self, cache: SnapshotCache | None, limits: Limits) -> None:
         self._cache = cache
@@ -89,7 +89,7 @@ def _lost(folder: SceneFolder, what: str) -> FrozenRow:
 def freeze_scene(
     folder: SceneFolder, *, blender: BlenderProcess, cache: SnapshotCache | None
 ) -> FrozenRow:
-    """Check one scene's artefacts and write its frozen.json; returns the row of the table."""
+    """Check one scene's artefacts and write its frozen.json; return the table row."""
     for leftover in folder.path.glob(f".{FROZEN}.*{TEMPORARY_SUFFIX}"):  # of a killed freeze
         leftover.unlink(missing_ok=True)
     artefacts, unusable = _hashed(folder)
@@ -121,7 +121,7 @@ def _stopped(folder: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
 
 
 def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:
-    """What the scene reads and takes along to no other machine."""
+    """Files that the scene reads but that do not move with it to another machine."""
     return [
         f"{BLEND} reads {PurePath(name).name} from outside of the scenes: on another machine the "
         "scene is not this one; pack the file into the .blend or put it beside it"
@@ -131,7 +131,7 @@ def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:
 
 
 def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, Verdict]]:
-    """The artefacts' hashes, and a complaint for each that cannot be read."""
+    """The artefacts' hashes, and a failed check for each unreadable one."""
     hashes: dict[str, FileHash | None] = {}
     complaints = {}
     for name in folder.artefacts():
@@ -145,7 +145,7 @@ def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, 
 def _check_blend(
     folder: SceneFolder, files: FrozenFiles, blender: BlenderProcess, cache: SnapshotCache | None
 ) -> tuple[dict[str, Verdict], Hashes]:
-    """The verdict of scene.blend, and what it reads besides itself."""
+    """The check of scene.blend, and the other files it reads."""
     try:
         read = read_scene(folder, source="blend", blender=blender, cache=cache, files=files)
     except LegoWorldError as error:

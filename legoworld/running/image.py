@@ -1,4 +1,4 @@
-"""One image of a run: its scene folder to a record, or to the verdict that says why not."""
+"""One image of a run: from its scene folder to a record, or to a status with a reason."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ from legoworld.workers.scratch import scratch_folder
 
 
 class FileNotSharedError(LegoWorldError):
-    """A file of an image was written where the run folder is not seen."""
+    """A file of an image was written to a folder that is not the run folder here."""
 
     code = "run_folder_not_shared"
 
 
 class SceneReader:
-    """Reads image after image with one Blender process of its own.
+    """Reads images with its own Blender process.
 
-    started: processes that run already; one of them is taken, and left to its owner to close.
+    started: processes that are already running; one of them is used, and closed by its owner.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class SceneReader:
         self._blender = started.pop() if started else BlenderProcess(limits)
 
     def do(self, image: TrackImage) -> ImageRecord:
-        """One image's record; see `read_image`."""
+        """The record of one image; see `read_image`."""
         try:
             with _at_hand(image, self._options) as options:
                 return read_image(image, options, self._blender)
@@ -64,11 +64,11 @@ class SceneReader:
             return failed_record(image, error)
 
     def abort(self) -> None:
-        """End the Blender process under a running `do`."""
+        """End the Blender process during a running `do`."""
         self._blender.abort()
 
     def close(self) -> None:
-        """End the Blender process. Its owner waits for the end of one that was lent."""
+        """End the Blender process. The owner of a borrowed process waits for its end."""
         if self._lent:
             self._blender.abort()
         else:
@@ -76,9 +76,9 @@ class SceneReader:
 
 
 def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess) -> ImageRecord:
-    """Read one image out. Whatever its scene causes becomes the row's status and reason.
+    """Read one image out. Failures of its scene become the row's status and reason.
 
-    Raises what is this machine's; see `judged`.
+    Raises the errors of this machine; see `judged`.
     """
     try:
         folder, files = _found(image, options)
@@ -95,7 +95,7 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
 
 
 def lost_record(image: TrackImage, what: str) -> ImageRecord:
-    """The record of an image whose machine was lost each time it was tried."""
+    """The record of an image whose machine was lost at every attempt."""
     return failed_record(image, machine_lost(what))
 
 
@@ -113,7 +113,7 @@ def arrived(record: ImageRecord, options: ImageOptions) -> ImageRecord:
 
 
 def still_valid(record: ImageRecord, image: TrackImage, options: ImageOptions) -> bool:
-    """Whether a stored record is what reading the image again would give."""
+    """Whether reading the image again would give the stored record."""
     if record.row.status != "ok" or record.scene is None:
         return False
     try:
@@ -135,7 +135,7 @@ def _unchanged(scene: ImageSource, image: TrackImage, options: ImageOptions) -> 
 def _dependencies_now(
     folder: SceneFolder, now: FrozenFiles, recorded: Collection[str], options: ImageOptions
 ) -> Hashes:
-    """The content now of what a scene was read with; empty where it is not known where that is."""
+    """Current hashes of the files a scene was read with; empty if their location is unknown."""
     read_by = BLEND if options.source == "blend" else GLB
     file = now.artefacts.get(read_by)
     names = options.cache.dependencies(file.sha256, folder.path) if options.cache and file else None
@@ -148,7 +148,7 @@ def _dependencies_now(
 
 @contextmanager
 def _at_hand(image: TrackImage, options: ImageOptions) -> Iterator[ImageOptions]:
-    """The options with the image's scene folder on this machine, fetched when it is at a URL."""
+    """The options with the image's scene folder on this machine, fetched if it is at a URL."""
     if isinstance(options.scenes, Path):
         yield options
         return
@@ -159,7 +159,7 @@ def _at_hand(image: TrackImage, options: ImageOptions) -> Iterator[ImageOptions]
 
 
 def _found(image: TrackImage, options: ImageOptions) -> tuple[SceneFolder, FrozenFiles]:
-    """An image's scene folder and its files; one that cannot be looked at is its own verdict."""
+    """An image's scene folder and its files; an inaccessible folder is an error of the scene."""
     assert isinstance(options.scenes, Path)
     try:
         folder = find_scene(options.scenes, image.scene)

@@ -1,4 +1,4 @@
-"""What a run records of one image: its per_image row, its predictions, its scene."""
+"""A run's record of one image: its per_image row, its predictions, its scene."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, unseen_reasons, view
 
-#: Version of the rows of a readout; 2: `exported` names what each prediction is of.
+#: Version of the rows of a readout; 2: `exported` names the instance of each prediction.
 ROW_SCHEMA: Final = 2
 _UNLABELLED_SHOWN: Final = 20
 
@@ -74,7 +74,7 @@ def failed_record(image: TrackImage, error: LegoWorldError) -> ImageRecord:
 
 
 def verdict_instead(record: ImageRecord, error: LegoWorldError) -> ImageRecord:
-    """A verdict in the place of a record that was made."""
+    """A failure in place of an existing record."""
     row = record.row
     kept = RunRow(
         image_id=row.image_id,
@@ -261,7 +261,7 @@ def _exported(instance: Instance) -> Exported:
 
 
 def _largest_unlabelled(unlabelled: list[Instance], seen: View) -> tuple[Unlabelled, ...]:
-    """The visible unlabelled instances by area: what an author may have forgotten to label."""
+    """The largest visible unlabelled instances: candidates for missing labels."""
     visible = [i for i in unlabelled if seen.area_px[i.id] > 0]
     visible.sort(key=lambda i: (-int(seen.area_px[i.id]), i.id))
     return tuple(
@@ -271,7 +271,7 @@ def _largest_unlabelled(unlabelled: list[Instance], seen: View) -> tuple[Unlabel
 
 
 def _matched_names(labelled: list[Instance]) -> dict[str, str]:
-    """Labels that are not written as the vocabulary writes them, and what they were taken for."""
+    """Labels spelled differently from the vocabulary, with the matched categories."""
     return {
         i.label_text: i.category.name
         for i in labelled
@@ -285,7 +285,7 @@ def source_of(
     projection: Projection,
     provenance: ProvenanceFile | None,
 ) -> ImageSource:
-    """What run.json records of a scene. projection: what its buffers were made with."""
+    """A scene's entry in run.json. projection: that of its buffers."""
     snapshot = scene.snapshot
     return ImageSource(
         scene=as_unicode(folder.name),

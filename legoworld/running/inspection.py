@@ -1,4 +1,4 @@
-"""What is in one scene, for people who want to know why it reads out as it does."""
+"""Inspection of one scene: its instances, and the reasons for its readout."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from legoworld.visibility.view import View, unseen_reasons, view
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection:
-    """One scene read out, with every instance described. entries: rows of instances.json.
+    """One scene read out, with all instances described. entries: rows of instances.json.
 
-    nearest: for each label outside the vocabulary, the names most like it.
+    nearest: the most similar names for each label outside the vocabulary.
     """
 
     scene: ReadScene
@@ -53,7 +53,7 @@ class Inspection:
 class OpenScene:
     """A scene that was read, before labels are resolved.
 
-    warnings: what is said of its files where they are not those that were frozen.
+    warnings: about files that changed since the scene was frozen.
     """
 
     folder: SceneFolder
@@ -70,9 +70,9 @@ def open_scene(
     require_frozen: bool = False,
     allow_changed: bool = False,
 ) -> OpenScene:
-    """Read one scene; raises its verdict.
+    """Read one scene; raises its error.
 
-    allow_changed: take a scene that is not the one its frozen.json vouches for, with a warning.
+    allow_changed: accept a scene that changed since it was frozen, with a warning.
     """
     files, changed = _files(folder, require_frozen=require_frozen, allow_changed=allow_changed)
     scene = read_scene(folder, source=source, blender=blender, cache=cache, files=files)
@@ -87,7 +87,7 @@ def look(
     override_property: str | None,
     threads: int | None = None,
 ) -> Inspection:
-    """What the camera of a scene sees at a size, its own when None. Raises LabelsInvalidError."""
+    """A scene's view at a size, None for its own. Raises LabelsInvalidError."""
     scene = opened.scene
     labels = resolve_labels(
         scene.snapshot, read_labels_file(opened.folder.file(LABELS)), vocabulary, override_property
@@ -125,7 +125,7 @@ def look(
 def _files(
     folder: SceneFolder, *, require_frozen: bool, allow_changed: bool
 ) -> tuple[FrozenFiles, list[str]]:
-    """The scene's files as they are, and a warning where they are not those that were frozen."""
+    """The scene's current files, and a warning if they changed since it was frozen."""
     try:
         return checked_artefacts(folder, require_frozen=require_frozen), []
     except SceneChangedError as error:
@@ -134,8 +134,8 @@ def _files(
                 error.what,
                 found=error.found,
                 expected=error.expected,
-                next_step="`legoworld freeze` the scene again when the change is meant, restore "
-                "the file when not, or pass --allow-changed to look at it as it is",
+                next_step="`legoworld freeze` the scene again if the change is intended, otherwise "
+                "restore the file, or pass --allow-changed to inspect it as it is",
             ) from error
         now = hash_files(folder.path, folder.artefacts())
         files = FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout")
@@ -167,7 +167,7 @@ def write_inspection(inspection: Inspection, output: Path, photo: Path | None) -
     ground = instance_picture(buffers.instance) if photo is None else read_photo(photo)
     if ground.shape[:2] != buffers.instance.shape:
         raise LegoWorldError(
-            "the photo has another size than the view",
+            "the photo and the view have different sizes",
             found=f"{ground.shape[1]}x{ground.shape[0]}",
             expected="x".join(map(str, inspection.view.size_wh)),
             next_step=f"pass --size {ground.shape[1]}x{ground.shape[0]}",

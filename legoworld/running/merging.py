@@ -1,4 +1,4 @@
-"""`legoworld merge`: the shards of one run, put together as if it had never been divided."""
+"""`legoworld merge`: join the shards of a run as if it had never been divided."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunS
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult, run_document, summarise
 
-#: What one shard's configuration holds that another's of the same run does not.
+#: The keys in which the configurations of two shards of one run differ.
 _OWN: Final = ("attempted", "partial", "shard", "images_per_file")
 
 
 def merge_shards(
     shards: Sequence[Path], output: Path, *, images_per_file: int | None, overwrite: bool
 ) -> RunResult:
-    """Write the run that the shards 1/n .. n/n make up: byte for byte the undivided run's.
+    """Write the run that consists of the shards 1/n to n/n: byte for byte the undivided run's.
 
-    One undivided run alone, a baseline's too, is written again as it is. images_per_file: how its
-    predictions are divided into files; None for one file.
+    A single undivided run, of a baseline too, is rewritten. images_per_file: how its predictions
+    are divided into files; None for one file.
 
-    Raises ConfigurationMismatchError naming what differs between two shards, and UsageError when
-    a folder is no shard, one is missing or given twice, or has lost predictions.
+    Raises ConfigurationMismatchError naming the differences between two shards, and UsageError if a
+    folder is not a shard, a shard is missing or repeated, or has lost predictions.
     """
     documents = [_finished_document(folder) for folder in shards]
     configurations = [document.configuration for document in documents]
@@ -70,7 +70,7 @@ def merge_shards(
 
 
 def _brought_together(shards: Sequence[Path], output: Path) -> list[JournalledImage]:
-    """Every record by ascending image id, its predictions in the journal of the output."""
+    """All records by ascending image id, with their predictions in the output's journal."""
     records = []
     with journal(output) as stream:
         for folder in shards:
@@ -84,18 +84,18 @@ def _brought_together(shards: Sequence[Path], output: Path) -> list[JournalledIm
 def _refuse_division(images_per_file: int | None, *, with_predictions: bool) -> None:
     if images_per_file is not None and not with_predictions:
         raise UsageError(
-            "only boxes and masks are divided into files",
+            "only boxes and masks can be divided into files",
             found=f"--images-per-file {images_per_file} where each image has its own files already",
             expected="no --images-per-file",
         )
 
 
 def _refuse_own_output(shards: Sequence[Path], output: Path) -> None:
-    """A run that is read must not be begun anew."""
+    """Refuse an output that is one of the inputs."""
     for folder in shards:
         if folder.resolve() == output.resolve():
             raise UsageError(
-                f"-o {output.name} is one of the runs that are read",
+                f"-o {output.name} is one of the input runs",
                 found="the same folder",
                 expected="another one",
                 next_step="choose another -o",
@@ -106,7 +106,7 @@ def _refuse_losses(folder: Path, record: ImageRecord) -> None:
     found, expected = len(record.predictions), record.row.n_predictions or 0
     if found != expected:
         raise UsageError(
-            f"{folder.name} has not all of its predictions",
+            f"{folder.name} lacks some of its predictions",
             found=f"{found} of image {record.row.image_id}",
             expected=f"{expected}, as its row says",
             next_step="run its command again: what is lost is read again",
@@ -135,13 +135,13 @@ def _finished_document(folder: Path) -> RunFile:
             f"{folder.name} is not a finished shard",
             found=getattr(error, "strerror", None) or str(error),
             expected="the output of `legoworld readout --shard i/n`, or one undivided run alone",
-            next_step="run its command again: it goes on where it stopped",
+            next_step="run its command again to resume",
         ) from error
     return document
 
 
 def _whole(folders: list[Path], configurations: list[Configuration]) -> Configuration:
-    """The configuration of the undivided run; refuses shards that do not make one up."""
+    """The configuration of the undivided run; refuses an incomplete set of shards."""
     shards = [_shard_of(f, c) for f, c in zip(folders, configurations, strict=True)]
     first, of = _compared(configurations[0]), shards[0].of
     for folder, other, shard in zip(folders[1:], configurations[1:], shards[1:], strict=True):
@@ -179,7 +179,7 @@ def _refuse_gaps(indices: list[int], of: int) -> None:
         return
     missing = sorted({*range(1, of + 1)} - {*indices})
     raise UsageError(
-        "the shards do not make up the run",
+        "the shards are not a complete run",
         found="; ".join(
             f"{what}: {', '.join(f'{i}/{of}' for i in some[:10])}"
             for what, some in (("missing", missing), ("given twice", repeated(indices)))
@@ -191,7 +191,7 @@ def _refuse_gaps(indices: list[int], of: int) -> None:
 
 
 def _take_files(shard: Path, output: Path, row: RunRow) -> None:
-    """Bring a row's own files over: linked where one disk holds both, copied otherwise."""
+    """Transfer a row's files: hard-linked on the same disk, otherwise copied."""
     for file in row.files:
         source, target = shard / file.file, output / file.file
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
-"""Reading images in processes instead of threads, for machines of many cores.
+"""Reading images in processes instead of threads, for machines with many cores.
 
-Half of what an image from the cache costs is Python, so threads of one process get no further than
-two or three cores; the other half, the kernel's, runs beside it.
+Half of the cost of a cached image is Python, so threads of one process scale only to two or three
+cores; the other half, the kernel's, runs in parallel.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from legoworld.scene.blender_process import Limits
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.task_process import ProcessLostError, TaskProcess
 
-#: Images that are worth starting a process for, each.
+#: Minimum number of images per process that is worth starting one.
 _WORTH_A_PROCESS: Final = 30
-#: Up to so many threads hardly wait for each other.
+#: Up to this number, threads hardly wait for each other.
 _MOST_THREADS: Final = 2
 
 
 def worth_processes(workers: int, n_images: int) -> bool:
-    """Whether so many workers of this machine should be processes."""
+    """Whether this number of local workers should be processes."""
     return workers > _MOST_THREADS and n_images >= _WORTH_A_PROCESS * workers
 
 
 class ReaderProcess:
-    """A SceneReader in a process of its own."""
+    """A SceneReader in a separate process."""
 
     def __init__(self, options: ImageOptions, limits: Limits) -> None:
         self._process: TaskProcess[TrackImage, ImageRecord] = TaskProcess(_Read(options, limits))
         self._aborted = False
 
     def do(self, image: TrackImage) -> ImageRecord:
-        """One image's record. A process that ends is replaced and asked once more."""
+        """The record of one image. If the process ends, a new one retries once."""
         try:
             return self._process.call(image)
         except ProcessLostError as error:
@@ -47,7 +47,7 @@ class ReaderProcess:
             return _lost(image, error)
 
     def abort(self) -> None:
-        """End the process under a running `do`; Blender ends with it."""
+        """End the process during a running `do`; Blender ends with it."""
         self._aborted = True
         self._process.abort()
 
@@ -57,7 +57,7 @@ class ReaderProcess:
 
 
 class _Read:
-    """What the process calls: made here, its reader is made where it is first called."""
+    """The process's function: created here; its reader is created on the first call there."""
 
     def __init__(self, options: ImageOptions, limits: Limits) -> None:
         self._options = options

@@ -1,4 +1,4 @@
-"""`legoworld readout`: a track of scenes to a run folder."""
+"""`legoworld readout`: read a track of scenes into a run folder."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ from legoworld.workers.processors import usable_cores
 
 @dataclass(frozen=True, kw_only=True)
 class RunRequest:
-    """Everything a readout run is asked for.
+    """All parameters of a readout run.
 
     engine, workers, limits and started never change its results. shard: (i, n), 1 <= i <= n: only
     every n-th image, from the i-th on. images_per_file: None for one file of predictions. started:
@@ -77,13 +77,13 @@ class RunRequest:
 
     @property
     def partial(self) -> bool:
-        """Whether only some of the track's images are asked for, shards aside."""
+        """Whether only some of the track's images are requested, apart from sharding."""
         return self.limit is not None or bool(self.image_ids)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """What a run left in its folder."""
+    """The results of a run."""
 
     rows: tuple[RunRow, ...]
     summary: RunSummary
@@ -100,15 +100,15 @@ def run_readout(
     kept: Callable[[int], None] = lambda _n: None,
     trace: Callable[[str], None] = lambda _text: None,
 ) -> RunResult:
-    """Read out every image of the request that has no valid result yet, then write the run.
+    """Read out every requested image without a valid result, then write the run.
 
-    progress: told of every row that is made; kept: how many an earlier run has made, once; trace:
-    told the traceback of every error that no verdict foresees.
+    progress: called with every new row; kept: called once with the number of kept images; trace:
+    called with the traceback of every unexpected error.
 
     Raises UsageError, ConfigurationMismatchError, OutputFullError or KernelBuildError before
     anything is read; a scene that cannot be read is a row of the run, never an exception.
     """
-    library()  # a broken installation is no scene's verdict
+    library()  # a broken installation is not the scene's fault
     folder = request.image_options.run
     images = shard_images(request)
     configuration = _configuration(request, images)
@@ -153,7 +153,7 @@ def run_readout(
 
 
 def _appended(stream: IO[bytes], record: ImageRecord) -> JournalledImage:
-    """The record on disk; a verdict in its place where no file can hold what was read."""
+    """The record as stored; a failure in its place if it cannot be stored."""
     try:
         return append(stream, record)
     except UnwritableRecordError as error:
@@ -161,7 +161,7 @@ def _appended(stream: IO[bytes], record: ImageRecord) -> JournalledImage:
 
 
 def selected_images(request: RunRequest) -> list[TrackImage]:
-    """The images to attempt: all of the track's, or those that --image-id and --limit leave."""
+    """The images to attempt: all of the track's, or those selected by --image-id and --limit."""
     images = list(request.track.images)
     if request.image_ids:
         known = {image.id for image in images}
@@ -177,7 +177,7 @@ def selected_images(request: RunRequest) -> list[TrackImage]:
 
 
 def shard_images(request: RunRequest) -> list[TrackImage]:
-    """The images this run attempts itself: every n-th of the selected ones in a shard i/n."""
+    """The images of this run: in a shard i/n, every n-th of the selected ones."""
     images = selected_images(request)
     if request.shard is None:
         return images
@@ -186,7 +186,7 @@ def shard_images(request: RunRequest) -> list[TrackImage]:
 
 
 def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummary:
-    """summary.json: coverage by status, what was exported, and what labels came to nothing.
+    """summary.json: coverage by status, exports, and labels without effect.
 
     RunDamagedError for rows of an earlier run that are not what a run writes.
     """
@@ -243,7 +243,7 @@ def _unusable(row: RunRow, missing: str) -> RunDamagedError:
 
 
 def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[ImageRecord]:
-    """Records in the order they are done; worker processes end with this generator."""
+    """Records in order of completion; worker processes end with this generator."""
     workers = max(1, min(request.workers, len(todo)))
     threads = max(1, usable_cores() // workers) if request.engine == "local" else 1
     options = replace(request.image_options, threads=threads)
@@ -263,7 +263,7 @@ def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[ImageReco
 
 
 def _configuration(request: RunRequest, images: list[TrackImage]) -> Configuration:
-    """What a run's results depend on, besides the scenes; resuming needs all of it equal."""
+    """Everything a run's results depend on, except the scenes; must be equal to resume."""
     options = request.image_options
     protocol = options.protocol
     selected = selected_images(request)
@@ -293,7 +293,7 @@ def _configuration(request: RunRequest, images: list[TrackImage]) -> Configurati
 
 
 def _shard_entry(request: RunRequest, n_selected: int) -> Shard | None:
-    """What `merge` needs to make the whole run's configuration again."""
+    """The data from which `merge` restores the whole run's configuration."""
     if request.shard is None:
         return None
     whole = WholeRun(attempted=n_selected, partial=request.partial)

@@ -1,4 +1,4 @@
-"""Where scene.blend and scene.glb of one folder disagree, instance by instance."""
+"""Comparison of scene.blend and scene.glb of one folder, instance by instance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from legoworld.conventions import NO_INSTANCE
 from legoworld.records.instances import InstanceRow
 from legoworld.running.inspection import Inspection
 
-#: Instances of both sources agree from this mask IoU on.
+#: Minimum mask IoU at which the instances of both sources agree.
 SAME_IOU: Final = 0.999
 
 _ROUNDING_PX: Final = 1e-3  # what single precision leaves of a focal length
@@ -23,7 +23,7 @@ _SAME_DEPTH: Final = 1e-4  # relative
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """An instance of both sources, seen in at least one. iou: of its visible masks."""
+    """An instance in both sources, visible in at least one. iou: of its visible masks."""
 
     name: str
     blend_category: str | None
@@ -51,7 +51,7 @@ class SourceComparison:
 
     @property
     def differing_px(self) -> int:
-        """Pixels that show an instance of another name, or one and nothing."""
+        """Pixels that show instances of different names, or an instance in one source only."""
         names = [np.array([e.name for e in x.entries] + [None]) for x in (self.blend, self.glb)]
         shown = [
             n[x.view.buffers.instance] for n, x in zip(names, (self.blend, self.glb), strict=True)
@@ -72,9 +72,9 @@ class SourceComparison:
 
 
 def compare_sources(blend: Inspection, glb: Inspection) -> SourceComparison:
-    """Where two views of one size disagree, of a folder's scene.blend and of its scene.glb.
+    """Compare two views of one size, from a folder's scene.blend and from its scene.glb.
 
-    Instances are matched by name; several of one name by the largest overlap first.
+    Instances are matched by name; instances with the same name by the largest overlap first.
     """
     partner = _partners(blend, glb)
     pairs = [_pair(blend.entries[i], glb.entries[j], overlap) for i, j, overlap in partner]
@@ -125,7 +125,7 @@ def _partners(blend: Inspection, glb: Inspection) -> list[tuple[int, int, int]]:
 
 
 def _overlaps(first: NDArray[np.int32], second: NDArray[np.int32]) -> dict[tuple[int, int], int]:
-    """How many pixels each pair of ids shares."""
+    """The number of pixels that each pair of ids shares."""
     both = (first != NO_INSTANCE) & (second != NO_INSTANCE)
     code = first[both].astype(np.int64) << 32 | second[both]
     codes, counts = np.unique(code, return_counts=True)
@@ -136,7 +136,7 @@ def _overlaps(first: NDArray[np.int32], second: NDArray[np.int32]) -> dict[tuple
 
 
 def _snapshot_differences(blend: Inspection, glb: Inspection) -> Iterator[str]:
-    """What glTF cannot hold, or did not get."""
+    """Properties that glTF cannot store, or that were not exported."""
     ours, theirs = blend.scene.snapshot, glb.scene.snapshot
     if ours.camera.name != theirs.camera.name:
         yield f"the camera is {theirs.camera.name!r}, not {ours.camera.name!r}"

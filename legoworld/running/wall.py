@@ -1,7 +1,7 @@
-"""The wall around reading one image: what a scene can cause is its verdict, and the run continues.
+"""The error boundary around reading one image: a scene's failure is recorded, the run continues.
 
-What is this machine's (a full disk, a broken installation) would meet every other image, too, and
-ends the run with its own error.
+Failures of this machine (a full disk, a broken installation) would affect every other image, too,
+and end the run with their own error.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ _BROKEN: Final = (KernelBuildError, InstallationError, ImportError)
 
 
 class UnforeseenError(LegoWorldError):
-    """Reading a scene ended in an exception that no verdict foresees."""
+    """Reading a scene raised an unexpected exception."""
 
     code = "unforeseen"
 
 
 def judged(error: Exception, written: Iterable[Path]) -> LegoWorldError:
-    """The verdict of a scene whose reading raised `error`; raises it when it is the machine's.
+    """The error of a scene whose reading raised `error`; re-raises errors of the machine.
 
     written: the folders that the program writes into; a refusal there is never the scene's fault,
-    unless a name of the scene is too long for it.
+    unless a name from the scene is too long.
     """
     if isinstance(error, _BROKEN):
         raise error

@@ -1,7 +1,7 @@
-"""Affine transforms in plain float64, rounded alike on every CPU.
+"""Affine transforms in plain float64 with the same rounding on every CPU.
 
 Products are written out: BLAS rounds differently from CPU to CPU, and the same scene must give the
-same bytes on all.
+same bytes on all of them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def cam_from_mesh(camera: SceneCamera, world_from_mesh: NDArray[np.float64]) -> 
 
 
 def inverse(m: Rows) -> Rows:
-    """The inverse of a 3 x 3 matrix by its cofactors. Raises ZeroDivisionError for a flat one."""
+    """The inverse of a 3 x 3 matrix by cofactors. Raises ZeroDivisionError if singular."""
     cofactors = [
         [
             m[(r + 1) % 3][(c + 1) % 3] * m[(r + 2) % 3][(c + 2) % 3]

@@ -1,4 +1,4 @@
-"""Named arrays in one file: what is where, then the arrays as they lie in memory.
+"""Named arrays in one file: an index, then the arrays as in memory.
 
     legoworld arrays 1
     <crc32 of everything after this line, 8 hex digits; 8 dashes in one that is only passed on>
@@ -31,7 +31,7 @@ _ALIGNMENT: Final = 64
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, passing: bool = False) -> None:
-    """Write arrays of numbers, whole or not at all; equal arrays give equal bytes.
+    """Write arrays of numbers atomically; equal arrays give equal bytes.
 
     passing: for the process that waits for it, which reads it once. It is written over what the
     file held before, whose memory the system then need not take away and give again, and without
@@ -63,7 +63,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, passing: boo
 
 
 def read_arrays(path: Path, *, passing: bool = False) -> dict[str, NDArray[Any]]:
-    """The arrays of a file, read only. ValueError or OSError where it is not what was written.
+    """The arrays of a file, read-only. ValueError or OSError if the file is damaged.
 
     passing: as it was written.
     """

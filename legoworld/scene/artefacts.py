@@ -21,7 +21,7 @@ _PIXEL_CHUNKS: Final = (b"IHDR", b"PLTE", b"tRNS", b"gAMA", b"sRGB", b"IDAT", b"
 
 
 def check_glb(path: Path) -> None:
-    """Refuse a scene.glb that is empty or not well formed, without decoding its geometry.
+    """Refuse a scene.glb that is empty or not well-formed, without decoding its geometry.
 
     Raises SceneInvalidError: the container, the JSON, the files it names, the node hierarchy, every
     accessor's range in its buffer view, and at least one mesh with positions are checked.
@@ -35,7 +35,7 @@ def check_glb(path: Path) -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Refuse a final.png that does not decode or is one flat colour. Raises SceneInvalidError."""
+    """Refuse a final.png that does not decode or is a flat colour. Raises SceneInvalidError."""
     data = path.read_bytes()
     picture = decoded_picture(data)
     if picture is None:
@@ -56,7 +56,7 @@ def check_picture(path: Path) -> None:
 
 
 def decoded_picture(data: bytes, *, color: bool = False) -> NDArray[Any] | None:
-    """A picture file's pixels as OpenCV orders them, not turned by EXIF; None when it is none.
+    """An image file's pixels in OpenCV's order, without EXIF rotation; None if not an image.
 
     color: always (H, W, 3) uint8 BGR; otherwise as stored.
     """
@@ -70,7 +70,7 @@ def decoded_picture(data: bytes, *, color: bool = False) -> NDArray[Any] | None:
 
 
 def without_metadata(png: bytes) -> bytes:
-    """A PNG with only the chunks its pixels need: Blender adds the folder, the date and timings."""
+    """A PNG reduced to its pixel chunks: Blender adds the folder, the date and timings."""
     signature, position = png[:8], 8
     kept = [signature]
     while position < len(png):

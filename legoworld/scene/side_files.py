@@ -1,6 +1,6 @@
 """The JSON files beside a scene: untrusted input, read through one function.
 
-A scene folder comes from whoever made the scene. What a side file says is copied into results, so a
+A scene folder is untrusted input. The content of a side file is copied into results, so a
 file that is not the folder's own (a link to a private one) must never be read as one; and reading
 must end: no FIFO, no device, no endless file, no nesting that exhausts the stack.
 """

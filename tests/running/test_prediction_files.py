@@ -281,7 +281,7 @@ def test_a_lost_file_is_read_again_and_nothing_else(scenes, tmp_path, capsys):
     before = results(run)
     (run / "predictions" / "00001.jsonl").unlink()
     assert merge(tmp_path / "merged", run) == 2
-    assert "has not all of its predictions" in capsys.readouterr().err
+    assert "lacks some of its predictions" in capsys.readouterr().err
     arguments = [str(scenes), "--task", "lvis", "-o", str(run), "--images-per-file", "2"]
     assert cli.run(["readout", *arguments]) == 1
     # Images 1 and 2: no camera, scene0. Image 1 is never valid; 3 and 4 are of the lost file.
@@ -329,7 +329,7 @@ def test_a_damaged_file_is_read_again(scenes, tmp_path, capsys):
     (run / "predictions" / "00001.jsonl").write_text('{"image_id": 3')
     assert merge(tmp_path / "merged", run) == 2
     error = capsys.readouterr().err
-    assert "run has not all of its predictions" in error
+    assert "run lacks some of its predictions" in error
     assert error.count("\n") == 1
     assert readout(scenes, run, "--images-per-file", 2) == 1
     assert results(run) == before
@@ -360,10 +360,10 @@ def test_refusals(scenes, whole, tmp_path, capsys):
     assert "--images-per-file is for boxes and masks" in capsys.readouterr().err
     assert readout(scenes, tmp_path / "depth", task="eth3d") == 1
     assert merge(tmp_path / "b", tmp_path / "depth", n=2) == 2
-    assert "only boxes and masks are divided" in capsys.readouterr().err
+    assert "only boxes and masks can be divided" in capsys.readouterr().err
     assert merge(whole, whole, n=2) == 2
     assert cli.run(["merge", str(whole), "-o", str(whole), "--overwrite"]) == 2
-    assert "one of the runs that are read" in capsys.readouterr().err
+    assert "one of the input runs" in capsys.readouterr().err
     assert readout(scenes, tmp_path / "c", "--images-per-file", 0) == 2
     assert not any((tmp_path / name).exists() for name in "abc")
     assert (whole / "predictions.json").is_file()

@@ -107,4 +107,4 @@ def test_merge_refuses_a_flipped_byte(made, tmp_path, capsys, name):
     assert cli.run(["merge", str(made), "-o", str(tmp_path / "merged")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert path.name in said or "has not all of its predictions" in said
+    assert path.name in said or "lacks some of its predictions" in said

@@ -1,4 +1,4 @@
-"""`legoworld evaluate` for boxes and masks: a run and a truth to an evaluation folder."""
+"""`legoworld evaluate` for boxes and masks: writes an evaluation folder."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def evaluate_detections(
 
 
 def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKind:
-    """The official evaluator; hotcoco, with a word about it, where lvis is not installed."""
+    """The official evaluator, or hotcoco with a warning if lvis is not installed."""
     if protocol.federated and not lvis_package.installed():
         warn(
             "the official LVIS evaluator is not installed: scoring with hotcoco, whose numbers "
@@ -141,7 +141,7 @@ def _inputs(run: Run, truth_path: Path, origins: Origins) -> list[InputFile]:
 
 
 def _kept_equal(predictions: Predictions, own: Score) -> Predictions:
-    """What the cap kept by the predictions' own scores, none ranked above another."""
+    """The predictions kept by the cap under their own scores, with equal scores."""
     kept = np.sort(own.problem.detections.entry)
     return with_equal_confidence(replace(predictions, entries=predictions.entries.take(kept)))
 

@@ -1,4 +1,4 @@
-"""The evaluators: pycocotools and lvis unchanged, or hotcoco, all answering in one form."""
+"""The evaluators with a common interface: unmodified pycocotools and lvis, or hotcoco."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EvaluatorKind = Literal["official", "fast"]
 
 
 class EvaluatorDisagreesError(LegoWorldError):
-    """An evaluator's numbers are not those that follow from the matches on record."""
+    """An evaluator's numbers differ from those recomputed from the recorded matches."""
 
     code = "evaluator_disagrees"
     exit_code = exit_codes.BLOCKED
@@ -30,7 +30,7 @@ class EvaluatorDisagreesError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class OfficialScores:
-    """What an evaluator says.
+    """The results of an evaluator.
 
     official: its 12 or 13 numbers in its order, -1 where undefined; lines: its own wording;
     precision: (T, R, K, A), at the protocol's own cap, -1 where a category has no truth.
@@ -46,7 +46,7 @@ class OfficialScores:
 def run_evaluator(
     truth: Truth, predictions: Predictions, protocol: DetectionProtocol, kind: EvaluatorKind
 ) -> OfficialScores:
-    """Score predictions over the truth's images, which are the track's."""
+    """Score predictions over the images of the ground truth, which are the track's."""
     if kind == "fast":
         return _hotcoco(truth, predictions, protocol)
     if protocol.federated:

@@ -1,6 +1,6 @@
-"""The published lvis package on today's numpy, without what its import drags in.
+"""The published lvis package on current NumPy, without its drawing dependencies.
 
-lvis 0.5.3 says np.float (gone since numpy 1.24), imports cv2 and matplotlib for drawing, and calls
+lvis 0.5.3 uses np.float (removed in NumPy 1.24), imports cv2 and matplotlib for drawing, and calls
 logging.basicConfig on the root logger. None of its code is copied or changed: its drawing module
 is replaced while it is imported, and its evaluation module is given a numpy that has `float`.
 """
@@ -33,12 +33,12 @@ class LvisMissingError(LegoWorldError):
 
 
 def installed() -> bool:
-    """Whether the official LVIS evaluator is here."""
+    """Whether the official LVIS evaluator is installed."""
     return importlib.util.find_spec("lvis") is not None
 
 
 def load() -> Any:
-    """The lvis package, ready to score. LvisMissingError when it is not installed."""
+    """The lvis package, ready to score. LvisMissingError if it is not installed."""
     if not installed():
         raise LvisMissingError(
             "the official LVIS evaluator is not installed",
@@ -54,7 +54,7 @@ def load() -> Any:
 
 
 def dataset(package: Any, document: dict[str, Any]) -> Any:
-    """An lvis.LVIS of a document, which its own constructor only takes as a path."""
+    """An lvis.LVIS of a document; its own constructor only takes a path."""
     made = package.LVIS.__new__(package.LVIS)
     return _filled(made, document)
 
@@ -69,7 +69,7 @@ def results(package: Any, truth: Any, entries: list[dict[str, Any]]) -> Any:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Without lvis's remarks: they are about things that were checked before."""
+    """Suppress lvis's log messages, which concern things already checked."""
     logger = logging.getLogger("lvis")
     before = logger.disabled, logger.level
     logger.setLevel(logging.CRITICAL)

@@ -1,4 +1,4 @@
-"""Truth and predictions of a run as columns, in the order the official evaluators use."""
+"""Ground truth and predictions of a run as columns, in the official evaluators' order."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Problem:
     """Everything matching needs, besides the overlaps.
 
     n_over_cap: predictions lost to the protocol's cap; n_unverified: predictions in categories
-    nobody checked for in their image, which LVIS drops.
+    not annotated in their image, which LVIS drops.
     """
 
     protocol: DetectionProtocol

@@ -1,4 +1,4 @@
-"""What differs between the detection protocols, one row each; numbers from their cards."""
+"""The detection protocols, one row each; numbers from their cards."""
 
 from __future__ import annotations
 

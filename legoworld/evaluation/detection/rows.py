@@ -90,7 +90,7 @@ def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
 
 
 def _outcomes(state: NDArray[np.uint8], group: Ints, n_groups: int) -> list[Outcomes]:
-    """What became of the predictions of each group; state, group: of every prediction."""
+    """The outcome of the predictions of each group; state, group: of every prediction."""
     counts = {
         name: np.bincount(group[state == kind], minlength=n_groups).tolist()
         for kind, name in _OUTCOMES.items()

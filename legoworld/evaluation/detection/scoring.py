@@ -42,7 +42,7 @@ Notice = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreRequest:
-    """What is scored and how; who works on the images changes nothing."""
+    """What is scored and how; the pool does not affect results."""
 
     truth: Truth
     protocol: DetectionProtocol
@@ -54,7 +54,7 @@ class ScoreRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RankedScore:
-    """What depends on the ranking of predictions: one set of it for each confidence policy."""
+    """The results that depend on the ranking of predictions, one per confidence policy."""
 
     scores: OfficialScores
     problem: Problem
@@ -65,7 +65,7 @@ class RankedScore:
 
 @dataclass(frozen=True, kw_only=True)
 class Score(RankedScore):
-    """A ranked score with what is free of scores, and the intervals of both.
+    """A ranked score with the score-free results, and the intervals of both.
 
     aware and agnostic: counts within and across categories.
     """
@@ -84,7 +84,7 @@ def frequencies_of(truth: Truth) -> NDArray[np.str_]:
 
 
 def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Score:
-    """Score predictions. EvaluatorDisagreesError when evaluator and matches do not agree."""
+    """Score predictions. EvaluatorDisagreesError if evaluator and matches disagree."""
     problem = build_problem(request.truth, predictions, request.protocol)
     notice("matching")
     matches = matches_of(problem, request.truth, predictions, request.pool)
@@ -103,7 +103,7 @@ def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Sc
 
 
 def ranked_score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> RankedScore:
-    """Score the same predictions under another ranking; what is free of scores is left out."""
+    """Score the same predictions under another ranking, without the score-free results."""
     problem = build_problem(request.truth, predictions, request.protocol)
     notice("matching")
     state = states_of(problem, request.truth, predictions, request.pool)
@@ -130,7 +130,7 @@ def _ranked(
 def check_agreement(
     scores: OfficialScores, curves: Curves, truth: Truth, protocol: DetectionProtocol
 ) -> None:
-    """Hold an evaluator's numbers to those that follow from the matches on record."""
+    """Compare an evaluator's numbers with those recomputed from the recorded matches."""
     frequencies = frequencies_of(truth)
     ours = np.array([metric_value(m, curves, frequencies) for m in protocol.metrics])
     theirs = np.array(scores.official)
@@ -138,7 +138,7 @@ def check_agreement(
     precision = float(np.abs(curves.precision - scores.precision).max(initial=0.0))
     if not (worst <= AGREEMENT and precision <= AGREEMENT):  # NaN is no agreement
         raise EvaluatorDisagreesError(
-            f"{scores.name} {scores.version} disagrees with the matches on record",
+            f"{scores.name} {scores.version} disagrees with the recorded matches",
             found=f"metrics differ by {worst:.3g}, precision by {precision:.3g}",
             expected=f"at most {AGREEMENT:g}",
             next_step="this is a bug: report it with the run and the truth; no number was written",

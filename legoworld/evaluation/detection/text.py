@@ -1,4 +1,4 @@
-"""A detection evaluation as people read it: the evaluator's own lines, then ours with counts."""
+"""A detection evaluation as text: the evaluator's own lines, then ours with counts."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _images(coverage: Coverage) -> str:
 
 
 def metric_rows(summary: DetectionSummary, protocol: DetectionProtocol) -> list[tuple[str, ...]]:
-    """Every number as (metric, value, 95 % interval, what it is over)."""
+    """Every number as (metric, value, 95 % interval, denominator)."""
     counts, coverage = summary.counts, summary.coverage
     images = _many(coverage.attempted, "image")
     with_truth = _many(counts.categories_with_truth, "category")
@@ -124,7 +124,7 @@ def _tie_rows(summary: DetectionSummary, over: str) -> list[tuple[str, ...]]:
 
 
 def notes(summary: DetectionSummary) -> list[str]:
-    """The counts behind the numbers, a line each."""
+    """The counts behind the numbers, one line each."""
     counts, coverage = summary.counts, summary.coverage
     statuses = ", ".join(f"{n} {name}" for name, n in coverage.by_status.items())
     lines = [

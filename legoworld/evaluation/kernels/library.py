@@ -1,6 +1,6 @@
-"""The compiled library of evaluation behind ctypes: how it is loaded, called, and what it answers.
+"""The compiled library of evaluation behind ctypes: loading, calls and return codes.
 
-It has no threads of its own: calls release the GIL, and callers share out the work.
+It has no threads of its own: calls release the GIL, and callers divide the work.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The one corner that imports bpy. It runs in worker processes only; see `worker`."""
+"""The only package that imports bpy. It runs in worker processes only; see `worker`."""

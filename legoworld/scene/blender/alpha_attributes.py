@@ -1,4 +1,4 @@
-"""Attributes of a mesh as a source of alpha: what Cycles makes of them, corner by corner."""
+"""Mesh attributes as a source of alpha, evaluated per corner as in Cycles."""
 
 from __future__ import annotations
 

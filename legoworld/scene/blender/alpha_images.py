@@ -1,4 +1,4 @@
-"""Image nodes as a source of alpha: which picture, which channel, looked up where."""
+"""Image nodes as a source of alpha: image, channel and texture coordinates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The alpha rules of all materials met on a walk, each read once, and the cut-outs they make."""
+"""The alpha rules of all materials in a walk, each read once, and their cut-outs."""
 
 from __future__ import annotations
 

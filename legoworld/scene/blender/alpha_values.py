@@ -1,4 +1,4 @@
-"""Value sockets as functions of an image or an attribute: what the alpha rule can read."""
+"""Value sockets as functions of an image or an attribute, as supported by the alpha rule."""
 
 from __future__ import annotations
 

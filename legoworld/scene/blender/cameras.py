@@ -1,4 +1,4 @@
-"""The active camera of an evaluated scene, in Blender's own terms."""
+"""The active camera of an evaluated scene, in Blender's conventions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _Pose = tuple[tuple[float, float, float, float], ...]
 
 
 def refuse_missing_camera(scene: bpy.types.Scene) -> None:
-    """Raises NoCameraError when no object is the scene's camera and no marker brings one."""
+    """Raise NoCameraError if the scene has no camera and no marker binds one."""
     if scene.camera is not None or any(m.camera for m in scene.timeline_markers):
         return
     names = sorted(o.name for o in scene.objects if o.type == "CAMERA")

@@ -1,4 +1,4 @@
-"""Triangles under alpha rules: which are left, and what decides within those cut in part."""
+"""Triangles under alpha rules: which remain, and the cut-outs of partly transparent ones."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class MeshCutter:
     def cut(
         self, triangles: Triangles, rules: NDArray[np.int32]
     ) -> tuple[Triangles, MeshCuts | None]:
-        """What is left of triangles whose rules (T,) are numbers of the table.
+        """The remaining triangles; their rules (T,) are numbers of the table.
 
         They keep their order; one that two rules apply to, by its sides, stands there twice.
         """

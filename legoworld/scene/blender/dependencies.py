@@ -1,4 +1,4 @@
-"""The other files an open .blend reads."""
+"""The files that an open .blend depends on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BLEND: Final = re.compile(r"\.blend\d*$", re.IGNORECASE)
 
 
 def dependencies(blend: Path) -> list[str]:
-    """Linked libraries, unpacked images, caches and so on, there or not, sorted.
+    """Linked libraries, unpacked images, caches and so on, existing or not, sorted.
 
     Paths are relative to the .blend's folder; one that the file gives as an absolute path outside
     of that folder stays absolute, because it means the same wherever the scene stands. What ships

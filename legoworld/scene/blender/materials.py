@@ -1,4 +1,4 @@
-"""Which surfaces a material's alpha removes: the declared rule, read from the shader nodes.
+"""The alpha rule of a material, read from its shader nodes: which surfaces are removed.
 
 Alpha below `ALPHA_THRESHOLD` removes the surface: all of it where alpha is constant, sample by
 sample where it comes from an image through a UV map, from an attribute of the mesh, or from their

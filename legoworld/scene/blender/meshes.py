@@ -1,4 +1,4 @@
-"""Triangles of evaluated meshes, by the fastest documented reads."""
+"""Triangles of evaluated meshes, by the fastest documented accessors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts about the objects met on a walk over the render's dependency graph, each asked once."""
+"""Facts about the objects in a walk over the render's dependency graph, each read once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Walking the render's dependency graph: what occurs where, and which mesh it shows."""
+"""A walk over the render's dependency graph: occurrences, their transforms and meshes."""
 
 from __future__ import annotations
 

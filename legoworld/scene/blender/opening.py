@@ -1,4 +1,4 @@
-"""Opening a foreign .blend: scripts off, no UI, and a typed verdict for what cannot be used."""
+"""Opening an untrusted .blend: scripts off, no UI, and typed errors."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class OpenFile:
 def open_blend(path: Path) -> OpenFile:
     """Make `path` the open file.
 
-    Raises UnreadableBlendError when Blender cannot read it, MissingLibraryError when it links
-    data that is not there.
+    Raises UnreadableBlendError if Blender cannot read it, MissingLibraryError if it links missing
+    data.
     """
     bpy.context.preferences.filepaths.use_scripts_auto_execute = False
     bpy.context.scene[_MARKER] = 1
@@ -96,6 +96,6 @@ def _refuse_missing_libraries() -> None:
 
 
 def _without_folders(message: str) -> str:
-    """Blender's message with the folders of all paths taken out: results name no machine."""
+    """Blender's message with the folders of all paths removed: results contain no local paths."""
     text = re.sub(r"(?:[A-Za-z]:)?(?:[\\/][^\\/\s'\",:]+)+[\\/]", "", message)
     return " ".join(text.split()).removeprefix("Error: ")

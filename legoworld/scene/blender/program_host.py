@@ -1,8 +1,8 @@
-"""The process a scene program runs in: one program, then its end.
+"""The process of a scene program: it runs one program and ends.
 
-It has no channel to legoworld: what it says of the program's end is a file in the sandbox, which
-the program could have written as well. Nothing rests on it but how the program itself ended; the
-scene is read by another process.
+It has no channel to legoworld: its report of the program's end is a file in the sandbox that the
+program could have written itself. It is only used to describe how the program ended; the scene is
+read by another process.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Running a scene program and exporting what it built. Runs in the worker process only."""
+"""Running a scene program and exporting its scene. Runs in the worker process only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Seeing the scene as a render does.
+"""Access to the scene's render state.
 
 `evaluated_depsgraph_get()` is the viewport's state: other subdivision levels, other visibility.
 The render's own dependency graph is only handed to a render engine, so one that draws nothing is

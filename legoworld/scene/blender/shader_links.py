@@ -1,4 +1,4 @@
-"""Following shader links to what feeds a socket: through reroutes and into and out of groups."""
+"""Following shader links to a socket's source, through reroutes and node groups."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class UnreadableAlphaError(Exception):
 
 @dataclass(frozen=True)
 class Feed:
-    """What feeds a socket.
+    """The source of a socket.
 
     node and output: the node and its output socket; None where nothing is linked, and then
     `socket` is the one whose own value counts. groups: the group nodes the node lies in.

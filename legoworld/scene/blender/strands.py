@@ -1,4 +1,4 @@
-"""Reading hair and points as Cycles' synchronisation reads them (blender/curves.cpp)."""
+"""Reading hair and points as Cycles' scene synchronisation does (blender/curves.cpp)."""
 
 from __future__ import annotations
 

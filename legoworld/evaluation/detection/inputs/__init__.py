@@ -1,1 +1,1 @@
-"""Ground truth and predictions, checked and put into columns and order."""
+"""Ground truth and predictions: checks, order and columns."""

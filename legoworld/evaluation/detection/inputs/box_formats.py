@@ -1,4 +1,4 @@
-"""Boxes checked for sense: x, y, width, height in pixels, and not another format in disguise."""
+"""Plausibility checks of boxes: x, y, width, height in pixels, and not another format."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def check_box_values(
 def check_box_format(
     image_ids: Sequence[int], boxes: Sequence[object], sizes_wh: Sizes
 ) -> Mapping[str, int]:
-    """Counted oddities of boxes that can be scored. BoxFormatError for boxes that cannot."""
+    """Counted anomalies of scorable boxes. BoxFormatError for boxes that cannot be scored."""
     if not boxes:
         return {}
     found = _checked(image_ids, boxes, sizes_wh)
@@ -115,7 +115,7 @@ def _outside(
 
 
 def _hint(boxes: NDArray[np.float64], sizes: NDArray[np.float64]) -> str:
-    """The format in which all boxes would lie inside their images."""
+    """The format in which all boxes would be inside their images."""
     corners = boxes[:, 2:] >= boxes[:, :2]
     if corners.all() and not _outside(boxes[:, :2], boxes[:, 2:], sizes).any():
         return "these look like x1, y1, x2, y2: pass x, y, width, height"

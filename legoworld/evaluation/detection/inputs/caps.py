@@ -1,4 +1,4 @@
-"""The evaluators' caps: how many predictions of an image they look at."""
+"""The evaluators' caps on the number of predictions per image."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from legoworld.evaluation.detection.inputs.prediction_columns import PredictionC
 
 
 def rank_in_group(sorted_groups: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Place inside its run of equal values, from 0."""
+    """Position in its run of equal values, from 0."""
     if not len(sorted_groups):
         return np.empty(0, np.int64)
     starts = np.flatnonzero(np.diff(sorted_groups, prepend=sorted_groups[0] - 1))

@@ -1,4 +1,4 @@
-"""RLE masks: pycocotools' own functions, and whether a text is a mask, which it never asks."""
+"""RLE masks: pycocotools' own functions, and the validity checks that it lacks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _API: Any = _mask  # its stubs know neither lists of RLE nor text counts
 #: pycocotools' area() casts the number of masks to uint8, which numpy 2 refuses from 256 on.
 _MOST_AREAS: Final = 255
 
-#: Texts that are in memory a second time while they are measured.
+#: Number of texts that are copied in memory while they are measured.
 _MOST_MEASURED: Final = 8000
 
 
@@ -49,7 +49,7 @@ def overlaps(detections: Shapes, truths: Shapes, crowd: Sequence[int]) -> NDArra
 
 
 def union(masks: Sequence[EncodedMask]) -> EncodedMask:
-    """The pixels that any of some compressed masks of one size covers."""
+    """The union of compressed masks of one size."""
     merged: EncodedMask = _API.merge(list(masks))
     return merged
 
@@ -67,9 +67,9 @@ def compressed(mask: Any, size_hw: tuple[int, int]) -> EncodedMask:
 
 
 def rle_problem(mask: object, size_wh: tuple[int, int]) -> str | None:
-    """What is wrong with a results mask of an image of this size; None when nothing is.
+    """The fault of a results mask for an image of this size; None if there is none.
 
-    Of compressed counts only the form is looked at: `measured` decodes them, many at once.
+    Of compressed counts only the form is checked: `measured` decodes many at once.
     """
     if isinstance(mask, list):
         return "a polygon list"
@@ -88,13 +88,13 @@ def rle_problem(mask: object, size_wh: tuple[int, int]) -> str | None:
 
 
 def covers(pixels: int, size_wh: tuple[int, int]) -> str:
-    """In words, that run lengths cover so many pixels (-1: are none) and not the image's."""
+    """A message that run lengths cover this number of pixels (-1: invalid), not the image's."""
     found = "no run lengths" if pixels < 0 else f"run lengths that add up to {pixels}"
     return f"{found}, {size_wh[0] * size_wh[1]} pixels expected"
 
 
 def joined_texts(texts: Sequence[bytes]) -> tuple[bytes, NDArray[np.int64]]:
-    """Texts one after the other, and where each starts: (n + 1,)."""
+    """Concatenated texts, and the start of each: (n + 1,)."""
     start = np.zeros(len(texts) + 1, np.int64)
     np.cumsum([len(text) for text in texts], out=start[1:])
     return b"".join(texts), start

@@ -1,4 +1,4 @@
-"""What every entry of a results list must have, before anything of it is scored."""
+"""Checks of the entries of a results list before scoring."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from legoworld.tracks.vocabulary import Vocabulary
 _P = TypeVar("_P", bound=Scored)
 
 Ints = NDArray[np.int64]
-#: What to do where a key is missing that a results list must have and ground truth has not.
+#: Advice for a missing key that a results list needs and ground truth lacks.
 _ADD: Final = {
     "score": "add each detection's confidence; ground truth has none and is not imported",
 }
 
 
 class PredictionsInvalidError(LegoWorldError):
-    """A results list holds something that would make a wrong number."""
+    """A results list has content that would give a wrong number."""
 
     code = "predictions_invalid"
 
@@ -57,7 +57,7 @@ def as_predictions(entries: Sequence[Mapping[str, object]], kind: type[_P]) -> l
 
 
 def _keys(entry: Mapping[str, object]) -> str:
-    """The keys of an entry in words."""
+    """The keys of an entry as text."""
     *others, last = map(str, entry) if entry else ("no keys",)
     return one_line(f"{', '.join(others)} and {last}" if others else last, 120)
 
@@ -65,7 +65,7 @@ def _keys(entry: Mapping[str, object]) -> str:
 def check_ids(
     image_id: Ints, category_id: Ints, status: Mapping[int, str], vocabulary: Vocabulary
 ) -> None:
-    """PredictionsInvalidError for ids that the run or the vocabulary does not have."""
+    """Raise PredictionsInvalidError for ids unknown to the run or the vocabulary."""
     images = np.unique(image_id).tolist()
     unknown = [i for i in images if i not in status]
     _refuse(
@@ -147,7 +147,7 @@ def _refuse(n: int, of: int, what: str, found: str, expected: str, next_step: st
 
 
 def _mapping_hint(found: set[int], known: set[int]) -> str:
-    """What unknown ids look like: positions in the list of categories instead of its ids."""
+    """A hint if unknown ids look like positions in the list of categories."""
     n = len(known)
     positions = [
         f"{first}..{first + n - 1}"

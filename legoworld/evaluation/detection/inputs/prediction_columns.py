@@ -46,7 +46,7 @@ class PredictionColumns(Sequence[Prediction]):
     sizes_wh: Sizes | None
 
     def take(self, places: Ints) -> PredictionColumns:
-        """The predictions at these places, in their order."""
+        """The predictions at these positions, in their order."""
         if isinstance(self.shape, Texts):
             shape: tuple[Box, ...] | Texts = self.shape.take(places)
         else:
@@ -98,7 +98,7 @@ class PredictionColumns(Sequence[Prediction]):
     @overload
     def __getitem__(self, index: slice) -> Sequence[Prediction]: ...
     def __getitem__(self, index: int | slice) -> Prediction | Sequence[Prediction]:
-        """The prediction at a place."""
+        """The prediction at a position."""
         assert isinstance(index, int)
         columns = self.image_id, self.category_id, self.score
         image_id, category_id, score = (column[[index]].tolist()[0] for column in columns)
@@ -216,6 +216,6 @@ class _Heads:
 
 
 def score_column(scores: Sequence[Number]) -> NDArray[Any]:
-    """Scores as a column that gives each back as it was, integers as integers."""
+    """Scores as a column that preserves each value, integers as integers."""
     floats = set(map(type, scores)) <= {float}
     return np.array(scores, np.float64 if floats else object)

@@ -1,4 +1,4 @@
-"""Which of two equally confident predictions comes first: docs/protocols/ties.md has the rules."""
+"""The order of equally confident predictions: docs/protocols/ties.md has the rules."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def in_order(predictions: PredictionColumns, order: PredictionOrder) -> Predicti
 
 
 def places_in_order(predictions: PredictionColumns, order: PredictionOrder) -> Ints:
-    """(n,) the place of the first, the second, ... of an order."""
+    """(n,) the position of the first, the second, ... of an order."""
     if order == "given":
         return np.argsort(predictions.image_id, kind="stable")
     if predictions.sizes_wh is not None:

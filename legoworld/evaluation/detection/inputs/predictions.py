@@ -1,4 +1,4 @@
-"""Predictions checked entry by entry and put into their order before anything scores them."""
+"""Predictions, checked entry by entry and sorted before scoring."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ class Predictions:
 
     @property
     def sha256_equally_confident(self) -> str:
-        """The same of `with_equal_confidence`."""
+        """The same hash for `with_equal_confidence`."""
         return sha256_of_entries(with_equal_confidence(self).entries)
 
     @property
     def equally_confident(self) -> bool:
-        """Whether no entry is ranked above another, and their order is canonical."""
+        """Whether all scores are equal and the order is canonical."""
         if len(set(self.entries.score.tolist())) > 1:
             return False
         places = places_in_order(self.entries, "canonical")
@@ -175,9 +175,9 @@ def sha256_of_entries(entries: PredictionColumns) -> str:
 
 
 def with_equal_confidence(predictions: Predictions) -> Predictions:
-    """The same predictions, none ranked above another, in canonical order.
+    """The same predictions with equal scores, in canonical order.
 
-    Files mostly list higher scores first: in their own order the ranking would still be there.
+    Files usually list higher scores first, so their own order would keep the ranking.
     """
     score = score_column([EQUAL_CONFIDENCE] * len(predictions.entries))
     entries = replace(predictions.entries, score=score)
@@ -201,7 +201,7 @@ def _check_sizes(given: GivenColumns, sizes_wh: Sizes) -> None:
 def _areas(entries: PredictionColumns, sizes_wh: Sizes) -> NDArray[np.float64]:
     """(n,) pixels of every mask, once its run lengths add up to its image.
 
-    pycocotools never asks, and reads on behind the end of counts that do not.
+    pycocotools does not check this, and reads beyond the end of invalid counts.
     """
     assert isinstance(entries.shape, Texts)
     covered, areas = measured(entries.shape)

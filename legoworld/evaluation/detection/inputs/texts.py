@@ -1,4 +1,4 @@
-"""Many texts in one piece of memory."""
+"""Many texts in one block of memory."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from typing import Final, overload
 import numpy as np
 from numpy.typing import NDArray
 
-#: Places that are looked up together.
+#: Number of positions looked up together.
 _BLOCK: Final = 1 << 16
 #: JSON may hold halves of surrogate pairs; that no mask does is checked later.
 _ENCODING: Final = ("utf-8", "surrogatepass")
 
 
 class Texts(Sequence[str]):
-    """Texts that are made each time they are asked for.
+    """Texts that are created on access.
 
-    The texts of a results list lie between its numbers and dicts: kept one by one, they would keep
-    the memory of everything around them.
+    The texts of a results list are allocated between its numbers and dicts: kept individually, they
+    would keep the memory around them from being freed.
     """
 
     def __init__(self, data: bytes, start: NDArray[np.int64]) -> None:
-        """data: UTF-8; start: (n + 1,) where each text begins, and the end."""
+        """data: UTF-8; start: (n + 1,) the start of each text, and the end."""
         self._data = data
         self._start = start
 
     def take(self, places: NDArray[np.int64]) -> Texts:
-        """The texts at these places, in their order."""
+        """The texts at these positions, in their order."""
         taken = TextBuilder()
         for text in self._encoded(places):
             taken.add_encoded(text)
@@ -53,7 +53,7 @@ class Texts(Sequence[str]):
     @overload
     def __getitem__(self, index: slice) -> list[str]: ...
     def __getitem__(self, index: int | slice) -> str | list[str]:
-        """The text at a place, or those of a slice."""
+        """The text at a position, or those of a slice."""
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
         return self._data[self._start[index] : self._start[index + 1]].decode(*_ENCODING)

@@ -1,4 +1,4 @@
-"""Private truth: COCO instances and LVIS JSON, checked and cut down to a run's images."""
+"""Private ground truth: COCO instances and LVIS JSON, checked and reduced to a run's images."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from legoworld.tracks.vocabulary import Vocabulary, from_json
 
 
 class TruthMismatchError(LegoWorldError):
-    """Truth and run are not about the same images, categories or version."""
+    """Ground truth and run have different images, categories or versions."""
 
     code = "truth_mismatch"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """The truth of a run's images.
+    """The ground truth of a run's images.
 
     images, annotations, categories: as in the file, in its order, annotations numbered from 1.
     version: the dataset's, such as "1.0" or "0.5" for LVIS. warnings: counted repairs.
@@ -47,7 +47,7 @@ class Truth:
     warnings: tuple[str, ...]
 
     def document(self) -> dict[str, Any]:
-        """A COCO-style document an evaluator may write into: nothing in it is shared."""
+        """A COCO-style document that an evaluator may modify: nothing in it is shared."""
         return {
             "info": {},
             "images": [dict(i) for i in self.images],
@@ -57,10 +57,10 @@ class Truth:
 
 
 def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
-    """The truth for a run's images.
+    """Read the ground truth of a run's images.
 
-    TruthInvalidError: the file is broken. TruthMismatchError: it is about other images, other
-    categories or another version than the run.
+    TruthInvalidError: the file is broken. TruthMismatchError: its images, categories or version
+    differ from the run's.
     """
     document = _document(path)
     vocabulary = from_json(document["categories"], path.name)
@@ -128,7 +128,7 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
 
 
 def _images_of_run(path: Path, by_id: dict[int, dict[str, Any]], run: Run) -> list[dict[str, Any]]:
-    """The truth's entries of the run's images, ascending id."""
+    """The ground truth's entries of the run's images, by ascending id."""
     unknown = [i for i in run.images if i.image_id not in by_id]
     if unknown:
         raise TruthMismatchError(

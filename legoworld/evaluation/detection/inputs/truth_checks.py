@@ -1,6 +1,6 @@
-"""Checks of a truth file: as strict as those of predictions, counted, the first offender named.
+"""Checks of a ground-truth file, as strict as those of predictions: errors name the first fault.
 
-The official evaluators ask nothing: pycocotools leaves an annotation of an unknown image out and
+The official evaluators do not check: pycocotools ignores an annotation of an unknown image and
 scores a box of negative width.
 """
 
@@ -38,7 +38,7 @@ _POLYGON_NUMBERS = 6
 
 
 class TruthInvalidError(LegoWorldError):
-    """A truth file cannot be scored against."""
+    """A ground-truth file is unusable for scoring."""
 
     code = "truth_invalid"
 

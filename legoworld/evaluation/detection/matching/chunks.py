@@ -1,6 +1,6 @@
-"""A problem cut into chunks of images, each with all that matching needs and nothing else.
+"""A problem divided into chunks of images, each with exactly the data that matching needs.
 
-A chunk is what a worker is sent: columns as arrays, and the shapes of its images.
+A chunk is the unit of work of a worker: columns as arrays, and the shapes of its images.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Chunk:
 
 
 class Chunks(Sequence[Chunk]):
-    """All images of a problem in ascending order, a chunk made each time it is asked for."""
+    """All images of a problem in ascending order; chunks are created on access."""
 
     def __init__(self, problem: Problem, truth: Truth, predictions: Predictions) -> None:
         self._problem = problem
@@ -63,7 +63,7 @@ class Chunks(Sequence[Chunk]):
 
     @property
     def many(self) -> bool:
-        """Whether other processes are worth starting."""
+        """Whether starting other processes is worthwhile."""
         return len(self) > _FEW
 
     @property

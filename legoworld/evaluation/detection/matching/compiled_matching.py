@@ -56,7 +56,7 @@ class _RulesStruct(ctypes.Structure):
 
 
 def states_of_chunk(chunk: Chunk, overlaps: Overlaps) -> NDArray[np.uint8]:
-    """(A, T, D) what becomes of a chunk's detections, as in MatchTable."""
+    """(A, T, D) the outcome of a chunk's detections, as in MatchTable."""
     struct, _kept = _struct(chunk, overlaps)
     rules = _RulesStruct(
         pointer(_THRESHOLDS), len(_THRESHOLDS), pointer(_LOW), pointer(_HIGH), len(_LOW)
@@ -69,8 +69,8 @@ def states_of_chunk(chunk: Chunk, overlaps: Overlaps) -> NDArray[np.uint8]:
 def pairs_of_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pairs:
     """The one-to-one pairs of a chunk that maximise overlap; within categories, or across them.
 
-    Where totals are equal (to about nine decimals): more pairs that are hits, then more hits of
-    the right label. Without that rule the numbers would depend on the order of the ids.
+    Ties (to about nine decimals) are broken by more hits, then by more hits with the correct label.
+    Without this rule the numbers would depend on the order of the ids.
     """
     struct, _kept = _struct(chunk, overlaps)
     most = len(chunk.truths.image)

@@ -17,13 +17,13 @@ from legoworld.evaluation.detection.problem import (
 )
 from legoworld.evaluation.detection.protocols import AREA_RANGES
 
-#: What became of a detection at an area range and a threshold.
+#: The outcome of a detection at an area range and a threshold.
 FALSE_POSITIVE, TRUE_POSITIVE, IGNORED = 0, 1, 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatchTable:
-    """What became of every scored detection; enough for every AP and AR without matching again.
+    """The outcome of every scored detection; sufficient for every AP and AR without matching again.
 
     Detections are ordered by category, falling score, image, rank: the order precision and
     recall are accumulated in. state: (A, T, D) uint8 of FALSE_POSITIVE, TRUE_POSITIVE, IGNORED;

@@ -148,7 +148,7 @@ def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:
 
     means, present = np.zeros(len(samples)), np.zeros(len(samples))
     with category_threads() as pool:
-        # Added in the order of the categories, whichever is ready first: always the same bits.
+        # Added in category order: order-independent, bit-identical.
         for n_gt, iou in pool.map(sums, groups):
             means += np.where(n_gt > 0, iou / np.where(n_gt > 0, n_gt, 1), 0.0)
             present += n_gt > 0

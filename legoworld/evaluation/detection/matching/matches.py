@@ -1,4 +1,4 @@
-"""Every image matched and paired: chunk by chunk, by as many workers as there are."""
+"""Matching and pairing of all images, chunk by chunk, by the workers of a pool."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
 
 @dataclass(frozen=True, kw_only=True)
 class Matches:
-    """What becomes of detections: of a chunk's, or of a whole problem's.
+    """The outcome of the detections of a chunk or a whole problem.
 
     state: (A, T, D) as in MatchTable, in the columns' order; aware, agnostic: the score-free pairs
     within and across categories.
@@ -44,14 +44,14 @@ def match_chunk(chunk: Chunk) -> Matches:
 
 
 def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
-    """The state alone: what another ranking of the same predictions changes."""
+    """Only the state, which another ranking of the same predictions changes."""
     return states_of_chunk(chunk, overlaps_of(chunk))
 
 
 def matches_of(
     problem: Problem, truth: Truth, predictions: Predictions, pool: WorkerPool = IN_PROCESS
 ) -> Matches:
-    """Match and pair every image of a problem; the same whoever works, and on how many chunks."""
+    """Match and pair every image of a problem, independent of pool and chunks."""
     chunks = Chunks(problem, truth, predictions)
     done = list(results_of(match_chunk, chunks, pool.for_work(worth_a_process=chunks.many)))
     return Matches(
@@ -64,7 +64,7 @@ def matches_of(
 def states_of(
     problem: Problem, truth: Truth, predictions: Predictions, pool: WorkerPool = IN_PROCESS
 ) -> NDArray[np.uint8]:
-    """Match every image of a problem, without what is free of scores."""
+    """Match every image of a problem, without the score-free pairs."""
     chunks = Chunks(problem, truth, predictions)
     pool = pool.for_work(worth_a_process=chunks.many)
     return np.concatenate(list(results_of(match_chunk_by_score, chunks, pool)), axis=2)

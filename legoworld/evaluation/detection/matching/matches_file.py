@@ -1,4 +1,4 @@
-"""matches.npz: what comparison, intervals and evidence need, so that nobody matches again."""
+"""matches.npz: the data for comparison, intervals and evidence without matching again."""
 
 from __future__ import annotations
 

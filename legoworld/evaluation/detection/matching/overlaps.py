@@ -1,6 +1,6 @@
 """Overlaps and areas of a chunk's shapes: of boxes by pycocotools' own function, of masks by ours.
 
-Of masks they are ratios of whole numbers, the same whoever counts them.
+Mask overlaps are ratios of integers, and so independent of the implementation.
 """
 
 from __future__ import annotations

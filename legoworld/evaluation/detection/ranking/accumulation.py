@@ -50,7 +50,7 @@ def truths_per_category(table: MatchTable) -> Ints:
 
 
 def ranks_of(protocol: DetectionProtocol) -> tuple[int | None, ...]:
-    """The distinct maxDets that a protocol's metrics ask for."""
+    """The distinct maxDets of a protocol's metrics."""
     return tuple(dict.fromkeys(m.max_rank for m in protocol.metrics if m.kind == "AR"))
 
 

@@ -59,7 +59,7 @@ def resampled_metrics(
                 ),
                 jobs,
             )
-            # Added in the order of the categories, whichever is ready first: always the same bits.
+            # Added in category order: order-independent, bit-identical.
             for (k, _), values in zip(jobs, found, strict=True):
                 has = truths[k] > 0
                 for metric, value in values.items():

@@ -1,4 +1,4 @@
-"""What equal confidence leaves open: AP over random orders of tied detections, and its bounds.
+"""AP over random tie-breaking orders of equally confident detections, and its bounds.
 
 The matches stay as they are (docs/protocols/ties.md); only the ranking of equally confident
 detections of a category changes. One order of a category's detections serves all IoU thresholds.
@@ -134,7 +134,7 @@ def order_aps(table: MatchTable, *, draws: int, seed: int) -> Floats:
     scored = np.flatnonzero(n_truths).tolist()
     total = np.zeros(draws)
     with category_threads() as pool:
-        # Added in the order of the categories, whichever is ready first: always the same bits.
+        # Added in category order: order-independent, bit-identical.
         for values in pool.map(sampled, scored):
             total += values
     return total / len(scored) if scored else np.full(draws, np.nan)
