@@ -162,7 +162,7 @@ def test_another_comparison_in_the_folder(scene, tmp_path):
         compared((scene, other), tmp_path / "out", draws=6)
     assert compared((scene, other), tmp_path / "out", draws=6, overwrite=True)
     third = other_evaluation(tmp_path / "c", baseline="other")
-    with pytest.raises(LegoWorldError, match=r"another comparison.*evaluation 1"):
+    with pytest.raises(LegoWorldError, match=r"different comparison.*evaluation 1"):
         compared((scene, third), tmp_path / "out", draws=6)
 
 

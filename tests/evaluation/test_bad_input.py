@@ -281,7 +281,7 @@ def test_lvis_versions_do_not_mix(real_data, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("damage", "match"),
     [
-        (lambda run: (run / "journal.jsonl").write_text(""), "not ended"),
+        (lambda run: (run / "journal.jsonl").write_text(""), "is unfinished"),
         (lambda run: (run / "run.json").unlink(), "run.json cannot be read"),
         (lambda run: (run / "per_image.jsonl").write_text(""), "does not cover"),
         (lambda run: (run / "predictions.json").write_text("{}"), "expected array, got object"),
