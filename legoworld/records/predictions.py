@@ -5,19 +5,21 @@ from __future__ import annotations
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.track import Id
 
+# gc=False: none can be part of a cycle, and there are millions.
+
 Number = int | float
 #: x, y, width, height in pixels.
 Box = tuple[Number, Number, Number, Number]
 
 
-class Rle(Record, frozen=True, kw_only=True):
+class Rle(Record, frozen=True, kw_only=True, gc=False):
     """A mask's run lengths, or pycocotools' compressed counts; size is (height, width)."""
 
     size: tuple[int, int]
     counts: str | tuple[int, ...]
 
 
-class Scored(Record, frozen=True, kw_only=True):
+class Scored(Record, frozen=True, kw_only=True, gc=False):
     """What every prediction says besides where it is."""
 
     image_id: Id
@@ -25,20 +27,20 @@ class Scored(Record, frozen=True, kw_only=True):
     score: Number
 
 
-class BoxPrediction(Scored, frozen=True, kw_only=True):
+class BoxPrediction(Scored, frozen=True, kw_only=True, gc=False):
     """A prediction where boxes are scored, whoever wrote it; whatever else it says is not read."""
 
     bbox: Box
 
 
-class MaskPrediction(Scored, frozen=True, kw_only=True):
+class MaskPrediction(Scored, frozen=True, kw_only=True, gc=False):
     """A prediction where masks are scored, whoever wrote it. bbox: is there, and is not scored."""
 
     segmentation: Rle
     bbox: object = UNSET
 
 
-class Prediction(Scored, frozen=True, kw_only=True):
+class Prediction(Scored, frozen=True, kw_only=True, gc=False):
     """A prediction as legoworld writes it: a box or a mask."""
 
     bbox: Box | UnsetType = UNSET

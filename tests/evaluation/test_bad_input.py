@@ -10,6 +10,7 @@ import pytest
 from evaluation.detection_runs import (
     random_predictions,
     random_truth,
+    read_rows,
     write_run,
     write_truth,
 )
@@ -302,6 +303,40 @@ def test_a_damaged_run(damage, match, tmp_path, capsys):
     error = capsys.readouterr().err
     assert match in error
     assert error.count("\n") == 1
+
+
+HALF = "half \ud800"
+
+
+@pytest.mark.parametrize("where", ["row", "run.json", "truth image", "truth category"])
+def test_half_a_surrogate_pair_in_a_name_is_one_line(where, tmp_path, capsys):
+    truth = random_truth("coco", seed=1)
+    run = write_run(tmp_path / "run", "coco", truth, [])
+    if where == "row":
+        rows = read_rows(run / "per_image.jsonl")
+        lines = [json.dumps({**row, "file_name": HALF}) + "\n" for row in rows]
+        (run / "per_image.jsonl").write_text("".join(lines))
+    elif where == "run.json":
+        document = json.loads((run / "run.json").read_text())
+        document["configuration"]["baseline"] = HALF
+        (run / "run.json").write_text(json.dumps(document))
+    else:
+        truth["images" if where == "truth image" else "categories"][0][
+            "file_name" if where == "truth image" else "name"
+        ] = HALF
+    path = write_truth(tmp_path / "truth.json", truth)
+    arguments = ["evaluate", str(run), "--truth", str(path), "-o", str(tmp_path / "eval")]
+    assert cli.run([*arguments, "--draws", "2"]) == 2
+    error = capsys.readouterr().err
+    assert "half of a surrogate pair" in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "eval" / "summary.json").exists()
+
+
+def test_a_pair_of_surrogates_is_a_character_of_a_name(tmp_path):
+    truth = random_truth("coco", seed=1)
+    truth["images"][0]["file_name"] = "\N{GRINNING FACE}.jpg"
+    assert evaluate(tmp_path, "coco", truth, []).summary.coverage.attempted == len(truth["images"])
 
 
 def test_predictions_of_an_unread_image_are_refused(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
 from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
 from legoworld.evaluation.detection.inputs.prediction_order import canonical_key, in_order
-from legoworld.evaluation.detection.inputs.texts import TextBuilder
+from legoworld.evaluation.detection.inputs.texts import texts_of
 from legoworld.files import canonical_json
 from legoworld.records.base import to_record
 from legoworld.records.predictions import Prediction
@@ -44,6 +44,7 @@ def test_ordered_by_arrays_as_by_keys(kind):
     assert [repr(p) for p in found] == [repr(found[k]) for k in range(len(found))]
     ordered = sorted(given, key=lambda e: e["image_id"])
     assert list(map(canonical_json, found.documents())) == list(map(canonical_json, ordered))
+    assert list(found.lines()) == list(map(canonical_json, ordered))
 
 
 def test_results_share_nothing():
@@ -61,13 +62,6 @@ def test_floats_are_found_where_each_value_is_one():
         found = finite_floats([2, value])
         assert (found is not None) == is_finite(value), value
     assert finite_floats([]).shape == (0,)
-
-
-def texts_of(texts):
-    built = TextBuilder()
-    for text in texts:
-        built.add(text)
-    return built.texts()
 
 
 def test_texts_in_one_piece_are_the_texts():

@@ -154,13 +154,25 @@ def _write_list(stream: IO[str], lines: Iterable[str]) -> None:
 
 def _of_lines(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
     """Entries of a file with one a line. RecordError for any other."""
-    done = 0
-    while lines := stream.readlines(_BATCH_BYTES):
-        entries = decode_lines(kind, b"".join(lines), first=done + 1)
-        if len(entries) != len(lines):
-            raise RecordError("a line without a prediction")
-        yield entries
-        done += len(lines)
+    done, parts = 0, list[bytes]()
+    while block := stream.read(_BATCH_BYTES):
+        at = block.rfind(b"\n") + 1
+        if at:
+            parts.append(block[:at])
+            entries = _of_whole_lines(b"".join(parts), kind, done)
+            yield entries
+            done += len(entries)
+            parts.clear()
+        parts.append(block[at:])
+    if rest := b"".join(parts):
+        yield _of_whole_lines(rest + b"\n", kind, done)
+
+
+def _of_whole_lines(data: bytes, kind: type[_P], before: int) -> list[_P]:
+    entries = decode_lines(kind, data, first=before + 1)
+    if len(entries) != data.count(b"\n"):
+        raise RecordError("a line without a prediction")
+    return entries
 
 
 def _of_list(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
@@ -182,15 +194,14 @@ def _cut(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
     it is not, as it can be in lists that others have indented.
     """
     many = list[kind]  # type: ignore[valid-type]
-    opening, held = b"", list[bytes]()
-    while lines := stream.readlines(_BATCH_BYTES):
-        if len(lines) > 1 and lines[-2].endswith(b"},\n"):
-            before = b"".join([opening, *held, *lines[:-1]])
-            yield decode(many, before[:-2] + b"]")
-            opening, held = b"[", lines[-1:]
-        else:
-            held += lines
-    rest = decode(many, opening + b"".join(held))
+    opening, parts = b"", list[bytes]()
+    while block := stream.read(_BATCH_BYTES):
+        at = block.rfind(b"},\n")
+        if at >= 0:
+            yield decode(many, b"".join([opening, *parts, block[: at + 1], b"]"]))
+            opening, parts, block = b"[", [], block[at + 3 :]
+        parts.append(block)
+    rest = decode(many, b"".join([opening, *parts]))
     if opening and not rest:
         raise RecordError("a comma before the end")
     yield rest

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pycocotools import mask as _mask
 
+from legoworld.evaluation.detection.inputs.texts import Texts, texts_of
 from legoworld.evaluation.kernels.library import check, library, pointer
 
 _API: Any = _mask  # its stubs know neither lists of RLE nor text counts
@@ -106,12 +107,13 @@ def measured(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.float
     The sum is -1 for a text that is cut or foreign, or that holds a negative run; of such a one
     the pixels say nothing. rleToString in pycocotools' maskApi.c is what defines the format.
     """
-    covered, area = np.empty(len(counts), np.int64), np.empty(len(counts))
-    for first in range(0, len(counts), _MOST_MEASURED):
-        some = counts[first : first + _MOST_MEASURED]
-        text, start = joined_texts([c.encode("utf-8", "surrogatepass") for c in some])
+    texts = counts if isinstance(counts, Texts) else texts_of(counts)
+    covered, area = np.empty(len(texts), np.int64), np.empty(len(texts))
+    for first in range(0, len(texts), _MOST_MEASURED):
+        end = min(first + _MOST_MEASURED, len(texts))
+        text, start = texts.piece(first, end)
         done = library().lw_measure_masks(
-            ctypes.c_char_p(text), pointer(start), ctypes.c_int64(len(some)),
+            ctypes.c_char_p(text), pointer(start), ctypes.c_int64(end - first),
             pointer(covered[first:]), pointer(area[first:]),
         )  # fmt: skip
         check(done)

@@ -6,6 +6,7 @@ import gc
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, overload
 
 import numpy as np
@@ -15,6 +16,7 @@ from legoworld.evaluation.detection.inputs.prediction_checks import (
     compressed_counts,
 )
 from legoworld.evaluation.detection.inputs.texts import TextBuilder, Texts
+from legoworld.files import canonical_json
 from legoworld.records.base import UNSET
 from legoworld.records.predictions import (
     Box,
@@ -71,6 +73,25 @@ class PredictionColumns(Sequence[Prediction]):
             else:
                 width, height = self.sizes_wh[image_id]
                 yield {**entry, "segmentation": {"size": [height, width], "counts": shape}}
+
+    def lines(self) -> Iterator[str]:
+        """`canonical_json` of every prediction."""
+        columns = self.category_id, self.image_id, self.score
+        values = zip(*(column.tolist() for column in columns), self.shape, strict=True)
+        if self.sizes_wh is None:
+            for category_id, image_id, score, box in values:
+                numbers = ",".join(map(repr, box))
+                yield (
+                    f'{{"bbox":[{numbers}],"category_id":{category_id},"image_id":{image_id},'
+                    f'"score":{score!r}}}'
+                )
+            return
+        for category_id, image_id, score, counts in values:
+            width, height = self.sizes_wh[image_id]
+            yield (
+                f'{{"category_id":{category_id},"image_id":{image_id},"score":{score!r},'
+                f'"segmentation":{{"counts":{canonical_json(counts)},"size":[{height},{width}]}}}}'
+            )
 
     def results(self) -> list[dict[str, object]]:
         """All predictions as an evaluator takes them: it may write into them.
@@ -156,15 +177,16 @@ def masks_of(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> Gi
     n_uncompressed = n_boxed = 0
     for batch in batches:
         head.add(batch)
-        for prediction in batch:
-            mask = prediction.segmentation
-            size_hw.extend(mask.size)
-            if isinstance(mask.counts, str):
-                counts.add(mask.counts)
-            else:
-                counts.add(compressed_counts(prediction))
-                n_uncompressed += 1
-            n_boxed += prediction.bbox is not UNSET
+        size_hw.extend(chain.from_iterable([p.segmentation.size for p in batch]))
+        plain = [p.segmentation.counts for p in batch]
+        n_uncompressed += sum(not isinstance(c, str) for c in plain)
+        counts.add(
+            [
+                c if isinstance(c, str) else compressed_counts(p)
+                for c, p in zip(plain, batch, strict=True)
+            ]
+        )
+        n_boxed += sum(p.bbox is not UNSET for p in batch)
     return GivenColumns(
         columns=head.columns(counts.texts(), sizes_wh),
         size_hw=np.array(size_hw, np.int64).reshape(-1, 2),
@@ -185,7 +207,7 @@ def columns_of(predictions: Sequence[Prediction]) -> PredictionColumns:
         mask = prediction.segmentation
         assert mask
         assert isinstance(mask.counts, str)
-        counts.add(mask.counts)
+        counts.add([mask.counts])
         sizes_wh[prediction.image_id] = mask.size[1], mask.size[0]
     return head.columns(counts.texts(), sizes_wh)
 

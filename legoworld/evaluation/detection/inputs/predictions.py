@@ -38,7 +38,6 @@ from legoworld.evaluation.detection.inputs.texts import Texts
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
-from legoworld.files import canonical_json
 from legoworld.records.predictions import BoxPrediction, MaskPrediction
 from legoworld.tracks.vocabulary import Vocabulary
 
@@ -169,8 +168,8 @@ def _masks_checked(
 def sha256_of_entries(entries: PredictionColumns) -> str:
     """Hash of entries as JSON, one line each; their text is never in memory as a whole."""
     digest = hashlib.sha256()
-    for entry in entries.documents():
-        digest.update(f"{canonical_json(entry)}\n".encode())
+    for line in entries.lines():
+        digest.update(f"{line}\n".encode())
     return digest.hexdigest()
 
 

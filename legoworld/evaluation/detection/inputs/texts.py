@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
+from itertools import accumulate
 from typing import Final, overload
 
 import numpy as np
@@ -31,16 +32,15 @@ class Texts(Sequence[str]):
     def take(self, places: NDArray[np.int64]) -> Texts:
         """The texts at these positions, in their order."""
         taken = TextBuilder()
-        for text in self._encoded(places):
-            taken.add_encoded(text)
+        for some in np.array_split(places, len(places) // _BLOCK + 1):
+            ends = zip(self._start[some].tolist(), self._start[some + 1].tolist(), strict=True)
+            taken.add_encoded([self._data[a:b] for a, b in ends])
         return taken.texts()
 
-    def _encoded(self, places: NDArray[np.int64]) -> Iterator[bytes]:
-        for some in np.array_split(places, len(places) // _BLOCK + 1):
-            for a, b in zip(
-                self._start[some].tolist(), self._start[some + 1].tolist(), strict=True
-            ):
-                yield self._data[a:b]
+    def piece(self, first: int, end: int) -> tuple[bytes, NDArray[np.int64]]:
+        """The UTF-8 of the texts from one place to another, and where each starts in it."""
+        start = self._start[first : end + 1]
+        return self._data[start[0] : start[-1]], start - start[0]
 
     def __len__(self) -> int:
         return len(self._start) - 1
@@ -60,20 +60,28 @@ class Texts(Sequence[str]):
 
 
 class TextBuilder:
-    """Texts put together one by one: no list of millions of them is made beside the one piece."""
+    """Texts put together some at a time: no list of millions is made beside the one piece."""
 
     def __init__(self) -> None:
         self._data, self._start = BytesIO(), array("q", [0])
 
-    def add(self, text: str) -> None:
-        """Put one text behind the others."""
-        self.add_encoded(text.encode(*_ENCODING))
+    def add(self, texts: Iterable[str]) -> None:
+        """Put texts behind those that are there."""
+        self.add_encoded([text.encode(*_ENCODING) for text in texts])
 
-    def add_encoded(self, text: bytes) -> None:
-        """The same of its UTF-8."""
-        self._data.write(text)
-        self._start.append(self._data.tell())
+    def add_encoded(self, texts: Sequence[bytes]) -> None:
+        """The same of their UTF-8."""
+        at = self._data.tell()
+        self._data.write(b"".join(texts))
+        self._start.extend([at + end for end in accumulate(map(len, texts))])
 
     def texts(self) -> Texts:
         """All of them."""
         return Texts(self._data.getvalue(), np.array(self._start, np.int64))
+
+
+def texts_of(texts: Iterable[str]) -> Texts:
+    """The same texts."""
+    built = TextBuilder()
+    built.add(texts)
+    return built.texts()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.detection.inputs.truth_checks import (
@@ -20,9 +21,12 @@ from legoworld.evaluation.detection.inputs.truth_checks import (
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.pluralize import counted, share, word_for
+from legoworld.records.base import decode
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.dataset_versions import dataset_version
 from legoworld.tracks.vocabulary import Vocabulary, from_json
+
+_MAY_BE_HALF: Final = re.compile(r"\\u[dD][89a-fA-F]")
 
 
 class TruthMismatchError(LegoWorldError):
@@ -95,7 +99,10 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        document: Any = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        document: Any = json.loads(text)
+        if _MAY_BE_HALF.search(text):  # Python's reader takes halves of surrogate pairs
+            decode(object, text)
     except (OSError, ValueError, RecursionError) as error:
         raise TruthInvalidError(
             f"the truth {path.name} cannot be read",
