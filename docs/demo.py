@@ -59,9 +59,9 @@ def print_headline(evaluation: Path) -> None:
     summary = json.loads((evaluation / "summary.json").read_text(encoding="utf-8"))
     interval, counts = summary["intervals"]["AP"], summary["counts"]
     print(
-        f"AP {summary['metrics']['AP']:.3f} ({interval['low']:.3f} .. {interval['high']:.3f}) over "
+        f"AP {summary['metrics']['AP']:.3f} [{interval['low']:.3f}, {interval['high']:.3f}] over "
         f"{summary['coverage']['attempted']} images, {counts['categories_with_truth']} categories, "
-        f"{counts['truth_instances']} truths; {summary['evaluator']['name']} "
+        f"{counts['truth_instances']} annotations; {summary['evaluator']['name']} "
         f"{summary['evaluator']['version']}\n"
     )
 

@@ -25,7 +25,7 @@ def short_detections(summary: DetectionSummary) -> str:
     metrics, counts = summary.metrics, summary.counts
     over = (
         f"{counted(counts.categories_with_truth, 'category', 'categories')}, "
-        f"{counted(counts.truth_instances, 'truth', 'truths')}"
+        f"{counted(counts.truth_instances, 'annotation', 'annotations')}"
     )
     lines = [
         f"{_first(summary)}, {summary.iou_type}: {_images(summary.coverage)}",
@@ -41,7 +41,8 @@ def short_detections(summary: DetectionSummary) -> str:
     found = summary.matched.class_aware
     lines.append(
         f"at IoU 0.5: recall {_value(found.recall_50)} of "
-        f"{counted(found.n_gt, 'object', 'objects')}, precision {_value(found.precision_50)} of "
+        f"{counted(found.n_gt, 'annotation', 'annotations')}, "
+        f"precision {_value(found.precision_50)} of "
         f"{counted(found.n_dt, 'prediction', 'predictions')}; mean IoU "
         f"{_value(found.miou_gt_micro)}"
     )

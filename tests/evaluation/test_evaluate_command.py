@@ -52,7 +52,7 @@ def test_the_official_lines_come_first_and_every_number_has_its_denominator(scor
     assert len(official) == {"coco": 12, "lvis": 13}[task]
     rows = [x for x in lines if x.startswith(("A", "class_"))]
     assert len(rows) >= 12 + 19
-    assert all(any(w in x for w in ("image", "truth", "pair", "predi", "categor")) for x in rows)
+    assert all(any(w in x for w in ("image", "annotation", "pair", "predi", "categor")) for x in rows)
     assert "1 missing, 11 ok" in shown
     if task == "lvis":
         assert "APr: " in shown
@@ -69,7 +69,7 @@ def test_a_few_lines_hold_what_is_asked_for_first(scored, tmp_path, capsys):
     assert f"12 images attempted, 11 scored, {with_truth} with truth" in lines[0]
     ap, interval = summary["metrics"]["AP"], summary["intervals"]["AP"]
     assert lines[1].startswith(f"AP {ap:.4f} [{interval['low']:.4f}, {interval['high']:.4f}], AP50")
-    assert f"{summary['counts']['truth_instances']} truths" in lines[1]
+    assert f"{summary['counts']['truth_instances']} annotations" in lines[1]
     assert lines[-2] == f"-> {folder}"
     assert lines[-1].startswith("look at it: legoworld report ")
 

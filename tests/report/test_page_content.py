@@ -66,7 +66,7 @@ def test_every_official_number_stands_with_its_interval_and_denominator(
                 else counts["areas"][metric.area]
             )
             assert "12 images" in over
-            assert f"{group['truth_instances']} truth" in over
+            assert f"{group['truth_instances']} annotation" in over
             interval = summary["intervals"][metric.name]
             if value is not None and interval["low"] is not None:
                 assert spread == f"{interval['low']:.4f} .. {interval['high']:.4f}"
@@ -78,7 +78,7 @@ def test_score_free_numbers_and_coverage(both: tuple[Path, Path], page: Path) ->
         summary = summary_of(evaluation)
         aware = summary["matched"]["class_aware"]
         assert tables.row("class_aware.recall_50")[3 * k] == f"{aware['recall_50']:.4f}"
-        assert f"{aware['n_gt']} truths" in tables.row("class_aware.recall_50")[3 * k + 2]
+        assert f"{aware['n_gt']} annotations" in tables.row("class_aware.recall_50")[3 * k + 2]
         for name in ("attempted", "scored", "with truth"):
             assert tables.row(name)[k] == str(summary["coverage"][name.replace(" ", "_")])
     assert tables.row("status failed") == ["1", "0"]

@@ -69,7 +69,7 @@ def metric_rows(summary: DetectionSummary, protocol: DetectionProtocol) -> list[
         group = groups[metric.frequency or metric.area]
         where = (
             f"{images}, {_many(group.categories_with_truth, 'category')}, "
-            f"{_many(group.truth_instances, 'truth')}"
+            f"{_many(group.truth_instances, 'annotation')}"
         )
         rows.append(_row(summary, metric.name, summary.metrics[metric.name], where))
     rows += _tie_rows(summary, categories)
@@ -78,7 +78,7 @@ def metric_rows(summary: DetectionSummary, protocol: DetectionProtocol) -> list[
         ("class_aware", matched.class_aware),
         ("class_agnostic", matched.class_agnostic),
     ):
-        truths = _many(found.n_gt, "truth")
+        truths = _many(found.n_gt, "annotation")
         over = {
             "miou_gt_micro": truths,
             "miou_gt_macro": with_truth,
@@ -129,13 +129,14 @@ def notes(summary: DetectionSummary) -> list[str]:
     statuses = ", ".join(f"{n} {name}" for name, n in coverage.by_status.items())
     lines = [
         f"images: {statuses}; {coverage.scored_without_predictions} scored without predictions",
-        f"truth: {_many(counts.truth_instances, 'instance')} in {counts.categories_with_truth} of "
+        f"ground truth: {_many(counts.truth_instances, 'instance')} in "
+        f"{counts.categories_with_truth} of "
         f"{_many(counts.categories, 'category')}, {counts.truth_ignored} crowd or ignored",
         f"predictions: {counts.predictions}; {counts.lost_to_cap} lost to the cap, "
         f"{counts.unverified_dropped} in unverified categories, "
         f"{counts.empty_masks_dropped} empty; "
         f"{_many(counts.false_positives_in_absent_categories, 'false positive')} in categories "
-        "without truth here, at no cost",
+        "without ground truth here, not penalised",
     ]
     lines += [
         f"AP{letter}: {group.categories_with_truth} of "
