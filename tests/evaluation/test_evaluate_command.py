@@ -52,7 +52,8 @@ def test_the_official_lines_come_first_and_every_number_has_its_denominator(scor
     assert len(official) == {"coco": 12, "lvis": 13}[task]
     rows = [x for x in lines if x.startswith(("A", "class_"))]
     assert len(rows) >= 12 + 19
-    assert all(any(w in x for w in ("image", "annotation", "pair", "predi", "categor")) for x in rows)
+    nouns = ("image", "annotation", "pair", "predi", "categor")
+    assert all(any(noun in row for noun in nouns) for row in rows)
     assert "1 missing, 11 ok" in shown
     if task == "lvis":
         assert "APr: " in shown
