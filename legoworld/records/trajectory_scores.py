@@ -1,0 +1,126 @@
+"""trajectories.json: Q over time, for every checkpoint of every trial; private, like an evaluation.
+
+Q = (R + A) / 2, as bench scores a submission. Shares are of the trial's own wall time, Blender
+calls and output tokens.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from legoworld.records.base import Record
+from legoworld.records.evaluation_summary import Interval
+
+Cause = Literal["validity", "camera", "geometry", "appearance"]
+CAUSES: tuple[Cause, ...] = ("validity", "camera", "geometry", "appearance")
+Axis = Literal["wall", "calls", "tokens"]
+AXES: tuple[Axis, ...] = ("wall", "calls", "tokens")
+
+
+class Moment(Record, frozen=True, kw_only=True):
+    """When something was. tokens_share: null where the transcript does not count them."""
+
+    at_s: float
+    wall_share: float
+    calls_share: float
+    tokens_share: float | None
+
+
+class ScoredScene(Record, frozen=True, kw_only=True):
+    """A checkpoint, or the submission (ordinal null), as it was scored.
+
+    R, A, Q: null where it is not eligible: not valid, or not scored; reason says why. changed: what
+    differs from the scene scored before it, empty where that is unknown.
+    """
+
+    ordinal: int | None
+    call: int
+    when: Moment
+    R: float | None
+    A: float | None
+    Q: float | None
+    reason: str = ""
+    camera_sha256: str | None = None
+    snapshot_sha256: str | None = None
+
+
+class Edit(Record, frozen=True, kw_only=True):
+    """Two eligible scenes, one after the other. skipped: the ineligible ones between them.
+
+    cause: the part of d_q that each kind of change has; they sum to d_q.
+    """
+
+    before: int
+    after: int | None
+    call: int
+    d_q: float
+    d_r: float
+    d_a: float
+    skipped: int
+    cause: dict[str, float]
+
+
+class TrajectoryScore(Record, frozen=True, kw_only=True):
+    """One trial.
+
+    first: its first evaluable scene; best: the best scene's ordinal; regret: the best scene's Q
+    minus the submission's; regret_split: regret by cause, which sum to it.
+    """
+
+    image_id: int
+    scene: str
+    family: str
+    agent: str
+    run: int
+    seconds: float
+    scenes: tuple[ScoredScene, ...]
+    edits: tuple[Edit, ...]
+    first: Moment | None
+    n_lowering: int
+    n_lowering_r: int
+    n_lowering_a: int
+    best: int | None
+    best_q: float | None
+    final_valid: bool
+    final_q: float
+    regret: float
+    regret_split: dict[str, float]
+    picked: int | None = None
+    picked_q: float | None = None
+
+
+class Mean(Record, frozen=True, kw_only=True):
+    """A mean over trials with its interval over families. n: how many it is of."""
+
+    value: float | None
+    n: int
+    interval: Interval | None
+
+
+class AgentTable(Record, frozen=True, kw_only=True):
+    """One agent's means. curves: by axis, mean Q at each share of the budget in `shares`."""
+
+    agent: str
+    n_trials: int
+    n_evaluable: int
+    means: dict[str, Mean]
+    curves: dict[str, list[Mean]]
+
+
+class TrajectoryFile(Record, frozen=True, kw_only=True):
+    """The document.
+
+    shares: of the budget, for the curves; common: over the images that every agent left an
+    evaluable trajectory of, null with one agent.
+    """
+
+    schema_version: int
+    legoworld: str
+    evaluator: dict[str, str]
+    draws: int
+    seed: int
+    shares: tuple[float, ...]
+    trials: tuple[TrajectoryScore, ...]
+    agents: tuple[AgentTable, ...]
+    common: tuple[AgentTable, ...] | None
+    common_images: tuple[int, ...]
