@@ -35,10 +35,10 @@ ROOMS = [
     ("track_making",),
     ("bench",),
     ("baselines", "comparison"),
-    ("trajectories",),
-    ("agents",),
     ("report",),
     ("api",),
+    ("trajectories",),
+    ("agents",),
     ("commands",),
     ("cli", "__main__"),
 ]

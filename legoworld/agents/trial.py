@@ -12,9 +12,9 @@ from legoworld import __version__
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.agent_process import Order, run_agent
 from legoworld.agents.cutting import cut_program, saving_step
-from legoworld.agents.finalisation import finalise
 from legoworld.agents.workspaces import Commission, Workspace, make_workspace
 from legoworld.conventions import SCHEMA_VERSION
+from legoworld.endpoint.finalisation import finalise
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
 from legoworld.endpoint.trial_record import TrialRecord
@@ -99,7 +99,9 @@ def run_trial(
             held=plan.agent_held,
             limits=plan.limits,
         )
+        started = time.monotonic()
         ending = run_agent(order, scratch / "agent", transcript)
+        agent_seconds = time.monotonic() - started
         session.keep_last_save()
         record = session.record
     finalised = finalise(
@@ -119,7 +121,7 @@ def run_trial(
     )
     trajectory = with_calls(read, record.calls)
     seconds = time.monotonic() - begun
-    result = _result(plan, image, ending, record, finalised, trajectory, seconds)
+    result = _result(plan, image, ending, record, finalised, trajectory, (seconds, agent_seconds))
     _write(plan, made, result, trajectory, blender)
     return result
 
@@ -149,7 +151,7 @@ def _result(
     record: TrialRecord,
     finalised: Finalisation,
     trajectory: AtifTrajectory,
-    seconds: float,
+    seconds: tuple[float, float],
 ) -> ReconstructionFile:
     status, reason = _outcome(ending, record, finalised)
     return ReconstructionFile(
@@ -168,7 +170,8 @@ def _result(
         ended=ending.over or "itself",
         exit_code=ending.code,
         time_limit_s=plan.limits.time_s,
-        seconds=round(seconds, 3),
+        seconds=round(seconds[0], 3),
+        agent_seconds=round(seconds[1], 3),
         calls=len(record.calls),
         failed_calls=sum(call.status != "success" for call in record.calls),
         checkpoints=len(record.checkpoints),

@@ -107,8 +107,8 @@ class Finalisation(Record, frozen=True, kw_only=True):
 class ReconstructionFile(Record, frozen=True, kw_only=True):
     """reconstruction.json of a scene folder: how its trial went.
 
-    ended: how the agent's process did; seconds: wall time of the trial; calls, checkpoints: their
-    numbers; agent_sandbox, blender_sandbox: what each was kept from.
+    ended: how the agent's process did; seconds: wall time of the trial; agent_seconds: of its
+    agent; calls, checkpoints: their numbers; agent_sandbox, blender_sandbox: what each was kept from.
     """
 
     schema_version: int
@@ -127,6 +127,7 @@ class ReconstructionFile(Record, frozen=True, kw_only=True):
     exit_code: int | None
     time_limit_s: float
     seconds: float
+    agent_seconds: float
     calls: int
     failed_calls: int
     checkpoints: int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -79,7 +80,7 @@ def _table(agent: str, trials: Sequence[TrajectoryScore], *, draws: int, seed: i
 
 def _curve(trials: Sequence[TrajectoryScore], axis: Axis, *, draws: int, seed: int) -> list[Mean]:
     return [
-        mean_over_families(trials, lambda t, s=share: q_at(t, axis, s), draws=draws, seed=seed)
+        mean_over_families(trials, partial(q_at, axis=axis, share=share), draws=draws, seed=seed)
         for share in SHARES
     ]
 

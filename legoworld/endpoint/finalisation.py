@@ -40,7 +40,14 @@ def finalise(
     refused = []
     for checkpoint in _candidates(record):
         try:
-            warnings = _export(record.blend(checkpoint), made, workspace, limits, held)
+            warnings = export_submission(
+                record.blend(checkpoint),
+                made,
+                workspace=workspace,
+                limits=limits,
+                held=held,
+                blender=blender,
+            )
         except (BlenderEndedError, SceneInvalidError) as error:
             refused.append(f"{checkpoint.kind} {checkpoint.ordinal}: {one_line(str(error), 200)}")
             continue
@@ -49,9 +56,27 @@ def finalise(
             checkpoint=checkpoint.ordinal,
             sha256=checkpoint.sha256,
             refused=tuple(refused),
-            warnings=(*warnings, *_checked(made), *final_picture(blender, made)),
+            warnings=tuple(warnings),
         )
     return Finalisation(source="none", checkpoint=None, sha256=None, refused=tuple(refused))
+
+
+def export_submission(
+    blend: Path,
+    made: Path,
+    *,
+    workspace: Path,
+    limits: SandboxLimits,
+    held: Protections,
+    blender: BlenderProcess,
+) -> list[str]:
+    """Export one .blend as a submission into `made`; what could not be delivered, in words.
+
+    workspace: a folder that the .blend is opened in, so that its relative paths lead there. Raises
+    BlenderEndedError or SceneInvalidError where it cannot be opened or saved.
+    """
+    warnings = _export(blend, made, workspace, limits, held)
+    return [*warnings, *_checked(made), *final_picture(blender, made)]
 
 
 def _candidates(record: TrialRecord) -> Sequence[Checkpoint]:
