@@ -24,6 +24,7 @@ _COMMANDS = {
     "blender": "run a headless Blender that coding agents drive",
     "agent": "list the coding agents that can be run, and check what they need",
     "reconstruct": "rebuild photos as frozen scenes, by an agent in Blender",
+    "trajectory": "show and score what happened on the way to each scene",
     "freeze": "check scene artefacts and record their hashes",
     "inspect": "show one scene: instances, buffers, overlay",
     "track": "make a public track from annotations, or check one",

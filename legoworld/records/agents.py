@@ -108,7 +108,8 @@ class ReconstructionFile(Record, frozen=True, kw_only=True):
     """reconstruction.json of a scene folder: how its trial went.
 
     ended: how the agent's process did; seconds: wall time of the trial; agent_seconds: of its
-    agent; calls, checkpoints: their numbers; agent_sandbox, blender_sandbox: what each was kept from.
+    agent; calls, checkpoints: their numbers; agent_sandbox, blender_sandbox: what each was kept
+    from.
     """
 
     schema_version: int

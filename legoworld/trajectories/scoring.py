@@ -102,15 +102,33 @@ def _groups(folder: Path) -> list[Group]:
     """A folder's trials by run: of --repeat each has a folder run_K."""
     by_run: dict[int, list[RecordedTrial]] = {}
     for trial in recorded_trials(folder):
-        first = trial.folder.relative_to(folder).parts[:1]
-        number = first[0].removeprefix("run_") if first else ""
-        run = int(number) if number.isdecimal() and len(first) else 1
-        by_run.setdefault(run if first[0].startswith("run_") else 1, []).append(trial)
-    key = sha256_of_text(str(folder.resolve()))[:8]
+        first = trial.folder.relative_to(folder).parts[0]
+        number = first.removeprefix("run_")
+        run = int(number) if number != first and number.isdecimal() else 1
+        by_run.setdefault(run, []).append(trial)
     return [
-        Group(name=f"{key}-{run}", agent=trials[0].about.agent, run=run, trials=tuple(trials))
+        Group(
+            name=_group_name(folder, run),
+            agent=trials[0].about.agent,
+            run=run,
+            trials=tuple(trials),
+        )
         for run, trials in sorted(by_run.items())
     ]
+
+
+def slot_folder(output: Path, trial: RecordedTrial, number: int) -> Path:
+    """The scenes of the slot that a trial's checkpoint was scored in."""
+    depth = len(Path(trial.about.scene).parts)
+    top = trial.folder.parents[depth - 1]
+    run = 1
+    if top.name.startswith("run_") and top.name[4:].isdecimal():
+        run, top = int(top.name[4:]), top.parent
+    return output / _group_name(top, run) / f"{number + 1:03}" / "scenes"
+
+
+def _group_name(folder: Path, run: int) -> str:
+    return f"{sha256_of_text(str(folder.resolve()))[:8]}-{run}"
 
 
 def _refuse_strangers(group: Group, dataset: BenchDataset) -> None:
@@ -232,17 +250,18 @@ def _workspace(output: Path) -> Iterator[Path]:
 def _scored_scene(
     checkpoint: Checkpoint | None, when: Moment, read: BenchRow, row: ReconstructionRow
 ) -> ScoredScene:
-    a = row.A if row.status == "ok" and row.valid else None
-    eligible = a is not None
+    compared = row.status == "ok" and row.valid
+    r, a = (row.R, row.A) if compared else (None, None)
+    eligible = r is not None and a is not None
     reason = "" if eligible else (row.reason or _invalid(row) or row.status)
     camera = None if read.camera is UNSET else sha256_of_text(canonical(read.camera))
     return ScoredScene(
         ordinal=None if checkpoint is None else checkpoint.ordinal,
         call=0 if checkpoint is None else checkpoint.call,
         when=when,
-        R=row.R if eligible else None,
-        A=a,
-        Q=None if a is None else (row.R + a) / 2,
+        R=r if eligible else None,
+        A=a if eligible else None,
+        Q=None if r is None or a is None else (r + a) / 2,
         reason=reason,
         camera_sha256=camera,
         snapshot_sha256=None if read.snapshot_sha256 is UNSET else read.snapshot_sha256,

@@ -1,0 +1,183 @@
+"""A trial in lines, and trials as one page to scrub through."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, select_autoescape
+
+from legoworld.errors import LegoWorldError
+from legoworld.files import write_text
+from legoworld.readouts.pictures import read_photo
+from legoworld.records.base import decode
+from legoworld.records.trajectory_scores import AgentTable, TrajectoryFile, TrajectoryScore
+from legoworld.scene.folder import PICTURE
+from legoworld.trajectories.folder import RecordedTrial
+from legoworld.trajectories.scoring import TRAJECTORIES, slot_folder
+
+_PAGE: Final = Path(__file__).with_name("page")
+_LONGEST_PX: Final = 480
+_CODE_CHARACTERS: Final = 6000
+
+
+def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[object]]:
+    """One row a call: number, seconds, command, status, checkpoint, Q, and what it said."""
+    q = {s.ordinal: s.Q for s in score.scenes} if score else {}
+    return [
+        [
+            call.number,
+            f"{call.at_s:.1f}",
+            call.command,
+            call.status,
+            call.checkpoint or "",
+            "" if (found := q.get(call.checkpoint)) is None or not call.checkpoint
+            else f"{found:.4f}",
+            call.said[:60],
+        ]
+        for call in trial.calls
+    ]  # fmt: skip
+
+
+def read_scores(folder: Path | None) -> TrajectoryFile | None:
+    """trajectories.json of a folder of scores; None without a folder."""
+    return None if folder is None else decode(TrajectoryFile, (folder / TRAJECTORIES).read_bytes())
+
+
+def score_of(scores: TrajectoryFile | None, trial: RecordedTrial) -> TrajectoryScore | None:
+    """A trial's score: of its image, agent and way of ending."""
+    about = trial.about
+    found = [
+        score
+        for score in (scores.trials if scores else ())
+        if (score.scene, score.agent, score.seconds)
+        == (about.scene, about.agent, about.agent_seconds)
+    ]
+    return found[0] if found else None
+
+
+def write_page(
+    trials: Sequence[RecordedTrial], path: Path, *, photos: Path | None, scores: Path | None
+) -> None:
+    """One HTML file: for each trial the photo, the render, Q and the code of every step.
+
+    Renders are those of the scored checkpoints; without scores there is the submission's alone.
+    """
+    document = read_scores(scores)
+    shown = [_trial(trial, score_of(document, trial), photos, scores) for trial in trials]
+    environment = Environment(
+        loader=FileSystemLoader(_PAGE), autoescape=select_autoescape(default=True)
+    )
+    page = environment.get_template("page.html").render(
+        data=json.dumps(shown).replace("<", "\\u003c"),
+        tables=_tables(document),
+    )
+    write_text(path, page)
+
+
+def _trial(
+    trial: RecordedTrial, score: TrajectoryScore | None, photos: Path | None, scores: Path | None
+) -> dict[str, Any]:
+    about = trial.about
+    drops = {edit.call: edit.cause for edit in (score.edits if score else ()) if edit.d_q < -1e-6}
+    q = {scene.ordinal: scene for scene in (score.scenes if score else ())}
+    steps, render = [], None
+    numbers = {checkpoint.ordinal: n for n, checkpoint in enumerate(trial.live)}
+    for call in trial.calls:
+        if call.checkpoint in numbers and scores is not None:
+            folder = slot_folder(scores, trial, numbers[call.checkpoint])
+            render = _picture(folder / about.scene / PICTURE) or render
+        scene = q.get(call.checkpoint) if call.checkpoint else None
+        steps.append(
+            {
+                "number": call.number,
+                "at_s": call.at_s,
+                "command": call.command,
+                "status": call.status,
+                "code": (call.code or "")[:_CODE_CHARACTERS],
+                "said": call.said,
+                "Q": scene.Q if scene else None,
+                "R": scene.R if scene else None,
+                "A": scene.A if scene else None,
+                "reason": scene.reason if scene else "",
+                "drop": _worst(drops[call.number]) if call.number in drops else None,
+                "render": render,
+            }
+        )
+    photo = None if photos is None else _picture(photos / about.file_name)
+    return {
+        "scene": about.scene,
+        "agent": about.agent,
+        "status": about.status,
+        "ended": about.ended,
+        "seconds": about.agent_seconds,
+        "photo": photo,
+        "final": _picture(trial.folder / PICTURE),
+        "final_q": score.final_q if score else None,
+        "regret": score.regret if score else None,
+        "steps": steps,
+    }
+
+
+def _worst(cause: Mapping[str, float]) -> str:
+    return min(cause, key=lambda name: cause[name])
+
+
+def _tables(document: TrajectoryFile | None) -> list[dict[str, Any]]:
+    tables: list[dict[str, Any]] = []
+    if document is None:
+        return tables
+    named = [("All images", document.agents)]
+    if document.common is not None:
+        named.append((f"The {len(document.common_images)} common images", document.common))
+    for title, agents in named:
+        rows = table_rows(agents)
+        tables.append({"title": title, "head": ["", *(a.agent for a in agents)], "rows": rows})
+    return tables
+
+
+def _cell(value: float | None, interval: Any) -> str:
+    if value is None:
+        return "-"
+    known = interval is not None and interval.low is not None
+    return f"{value:.3f} [{interval.low:.3f}, {interval.high:.3f}]" if known else f"{value:.3f}"
+
+
+def _picture(path: Path) -> str | None:
+    """A picture as a data URL, at most `_LONGEST_PX` long; None where there is none."""
+    if not path.is_file():
+        return None
+    try:
+        picture = read_photo(path)
+    except (LegoWorldError, OSError):
+        return None
+    height, width = picture.shape[:2]
+    shrink = min(1.0, _LONGEST_PX / max(height, width))
+    size = max(1, round(width * shrink)), max(1, round(height * shrink))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    done, data = cv2.imencode(".webp", small[:, :, ::-1], [cv2.IMWRITE_WEBP_QUALITY, 75])
+    return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode() if done else None
+
+
+def table_rows(agents: Sequence[AgentTable]) -> list[list[object]]:
+    """The means of agents side by side, one row a measure."""
+    names = list(agents[0].means) if agents else []
+    return [
+        [name, *(_cell(agent.means[name].value, agent.means[name].interval) for agent in agents)]
+        for name in names
+    ]
+
+
+def q_of_scores(document: TrajectoryFile) -> Callable[[str, int | None], float | None]:
+    """Q of a scene's checkpoint, or of its submission for None; None where it has none."""
+    known = {
+        (trial.scene, scene.ordinal): scene.Q or 0.0
+        for trial in document.trials
+        for scene in trial.scenes
+    }
+    return lambda scene, ordinal: known.get((scene, ordinal))
