@@ -8,6 +8,8 @@ import pytest
 from gltf.documents import Document
 from running.run_folders import readout, tree
 
+from legoworld import cli
+
 FIXED = ("--source", "glb", "--no-cache", "--workers", 1)
 
 
@@ -37,3 +39,16 @@ def test_another_task_leaves_none_of_the_others_results(scenes, tmp_path):
     assert readout(scenes, again, *FIXED, "--overwrite", task="coco") == 0
     assert readout(scenes, first, *FIXED, task="coco") == 0
     assert {*tree(again)} == {*tree(first)}
+
+
+def test_depth_shards_merge_and_are_not_divided(scenes, tmp_path, capsys):
+    for shard in ("1/2", "2/2"):
+        assert readout(scenes, tmp_path / shard[0], *FIXED, "--shard", shard, task="eth3d") == 0
+    shards = [str(tmp_path / "1"), str(tmp_path / "2")]
+    capsys.readouterr()
+    divided = ["merge", *shards, "-o", str(tmp_path / "divided"), "--images-per-file", "1"]
+    assert cli.run(divided) == 2
+    assert "only boxes and masks are divided into files" in capsys.readouterr().err
+    assert cli.run(["merge", *shards, "-o", str(tmp_path / "merged")]) == 0
+    assert readout(scenes, tmp_path / "whole", *FIXED, task="eth3d") == 0
+    assert tree(tmp_path / "merged") == tree(tmp_path / "whole")
