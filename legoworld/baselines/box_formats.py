@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, get_args
 
 import numpy as np
 
 from legoworld.baselines.foreign_results import Entry
-from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError
+from legoworld.evaluation.detection.inputs.box_formats import (
+    MAX_SHARE_OUTSIDE,
+    TOLERANCE_PX,
+    TOLERANCE_SHARE,
+    BoxFormatError,
+    finite_floats,
+)
 from legoworld.pluralize import counted
 
 BoxFormat = Literal["xywh", "xyxy", "cxcywh"]
 BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
-
-#: A box of a detector that does not clip may leave its image by this much.
-_TOLERANCE_PX: Final = 2.0
-_TOLERANCE_SHARE: Final = 0.25
-#: A format explains boxes of which no larger share leaves its image.
-_MAX_SHARE_OUTSIDE: Final = 0.04
 
 
 def with_xywh(entry: Entry, box_format: BoxFormat) -> Entry:
@@ -41,7 +40,7 @@ def check_declared(
     """
     others = other_formats(as_given, sizes_wh, declared)
     share = _shares_outside(as_given, sizes_wh).get(declared, 0.0)
-    if share > _MAX_SHARE_OUTSIDE and others:
+    if share > MAX_SHARE_OUTSIDE and others:
         raise BoxFormatError(
             f"the boxes are not {declared} in pixels",
             found=f"{share:.1%} of {counted(len(as_given), 'box', 'boxes')} leave their image",
@@ -67,7 +66,7 @@ def other_formats(
 ) -> list[BoxFormat]:
     """The formats other than the declared one in which the boxes fit their images."""
     shares = _shares_outside(as_given, sizes_wh)
-    return [f for f in shares if f != declared and shares[f] <= _MAX_SHARE_OUTSIDE]
+    return [f for f in shares if f != declared and shares[f] <= MAX_SHARE_OUTSIDE]
 
 
 def _shares_outside(
@@ -81,14 +80,14 @@ def _shares_outside(
         return {}
     given = np.array([e["bbox"] for e in as_given], np.float64)
     sizes = np.array([sizes_wh[e["image_id"]] for e in as_given], np.float64)
-    if not np.isfinite(given).all() or (given <= 1.0).all():
+    if (given <= 1.0).all():
         return {}
     a, b = given[:, :2], given[:, 2:]
     low_and_size = {"xywh": (a, b), "xyxy": (a, b - a), "cxcywh": (a - b / 2, b)}
     found: dict[BoxFormat, float] = {}
     for box_format in BOX_FORMATS:
         low, size = low_and_size[box_format]
-        tolerance = _TOLERANCE_PX + _TOLERANCE_SHARE * np.maximum(size, 0)
+        tolerance = TOLERANCE_PX + TOLERANCE_SHARE * np.maximum(size, 0)
         outside = (low < -tolerance) | (low + size > sizes + tolerance) | (size < 0)
         found[box_format] = float(outside.any(axis=1).mean())
     return found
@@ -96,11 +95,7 @@ def _shares_outside(
 
 def _is_box(entry: Entry) -> bool:
     box = entry.get("bbox")
-    return isinstance(box, list) and len(box) == 4 and all(map(_is_number, box))
-
-
-def _is_number(value: object) -> bool:
-    return type(value) is int or (type(value) is float and math.isfinite(value))
+    return isinstance(box, list) and len(box) == 4 and finite_floats(box) is not None
 
 
 def _pass(formats: Sequence[BoxFormat]) -> str:

@@ -22,6 +22,7 @@ __all__ = [
     "decode_foreign",
     "decode_lines",
     "readable",
+    "short_json",
     "to_record",
 ]
 
@@ -134,6 +135,12 @@ def canonical(record: Any) -> str:
 def readable(record: Any) -> str:
     """Indented JSON with sorted keys and a final newline, for files people open."""
     return readable_json(as_json(record))
+
+
+def short_json(value: object) -> str:
+    """A JSON value in at most 40 characters, for messages."""
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."
 
 
 def _decoder(kind: type[_T]) -> msgspec.json.Decoder[_T]:

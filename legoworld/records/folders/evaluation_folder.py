@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,6 +30,7 @@ from legoworld.records.base import (
     as_json,
     canonical,
     readable,
+    short_json,
 )
 from legoworld.records.evaluation_rows import (
     CategoryRow,
@@ -145,7 +145,7 @@ def prepare_folder(
         raise ConfigurationMismatchError(
             "the output folder holds another evaluation",
             found="; ".join(
-                f"{k}: {_short(before.get(k))} -> {_short(now.get(k))}" for k in changed
+                f"{k}: {short_json(before.get(k))} -> {short_json(now.get(k))}" for k in changed
             ),
             expected="the same run, truth and options",
             next_step="choose another -o, or pass --overwrite",
@@ -270,8 +270,3 @@ def _write_json(path: Path, value: object) -> None:
 
 def _lines(rows: Sequence[Record]) -> str:
     return "".join(canonical(row) + "\n" for row in rows)
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 40 else text[:37] + "..."

@@ -13,7 +13,7 @@ from msgspec import structs
 
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import TEMPORARY_SUFFIX, sync_file, sync_folder, write_text
-from legoworld.records.base import UNSET, RecordError, canonical, decode, readable
+from legoworld.records.base import UNSET, RecordError, canonical, decode, readable, short_json
 from legoworld.records.folders.prediction_files import (
     FOLDER,
     PREDICTIONS,
@@ -166,7 +166,7 @@ def _refuse_changes(
     )
     if changed:
         shown = "; ".join(
-            f"{key}: {_short(before.get(key))} -> {_short(now.get(key))}" for key in changed
+            f"{key}: {short_json(before.get(key))} -> {short_json(now.get(key))}" for key in changed
         )
         raise ConfigurationMismatchError(
             "the run folder holds a run of another configuration",
@@ -259,8 +259,3 @@ def _delete_results(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
     delete_predictions(folder)
     delete_files(folder)
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 40 else text[:37] + "..."

@@ -14,11 +14,11 @@ from legoworld.errors import LegoWorldError
 
 #: A box may leave its image by this much, and by this share of its side, as those of detectors
 #: that do not clip do, before its format is doubted.
-_TOLERANCE_PX: Final = 2.0
-_TOLERANCE_SHARE: Final = 0.25
+TOLERANCE_PX: Final = 2.0
+TOLERANCE_SHARE: Final = 0.25
 #: When a larger share of boxes leaves its image, they are in another format: one in which all
 #: would lie inside, or, from the larger share on, an unknown one.
-_MAX_SHARE_OUTSIDE: Final = 0.04
+MAX_SHARE_OUTSIDE: Final = 0.04
 _MAX_SHARE_UNEXPLAINED: Final = 0.5
 _XYWH: Final = "pass x, y, width, height in pixels of the image"
 
@@ -59,7 +59,7 @@ def check_box_format(
             "these look like fractions of the image's size",
         )
     hint = _hint(found, sizes)
-    if outside.mean() > (_MAX_SHARE_OUTSIDE if hint != _XYWH else _MAX_SHARE_UNEXPLAINED):
+    if outside.mean() > (MAX_SHARE_OUTSIDE if hint != _XYWH else _MAX_SHARE_UNEXPLAINED):
         worst = int(np.argmax(outside))
         raise _error(
             f"{int(outside.sum())} of {len(boxes)} boxes leave their image, such as "
@@ -107,9 +107,9 @@ def _outside(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
     sizes: NDArray[np.float64],
-    share: float = _TOLERANCE_SHARE,
+    share: float = TOLERANCE_SHARE,
 ) -> NDArray[np.bool_]:
-    tolerance = _TOLERANCE_PX + share * np.maximum(high - low, 0)
+    tolerance = TOLERANCE_PX + share * np.maximum(high - low, 0)
     found: NDArray[np.bool_] = ((low < -tolerance) | (high > sizes + tolerance)).any(axis=1)
     return found
 
