@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from legoworld.commands.bench_make import make_command
+from legoworld.commands.bench_serve import serve_command
 from legoworld.commands.bench_table import judges_command, table_command
 
 
@@ -15,14 +16,13 @@ def command() -> None:
     \b
     Examples:
       legoworld bench make references -o bench
-      legoworld bench make references -o bench --size 960x540
-      legoworld readout submissions --task bench --track bench/public/track.json -o runs/mine
-      legoworld evaluate runs/mine --truth bench/private -o evals/mine
+      legoworld bench serve bench --no-render < requests.jsonl
+      legoworld bench export --harbor bench -o tasks
       legoworld bench table evals/mine evals/other -o table
-      legoworld bench judges judgements.jsonl
     """
 
 
 command.add_command(make_command)
+command.add_command(serve_command)
 command.add_command(table_command)
 command.add_command(judges_command)

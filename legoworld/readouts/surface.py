@@ -132,16 +132,16 @@ def render_file(scene: str) -> str:
 def write_surface(
     path: Path,
     surface: VisibleSurface,
-    plane: NDArray[np.int16],
-    textures: NDArray[np.uint8],
+    plane: NDArray[np.int16] | None = None,
+    textures: NDArray[np.uint8] | None = None,
 ) -> None:
     """Write RUN/surface/<stem>.npz; `records.bench_run` says what it holds."""
     arrays: dict[str, NDArray[Any]] = {
         "depth_z_m": surface.depth_z_m,
         "intrinsics_px": _intrinsics(surface.projection),
-        "plane": plane,
-        "textures": textures,
     }
+    if plane is not None and textures is not None:
+        arrays |= {"plane": plane, "textures": textures}
     if surface.own_projection is not None and surface.own_depth_z_m is not None:
         arrays["own_depth_z_m"] = surface.own_depth_z_m
         arrays["own_intrinsics_px"] = _intrinsics(surface.own_projection)

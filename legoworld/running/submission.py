@@ -54,7 +54,10 @@ _FAILS: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class BenchRules:
-    """What a submission is read by. card: None without a render; noise: render two seeds."""
+    """What a submission is read by.
+
+    card: None without a render; noise: render two seeds; facts: look for what may be a picture.
+    """
 
     card: RenderCard | None
     noise: bool
@@ -62,13 +65,14 @@ class BenchRules:
     plane_max_tilt_deg: float
     plane_min_share: float
     thumbnail_wh: tuple[int, int]
+    facts: bool = True
 
     def recorded(self) -> BenchReading:
         """What of it a run's configuration has on record."""
         return BenchReading(card=self.card, noise=self.noise)
 
 
-def bench_rules(card: Card, *, render: bool, noise: bool) -> BenchRules:
+def bench_rules(card: Card, *, render: bool, noise: bool, facts: bool = True) -> BenchRules:
     """The rules that readouts/bench.toml states; render: whether its render card is used."""
     width, height = card.value("integrity.texture_thumbnail_wh")
     return BenchRules(
@@ -78,6 +82,7 @@ def bench_rules(card: Card, *, render: bool, noise: bool) -> BenchRules:
         plane_max_tilt_deg=card.value("integrity.plane_max_tilt_deg"),
         plane_min_share=card.value("integrity.plane_min_share"),
         thumbnail_wh=(width, height),
+        facts=facts,
     )
 
 
@@ -166,6 +171,11 @@ def read_surface(
     size_wh = row.size_wh
     assert size_wh is not None
     surface = visible_surface(snapshot, size_wh, hfov_deg, threads=threads)
+    row = replace(row, camera=submitted_camera(snapshot, size_wh))
+    name = surface_file(row.scene)
+    if not rules.facts:
+        write_surface(run / name, surface)
+        return replace(row, surface=_surface_entry(run, name, surface)), surface
     facts = opened.facts(rules.thumbnail_wh)
     planes, plane = facing_planes(
         snapshot,
@@ -173,7 +183,6 @@ def read_surface(
         max_tilt_deg=rules.plane_max_tilt_deg,
         min_share=rules.plane_min_share,
     )
-    name = surface_file(row.scene)
     write_surface(run / name, surface, plane, facts.textures)
     images_of = facts.values["images_of"]
     shown = [
@@ -185,16 +194,18 @@ def read_surface(
         )
         for p in planes
     ]
-    file = SurfaceFile(
-        **vars_of(written(run, name)), raster_wh=surface.raster_wh, finite_px=surface.finite_px
-    )
     made = replace(
         row,
-        camera=submitted_camera(snapshot, size_wh),
-        surface=file,
+        surface=_surface_entry(run, name, surface),
         integrity=_integrity(facts, shown),
     )
     return made, surface
+
+
+def _surface_entry(run: Path, name: str, surface: VisibleSurface) -> SurfaceFile:
+    return SurfaceFile(
+        **vars_of(written(run, name)), raster_wh=surface.raster_wh, finite_px=surface.finite_px
+    )
 
 
 def _integrity(facts: SceneFacts, planes: list[CameraPlane]) -> Integrity:

@@ -1,0 +1,205 @@
+"""`legoworld bench serve`: submissions to scores, one by one, with warm workers."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from threading import BoundedSemaphore, Lock
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.reconstruction.case import CaseTask, score_case
+from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.reconstruction.dataset import BenchDataset
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.readouts.tasks import protocol
+from legoworld.records.base import RecordError, as_json, decode, to_record
+from legoworld.records.bench_run import BenchRow
+from legoworld.records.bench_serving import ServeAnswer, ServeRequest
+from legoworld.records.reconstruction_rows import EVALUATOR_ERROR, ReconstructionRow
+from legoworld.running.image import read_image
+from legoworld.running.image_record import ImageOptions
+from legoworld.running.submission import BenchRules
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.cache import SnapshotCache
+from legoworld.tracks.track import TrackImage
+from legoworld.workers.scratch import ScratchFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeOptions:
+    """What every submission is scored with. threads: of each worker."""
+
+    dataset: BenchDataset
+    bench: BenchProtocol
+    rules: BenchRules
+    diagnostics: bool
+    cache: SnapshotCache | None
+    limits: Limits
+    threads: int
+
+
+class ScoreWorker:
+    """Scores submission after submission with one Blender process of its own."""
+
+    def __init__(self, options: ServeOptions) -> None:
+        self._options = options
+        self._scratch = ScratchFolder("legoworld-serve-")
+        self._blender = BlenderProcess(options.limits)
+
+    def answer(self, line: str) -> ServeAnswer:
+        """The answer to one line of input; whatever is wrong with it is its answer."""
+        try:
+            request = decode(ServeRequest, line)
+        except RecordError as error:
+            return _refused(None, f"the line is no request; found: {error}")
+        if request.image_id not in self._options.dataset.cases:
+            return _refused(request, f"the dataset has no image {request.image_id}")
+        try:
+            return _answer(request, self._scored(request))
+        except (LegoWorldError, OSError) as error:
+            return msgspec.structs.replace(_refused(request, str(error)), status=EVALUATOR_ERROR)
+
+    def abort(self) -> None:
+        """End the Blender process under a running `answer`."""
+        self._blender.abort()
+
+    def close(self) -> None:
+        """End the Blender process and remove what was written."""
+        self._blender.close()
+        self._scratch.close()
+
+    def _scored(self, request: ServeRequest) -> ReconstructionRow:
+        options = self._options
+        case = options.dataset.cases[request.image_id]
+        scene = Path(request.scene).absolute()
+        image = TrackImage(
+            id=request.image_id,
+            file_name=case.file_name,
+            size_wh=case.size_wh,
+            scene=scene.name,
+            hfov_deg=case.image.hfov_deg,
+        )
+        record = read_image(image, self._readout(scene.parent), self._blender)
+        task = CaseTask(
+            run=self._scratch.path,
+            row=to_record(BenchRow, as_json(record["row"])),
+            case=case,
+            folders=options.dataset.folders,
+            protocol=options.bench,
+            choices=Choices(diagnostics=options.diagnostics),
+        )
+        return score_case(task)
+
+    def _readout(self, scenes: Path) -> ImageOptions:
+        options = self._options
+        return ImageOptions(
+            scenes=scenes,
+            run=self._scratch.path,
+            protocol=protocol("bench", None),
+            source="blend",
+            cache=options.cache,
+            require_frozen=False,
+            max_side=None,
+            threads=options.threads,
+            bench=options.rules,
+        )
+
+
+def _refused(request: ServeRequest | None, reason: str) -> ServeAnswer:
+    return ServeAnswer(
+        id=request.id if request else None,
+        scene=request.scene if request else None,
+        image_id=request.image_id if request else None,
+        status="refused",
+        reason=reason,
+        V=0,
+        R=0.0,
+        A=0.0,
+        S=0.0,
+        objects=(),
+        validity=None,
+        flags=(),
+        warnings=(),
+    )
+
+
+def _answer(request: ServeRequest, row: ReconstructionRow) -> ServeAnswer:
+    return ServeAnswer(
+        id=request.id,
+        scene=request.scene,
+        image_id=request.image_id,
+        status=row.status,
+        reason=row.reason,
+        V=1 if row.valid else 0,
+        R=row.R or 0.0,
+        A=row.A,
+        S=row.S,
+        objects=row.objects,
+        validity=row.validity,
+        flags=row.flags,
+        warnings=row.warnings,
+    )
+
+
+class ScoreServer:
+    """Workers that answer lines, each one line at a time; answers come in the order they are done.
+
+    At most two lines a worker are taken from the input ahead.
+    """
+
+    def __init__(self, options: ServeOptions, workers: int) -> None:
+        self._workers = [ScoreWorker(options) for _ in range(workers)]
+        self._idle: queue.SimpleQueue[ScoreWorker] = queue.SimpleQueue()
+        for worker in self._workers:
+            self._idle.put(worker)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with ExitStack() as ends:
+            for worker in self._workers:
+                ends.callback(worker.close)
+
+    def serve(self, lines: Iterable[str], say: Callable[[ServeAnswer], None]) -> None:
+        """Answer every line that is not empty; returns when the input ends and all are answered."""
+        ahead, saying = BoundedSemaphore(2 * len(self._workers)), Lock()
+
+        def work(line: str) -> None:
+            worker = self._idle.get()
+            try:
+                answer = worker.answer(line)
+            finally:
+                self._idle.put(worker)
+                ahead.release()
+            with saying:
+                say(answer)
+
+        pending: list[Future[None]] = []
+        with ThreadPoolExecutor(len(self._workers)) as pool:
+            try:
+                for line in lines:
+                    if line.strip():
+                        ahead.acquire()
+                        pending = [*(p for p in pending if not p.done()), pool.submit(work, line)]
+                for future in pending:
+                    future.result()
+            except BaseException:
+                for future in pending:
+                    future.cancel()
+                for worker in self._workers:
+                    worker.abort()
+                raise

@@ -1,0 +1,39 @@
+"""What `legoworld bench serve` reads and writes, one JSON line each."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from legoworld.records.base import Record
+from legoworld.records.bench_run import Check
+from legoworld.records.reconstruction_rows import Flag, ObjectRow
+
+
+class ServeRequest(Record, frozen=True, kw_only=True):
+    """One submission to score. scene: its folder; id: given back as it is."""
+
+    scene: str
+    image_id: int
+    id: str | int | None = None
+
+
+class ServeAnswer(Record, frozen=True, kw_only=True):
+    """Its scores; zeros where there is nothing to compare, and why.
+
+    status: ok, the readout's verdict, or refused for a line that is no request. A and S are null
+    with --no-render. validity: the checks of V that were made.
+    """
+
+    id: str | int | None
+    scene: str | None
+    image_id: int | None
+    status: str
+    reason: str | None
+    V: Literal[0, 1]
+    R: float
+    A: float | None
+    S: float | None
+    objects: tuple[ObjectRow, ...]
+    validity: dict[str, Check] | None
+    flags: tuple[Flag, ...]
+    warnings: tuple[str, ...]
