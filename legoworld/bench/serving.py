@@ -90,7 +90,7 @@ class ScoreWorker:
         record = read_image(image, self._readout(scene.parent), self._blender)
         task = CaseTask(
             run=self._scratch.path,
-            row=to_record(BenchRow, as_json(record["row"])),
+            row=to_record(BenchRow, as_json(record.row)),
             case=case,
             folders=options.dataset.folders,
             protocol=options.bench,

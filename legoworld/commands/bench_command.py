@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from legoworld.commands.bench_export import export_command, reward_command
 from legoworld.commands.bench_make import make_command
 from legoworld.commands.bench_serve import serve_command
 from legoworld.commands.bench_table import judges_command, table_command
@@ -24,5 +25,7 @@ def command() -> None:
 
 command.add_command(make_command)
 command.add_command(serve_command)
+command.add_command(export_command)
+command.add_command(reward_command)
 command.add_command(table_command)
 command.add_command(judges_command)

@@ -1,0 +1,199 @@
+"""`legoworld bench export --harbor`: each case as a task folder that Harbor runs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from legoworld import __version__
+from legoworld.errors import UsageError
+from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchDataset
+from legoworld.files import sha256_of_text, write_text
+from legoworld.records.base import readable
+from legoworld.records.bench_dataset import BenchImage, BenchTrackFile, BenchTruthFile
+
+#: Of task.toml; the version that Harbor reads today.
+_SCHEMA: Final = "1.4"
+_DELIVERED: Final = ("scene.blend", "scene.glb", "final.png")
+#: Where the agent leaves its scene, inside the container.
+_WORKSPACE: Final = "/workspace"
+
+
+@dataclass(frozen=True, kw_only=True)
+class HarborOptions:
+    """What every task says of its machines. verifier_image: has legoworld with its extra `bpy`."""
+
+    agent_image: str
+    verifier_image: str
+    agent_timeout_s: float
+    verifier_timeout_s: float
+    cpus: int
+    memory_mb: int
+
+
+def export_harbor(dataset: BenchDataset, output: Path, options: HarborOptions) -> list[Path]:
+    """Write one task folder a case; their paths, sorted.
+
+    What the agent's container is built from (environment/) holds the public half of the case
+    alone. The private half of this one case lies in tests/, which a separate verifier gets.
+    Raises UsageError where the output is not empty.
+    """
+    if output.is_dir() and any(output.iterdir()):
+        raise UsageError(
+            "the output folder is not empty",
+            found=", ".join(sorted(p.name for p in output.iterdir())[:5]),
+            expected="an empty folder",
+            next_step="choose another -o",
+        )
+    tasks = []
+    for case in sorted(dataset.cases.values(), key=lambda one: one.file_name):
+        task = output / _task_name(case)
+        _write_task(task, case, dataset, options)
+        tasks.append(task)
+    return tasks
+
+
+def _task_name(case: BenchCase) -> str:
+    return case.stem.replace("/", "-")
+
+
+def _write_task(task: Path, case: BenchCase, dataset: BenchDataset, options: HarborOptions) -> None:
+    categories = [c.name for c in _track(dataset).categories]
+    write_text(task / "instruction.md", instruction(case.image, categories))
+    write_text(task / "task.toml", _task_toml(case.image, options))
+    write_text(task / "environment" / "Dockerfile", _agent_dockerfile(options))
+    _copy(dataset.folders.reference(case), task / "environment" / "image.png")
+    test = task / "tests" / "test.sh"
+    write_text(test, _TEST.format(workspace=_WORKSPACE, stem=case.stem))
+    test.chmod(0o755)
+    write_text(task / "tests" / "Dockerfile", _verifier_dockerfile(options))
+    _write_case(task / "tests" / "bench", case, dataset)
+
+
+def instruction(image: BenchImage, categories: Sequence[str]) -> str:
+    """What an agent is told: the picture, its size, its field of view and the categories."""
+    return _INSTRUCTION.format(
+        width=image.width,
+        height=image.height,
+        hfov=image.hfov_deg,
+        categories=", ".join(categories),
+        workspace=_WORKSPACE,
+    )
+
+
+def _track(dataset: BenchDataset) -> BenchTrackFile:
+    from legoworld.records.base import decode
+
+    return decode(BenchTrackFile, dataset.folders.track.read_bytes())
+
+
+def _write_case(folder: Path, case: BenchCase, dataset: BenchDataset) -> None:
+    """A dataset of this case alone: both halves, whose hashes fit each other."""
+    whole = _track(dataset)
+    track = BenchTrackFile(info=whole.info, images=(case.image,), categories=whole.categories)
+    truth = dataset.truth
+    one = BenchTruthFile(
+        schema_version=truth.schema_version,
+        task=truth.task,
+        card_version=truth.card_version,
+        track_sha256=sha256_of_text(readable(track)),
+        point_cap=truth.point_cap,
+        card=truth.card,
+        images={str(case.image.id): case.truth},
+    )
+    write_text(folder / "public" / "track.json", readable(track))
+    write_text(folder / "private" / "truth.json", readable(one))
+    _copy(dataset.folders.reference(case), folder / "public" / "images" / case.file_name)
+    for kind in ("depth", "instances", "raster"):
+        source = dataset.folders.arrays(kind, case)
+        if source.is_file():
+            _copy(source, folder / "private" / kind / f"{case.stem}.npz")
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, target)
+
+
+def _task_toml(image: BenchImage, options: HarborOptions) -> str:
+    tags = [image.family, image.tier, image.environment, image.theme, image.split]
+    named = ", ".join(f'"{tag}"' for tag in tags if tag)
+    artifacts = ", ".join(f'"{_WORKSPACE}/{name}"' for name in _DELIVERED)
+    return f"""schema_version = "{_SCHEMA}"
+artifacts = [{artifacts}]
+
+[task]
+name = "legoworld/{Path(str(image.file_name)).stem.replace("/", "-")}"
+description = "Rebuild the scene of one picture in Blender"
+keywords = [{named}]
+
+[metadata]
+benchmark = "lego-bench"
+legoworld = "{__version__}"
+
+[agent]
+timeout_sec = {options.agent_timeout_s:.1f}
+
+[environment]
+cpus = {options.cpus}
+memory_mb = {options.memory_mb}
+mcp_servers = []
+
+[verifier]
+timeout_sec = {options.verifier_timeout_s:.1f}
+environment_mode = "separate"
+
+[verifier.environment]
+cpus = {options.cpus}
+memory_mb = {options.memory_mb}
+"""
+
+
+def _agent_dockerfile(options: HarborOptions) -> str:
+    return f"""FROM {options.agent_image}
+WORKDIR {_WORKSPACE}
+COPY image.png {_WORKSPACE}/image.png
+"""
+
+
+def _verifier_dockerfile(options: HarborOptions) -> str:
+    return f"""FROM {options.verifier_image}
+COPY . /tests
+"""
+
+
+_INSTRUCTION: Final = """# Rebuild the scene
+
+`image.png` in {workspace} is a picture of {width} x {height} pixels. Its horizontal field of view
+is {hfov:.6f} degrees, its pixels are square, and its principal point is in the middle.
+
+Build the scene it shows in Blender, in metres, with real geometry, materials and lights, and one
+active camera at the place the picture was taken from. Leave in {workspace}:
+
+- `scene.blend`: the scene;
+- `scene.glb`: the same scene as glTF;
+- `final.png`: your render of it.
+
+The scene is compared with the one behind the picture: its visible surface point by point, in the
+camera's frame and in metres, and a render of it pixel by pixel. Nothing is aligned before. Do not
+show the picture itself on a surface, in the world or in the compositor.
+
+Things that may be in the picture: {categories}.
+"""
+
+_TEST: Final = """#!/bin/sh
+# Scores what the agent left and writes /logs/verifier/reward.json; never fails without a reward.
+set -u
+mkdir -p /logs/verifier /tmp/submissions/{stem}
+for name in scene.blend scene.glb final.png; do
+  [ -f "{workspace}/$name" ] && cp "{workspace}/$name" "/tmp/submissions/{stem}/$name"
+done
+tests=$(cd "$(dirname "$0")" && pwd)
+legoworld readout /tmp/submissions --task bench --track "$tests/bench/public/track.json" \\
+  -o /tmp/run --no-cache -q
+legoworld evaluate /tmp/run --truth "$tests/bench/private" -o /tmp/evaluation --draws 1
+legoworld bench reward /tmp/evaluation -o /logs/verifier/reward.json
+"""
