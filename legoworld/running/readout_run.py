@@ -128,7 +128,7 @@ def run_readout(
         if valid:
             read = share(len(valid), len(images), "image", "images")
             notice(f"{read} {word_for(len(valid), 'has', 'have')} a valid result already")
-        if request.image_options.protocol.task.predict is None:
+        if request.image_options.protocol.task.exports == "depth":
             _check_disk(request, todo, notice)
         del earlier, by_id  # predictions are many: from here on they are on disk only
         with journal(folder) as stream:
