@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Final
 
 from legoworld.comparison.formats import Table
@@ -27,6 +28,8 @@ _OVER: Final = {
     "predictions": ("prediction", "predictions"),
     "pairs": ("pair", "pairs"),
 }
+#: A column of the CSV only where a row has it: the other tasks' CSVs are older than it.
+_OF_BENCH: Final = "not valid"
 _SIDES: Final = ("scene", "baseline", "difference")
 _CSV_SIDE: Final = ("value", "low", "high")
 
@@ -85,10 +88,18 @@ def coverage_table(document: Document) -> Table:
 
 def csv_table(document: Document) -> Table:
     """Every row of every comparison, unrounded; an undefined number is an empty cell."""
+    of_bench = any(
+        _OF_BENCH in row.scene.over
+        for one in comparisons_of(document)
+        for pair in one.pairs
+        for row in pair.rows
+    )
+    over = [name for name in _OVER if of_bench or name != _OF_BENCH]
     header = ["task", "metric", "policy", "images", "better", "level", "method", "against"]
     for side in _SIDES:
         header += [f"{side}_{name}" for name in _CSV_SIDE]
-        header += [f"{side}_over_{name}" for name in _OVER if side != "difference"]
+        if side != "difference":
+            header += [f"{side}_over_{name.replace(' ', '_')}" for name in over]
     header += ["interval_level", "interval_unit", "draws"]
     rows = []
     for one in comparisons_of(document):
@@ -97,18 +108,18 @@ def csv_table(document: Document) -> Table:
                 cells = [one.task, *(str(getattr(row, k)) for k in header[1:6])]
                 cells += [pair.scene, pair.baseline]
                 for side in _SIDES:
-                    cells += _csv_side(getattr(row, side))
+                    cells += _csv_side(getattr(row, side), over)
                 cells += [str(getattr(one.bootstrap, k)) for k in ("level", "unit", "draws")]
                 rows.append(cells)
     return Table(header=header, rows=rows)
 
 
-def _csv_side(side: Difference) -> list[str]:
+def _csv_side(side: Difference, over: Sequence[str]) -> list[str]:
     low, high = (side.interval.low, side.interval.high) if side.interval else (None, None)
     cells = ["" if n is None else repr(n) for n in (side.value, low, high)]
     if not isinstance(side, Measured):
         return cells
-    return cells + [str(side.over.get(name, "")) for name in _OVER]
+    return cells + [str(side.over.get(name, "")) for name in over]
 
 
 def _cell(side: Difference, *, signed: bool = False) -> str:
