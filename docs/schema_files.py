@@ -10,6 +10,7 @@ import msgspec
 
 from legoworld import exit_codes
 from legoworld.files import readable_json
+from legoworld.records.agents import ReconstructionFile
 from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
 from legoworld.records.bench_run import BenchRow
 from legoworld.records.coco_file import CocoFile
@@ -34,6 +35,7 @@ from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.run_file import RunFile, RunSummary
 from legoworld.records.run_rows import RunRow
 from legoworld.records.track import TrackFile
+from legoworld.records.trajectory_scores import TrajectoryFile
 
 FOLDER = Path(__file__).with_name("schemas")
 
@@ -46,6 +48,8 @@ FORMATS: dict[str, Any] = {
     "comparison": Comparison,
     "comparison-joined": JoinedComparison,
     "execution": ExecutionFile,
+    "reconstruction": ReconstructionFile,
+    "trajectories": TrajectoryFile,
     "evaluation-evidence-bench": BenchEvidence,
     "evaluation-evidence-depth": DepthEvidence,
     "evaluation-evidence-detection": DetectionEvidence,

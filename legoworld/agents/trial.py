@@ -99,6 +99,7 @@ def run_trial(
             held=plan.agent_held,
             limits=plan.limits,
         )
+        session.restart_clock()  # the budget is the agent's: Blender's start is not part of it
         started = time.monotonic()
         ending = run_agent(order, scratch / "agent", transcript)
         agent_seconds = time.monotonic() - started

@@ -88,6 +88,10 @@ class Session:
         with self._busy:
             self._blender()
 
+    def restart_clock(self) -> None:
+        """Count times from now on: those of calls, and the trial's own."""
+        self._begun = time.monotonic()
+
     def answer(self, command: Command) -> Answer:
         """The answer to a command; a failure is an answer, too."""
         known = _without_blender(command)

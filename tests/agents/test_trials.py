@@ -144,6 +144,14 @@ def test_the_transcript_s_steps_name_their_calls(trials):
     assert calls == sorted(calls)
 
 
+def test_times_are_within_the_agent_s_own(trials):
+    trial = trial_of(trials, "good")
+    times = [checkpoint.at_s for checkpoint in trial.checkpoints]
+    assert times == sorted(times)
+    assert times[0] > 0
+    assert times[-1] <= trial.about.agent_seconds
+
+
 def test_a_second_run_makes_nothing_again(trials):
     begun = time.monotonic()
     rows = run(plan(trials[0], time_limit_s=90.0), trials[0] / "scenes")
