@@ -142,7 +142,8 @@ def repeated(options: argparse.Namespace, n: int, photos: Path) -> tuple[dict[st
     for k in range(n):
         source = truth["images"][k % len(truth["images"])]
         name = f"{k:06}.jpg"
-        images.append({**source, "id": k + 1, "file_name": name})
+        size = {key: source[key] for key in ("width", "height")}
+        images.append({**size, "id": k + 1, "file_name": name})
         (photos / name).symlink_to((options.photos / source["file_name"]).resolve())
         for one in truth["annotations"]:
             if one["image_id"] == source["id"]:

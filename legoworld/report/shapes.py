@@ -53,7 +53,7 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
                 rle=_text(mask) if mask else UNSET,
                 k=kind,
                 t=about,
-                i=iou,
+                i=None if iou is None else round(iou, 4),
             )
         )
     return found

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from evaluation.depth.folders import plane, write_arrays, write_run
-from evaluation.detection_runs import random_truth
+from evaluation.detection_runs import random_predictions, random_truth
 from report.chromium import Browser, browser
 from report.pages import (
     HOSTILE,
@@ -370,3 +370,31 @@ def test_views_that_were_left_behind_are_said(
     )
     assert len(chrome.said) == 1
     chrome.said.clear()
+
+
+def test_only_the_cards_near_the_window_exist(chrome: Browser, tmp_path: Path) -> None:
+    """Four hundred photos: every one is reached by scrolling, few are in the page at a time."""
+    truth = random_truth("coco", seed=5, images=400)
+    predictions = random_predictions("coco", truth, seed=5, per_image=2, levels=1)
+    evaluation = evaluated(tmp_path, "coco", truth=truth, predictions=predictions)
+    chrome.open(page_of(tmp_path / "r.html", evaluation), "#/coco?tab=photos")
+    met, most = chrome.js(
+        """(async () => {
+          const met = new Set(); let most = 0;
+          for (let y = 0; y < document.body.scrollHeight; y += 300) {
+            window.scrollTo(0, y);
+            await new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)));
+            const cards = document.querySelectorAll('[data-gallery] a.card');
+            cards.forEach(c => met.add(c.dataset.image));
+            most = Math.max(most, cards.length);
+          }
+          return [met.size, most];
+        })()"""
+    )
+    assert met == 400
+    assert most < 100
+    assert chrome.js(COUNT) == "400 of 400 photos"
+    choose(chrome, "q", "39")
+    shown = chrome.js(f"{CARDS}.map(a => a.querySelector('.card-file').textContent)")
+    assert chrome.js(COUNT) == f"{len(shown)} of 400 photos"
+    assert all("39" in name for name in shown)

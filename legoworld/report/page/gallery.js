@@ -124,9 +124,29 @@ export function card(section, row, attributes) {
     "data-image": row.id }, attributes), [picture,
     el("span", { class: "card-file" }, [row.file_name]), el("span", { class: "marks" }, marks),
     el("span", { class: "card-said" }, [said])]);
-  withView(row.view, (view) => picture.replaceChildren(thumbnail(section, view)),
-    () => picture.append(el("span", { class: "no-thumb" }, ["left behind"])));
+  drawLater(picture, () => withView(row.view, (view) => picture.replaceChildren(thumbnail(section, view)),
+    () => picture.append(el("span", { class: "no-thumb" }, ["left behind"]))));
   return made;
+}
+
+const THUMBS = new Map();
+const A_FRAME = 6;
+let drawing = false;
+
+/* Some in each frame, the newest first: a filter answers before its pictures are there. */
+function drawLater(picture, draw) {
+  THUMBS.set(picture, draw);
+  if (drawing) { return; }
+  drawing = true;
+  requestAnimationFrame(drawSome);
+}
+
+function drawSome() {
+  Array.from(THUMBS.entries()).reverse().filter(([picture]) => picture.isConnected).slice(0, A_FRAME)
+    .forEach(([picture, draw]) => { THUMBS.delete(picture); draw(); });
+  THUMBS.forEach((_, picture) => { if (!picture.isConnected) { THUMBS.delete(picture); } });
+  drawing = THUMBS.size > 0;
+  if (drawing) { requestAnimationFrame(drawSome); }
 }
 
 function markOf(cell, label) {
