@@ -13,7 +13,7 @@ from legoworld.evaluation.reconstruction.points import F64, Depth, Flags
 from legoworld.records.reconstruction_rows import Registration
 
 #: Points of each cloud that ICP works with, spread evenly over the raster's order.
-ICP_POINTS: Final = 4000
+ICP_POINTS: Final = 2000
 ICP_ITERATIONS: Final = 30
 #: Share of nearest pairs that a step is fitted to: the others are what the scenes do not share.
 ICP_KEPT: Final = 0.8
@@ -71,7 +71,7 @@ class Motion:
 def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
     """The rigid motion from identity by trimmed ICP (Chetverikov et al. 2002), point to point.
 
-    Every step takes the 80 % nearest pairs of 4,000 points of each cloud and solves for the
+    Every step takes the 80 % nearest pairs of 2,000 points of each cloud and solves for the
     motion in closed form (Kabsch 1976). None with fewer than 3 points on either side.
     """
     target, source = _thinned(reference_m), _thinned(submitted_m)

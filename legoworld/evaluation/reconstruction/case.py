@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,11 +16,11 @@ from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, SubmissionFileError
 from legoworld.evaluation.reconstruction.geometry import geometry_score
+from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Flags, finite_points, points_m
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.submission import Surface, load_render, load_surface
-from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET
 from legoworld.records.bench_run import BenchRow, Check, RenderFile, Validity
 from legoworld.records.reconstruction_rows import (
@@ -110,7 +111,7 @@ def _compared(
     picture = None
     seen: tuple[Agreement, Appearance] | None = None
     if render is not None and task.row.render is not UNSET:
-        picture = _reference_picture(task)
+        picture = _reference_picture(task, task.row.render.size_wh)
         seen = _appearance(task, task.row.render, render, picture, reference, surface)
     r = score.r if valid else 0.0
     a = None if seen is None else seen[1].n_hits / seen[1].n_px if valid else 0.0
@@ -131,18 +132,21 @@ def _compared(
     )
 
 
-def _reference_picture(task: CaseTask) -> Picture:
-    path = task.folders.reference(task.case)
+def _reference_picture(task: CaseTask, size_wh: tuple[int, int]) -> Picture:
+    """The reference at a size. BenchTruthError where it is not the one on record."""
+    path, recorded = task.folders.reference(task.case), task.case.truth.sha256.reference
     try:
-        if sha256_of_file(path) == task.case.truth.sha256.reference:
-            return appearance.decoded(path.read_bytes())
-        found = "another sha256"
+        data = path.read_bytes()
+        found = hashlib.sha256(data).hexdigest()
+        if found == recorded:
+            return resized_reference(data, recorded, size_wh)
+        found = found[:12]
     except (OSError, appearance.PictureError) as error:
         found = str(error)
     raise BenchTruthError(
         f"the reference picture {path.name} is not the one truth.json has on record",
         found=found,
-        expected=task.case.truth.sha256.reference[:12],
+        expected=recorded[:12],
         next_step="restore public/images",
     )
 
@@ -155,8 +159,7 @@ def _appearance(
     reference: Reference,
     surface: Surface,
 ) -> tuple[Agreement, Appearance]:
-    small = appearance.resized(picture, file.size_wh)
-    found = appearance.agreement(render, small)
+    found = appearance.agreement(render, picture)
     hits = found.hits(task.protocol.delta)
     agrees = _same_ray(reference, surface, task.protocol.headline.relative)
     agrees = agrees[appearance.raster_pixel_of(hits.shape, agrees.shape)]
@@ -203,9 +206,10 @@ def _flags(
     facts = task.row.integrity
     flags: list[Flag] = []
     if facts is not UNSET:
-        shown = _reference_picture(task) if picture is None and len(surface.textures) else picture
-        thumbnails = surface.textures if shown is not None else surface.textures[:0]
-        flags += integrity.scene_flags(facts, thumbnails, shown)
+        if picture is None and len(surface.textures):
+            height, width = surface.textures.shape[1:3]
+            picture = _reference_picture(task, (width, height))
+        flags += integrity.scene_flags(facts, surface.textures, picture)
         if seen is not None and surface.plane is not None:
             hits = seen[0].hits(task.protocol.delta)
             rows = appearance.raster_pixel_of(hits.shape, surface.plane.shape)
