@@ -12,6 +12,7 @@ pykdtree and open3d are optional; what is absent is named.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib.util
 import statistics
 import sys
@@ -67,7 +68,7 @@ def contenders() -> dict[str, Callable[[np.ndarray, np.ndarray], Clouds]]:
             return KDTree(b).query(a)[0], KDTree(a).query(b)[0]
 
         found["pykdtree"] = of_pykdtree
-    if importlib.util.find_spec("open3d"):
+    with contextlib.suppress(ImportError):
         import open3d
 
         def cloud(points: np.ndarray) -> object:
