@@ -33,7 +33,7 @@ from legoworld.evaluation.reconstruction.submission import (
     load_surface,
     read_bench_run,
 )
-from legoworld.workers.tasks import Crew
+from legoworld.workers.tasks import WorkerPool
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from evaluation.reconstruction import datasets
@@ -113,12 +113,12 @@ def main() -> None:
         dataset, run = make(root, options.cases)
         print(f"{len(dataset.cases)} cases")
         one_case(dataset.private, run, options.rounds)
-        crew = Crew(engine="local", workers=options.workers)
+        pool = WorkerPool(engine="local", workers=options.workers)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for diagnostics in (False, True):
             start = time.perf_counter()
             evaluate_bench(
-                run, dataset.private, root / f"eval{diagnostics:d}", crew=crew,
+                run, dataset.private, root / f"eval{diagnostics:d}", pool=pool,
                 choices=Choices(diagnostics=diagnostics),
             )  # fmt: skip
             what = "with" if diagnostics else "without"
