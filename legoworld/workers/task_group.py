@@ -23,7 +23,7 @@ _TASKS_PER_PROCESS: Final = 4
 _PROC: Final = Path("/proc/self")
 _JOIN: Final = "cgroup.procs"
 _LIMIT: Final = "pids.max"
-_EMPTY_WITHIN_S: Final = 2.0
+_EMPTY_WITHIN_S: Final = 10.0
 _PROBE_WITHIN_S: Final = 20.0
 _numbers = itertools.count()
 

@@ -48,7 +48,7 @@ def test_depth_shards_merge_and_are_not_divided(scenes, tmp_path, capsys):
     capsys.readouterr()
     divided = ["merge", *shards, "-o", str(tmp_path / "divided"), "--images-per-file", "1"]
     assert cli.run(divided) == 2
-    assert "only boxes and masks are divided into files" in capsys.readouterr().err
+    assert "only boxes and masks can be divided into files" in capsys.readouterr().err
     assert cli.run(["merge", *shards, "-o", str(tmp_path / "merged")]) == 0
     assert readout(scenes, tmp_path / "whole", *FIXED, task="eth3d") == 0
     assert tree(tmp_path / "merged") == tree(tmp_path / "whole")

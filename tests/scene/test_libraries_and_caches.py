@@ -140,7 +140,7 @@ def test_a_resumed_run_reads_a_scene_with_a_new_simulation_cache_again(
     )
     image = TrackImage(id=1, file_name="plain.jpg", size_wh=(64, 48), scene="plain")
     record = read_image(image, options, blender)
-    assert record["row"]["status"] == "ok"
+    assert record.row.status == "ok"
     assert still_valid(record, image, options)
     (place / "blendcache_scene").mkdir()
     assert still_valid(record, image, options)
