@@ -14,8 +14,8 @@ from legoworld.files import names_a_file
 from legoworld.readouts.pictures import read_photo
 
 LONGEST_SIDE: Final = 800
-#: 31 kB a COCO photo: 500 of them are 21 MB of a page.
-_QUALITY: Final = 55
+#: 29 kB a COCO photo: 500 of them are 19 MB of a page.
+_QUALITY: Final = 50
 #: COCO's and LVIS's folders, below the one that is named.
 _FOLDERS: Final = ("", "train2017", "val2017")
 
