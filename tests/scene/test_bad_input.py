@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from scene.snapshots import snapshot_of
 
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.tasks import protocol
+from legoworld.records.base import canonical
 from legoworld.running.image import read_image
-from legoworld.running.image_record import ImageOptions, Record
+from legoworld.running.image_record import ImageOptions
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
@@ -52,7 +55,7 @@ def blender() -> Iterator[BlenderProcess]:
 
 @pytest.fixture
 def read(scenes: Path, blender: BlenderProcess, tmp_path: Path):
-    def read(name: str, folder: Path = scenes) -> Record:
+    def read(name: str, folder: Path = scenes) -> dict[str, Any]:
         options = ImageOptions(
             scenes=folder,
             run=tmp_path,
@@ -64,7 +67,7 @@ def read(scenes: Path, blender: BlenderProcess, tmp_path: Path):
             threads=1,
         )
         image = TrackImage(id=1, file_name=f"{name}.jpg", size_wh=(80, 60), scene=name)
-        return read_image(image, options, blender)
+        return json.loads(canonical(read_image(image, options, blender)))
 
     return read
 

@@ -16,8 +16,9 @@ from gltf.scenes import NoBlender
 from legoworld.errors import LabelsInvalidError, SceneInvalidError, SideFileInvalidError
 from legoworld.files import readable_json
 from legoworld.readouts.tasks import protocol
+from legoworld.records.base import canonical
 from legoworld.running.image import read_image, still_valid
-from legoworld.running.image_record import ImageOptions, Record
+from legoworld.running.image_record import ImageOptions
 from legoworld.scene import side_files
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import SceneFolder
@@ -47,8 +48,9 @@ def options_of(folder: Path, task: str = "coco") -> ImageOptions:
     )  # fmt: skip
 
 
-def readout(folder: Path, task: str = "coco") -> Record:
-    return read_image(IMAGE, options_of(folder, task), NoBlender(Limits()))
+def readout(folder: Path, task: str = "coco") -> dict[str, Any]:
+    record = read_image(IMAGE, options_of(folder, task), NoBlender(Limits()))
+    return json.loads(canonical(record))
 
 
 def link_out(path: Path) -> None:
