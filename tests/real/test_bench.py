@@ -1,0 +1,148 @@
+"""The bench on real assets and scenes: KayKit families, a pipeline's flat, wrong scenes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from legoworld import cli
+from legoworld.records.base import decode_lines
+from legoworld.records.reconstruction_rows import ReconstructionRow
+
+pytestmark = [pytest.mark.blender, pytest.mark.real_data]
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "bench"
+QUICK = ["--size", "96x54", "--samples", "1", "--noise-seeds", "0", "-q"]
+
+
+def program(name: str, *arguments: object) -> None:
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / name), *map(str, arguments)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def scored(made: Path, submissions: Path, place: Path) -> dict[str, ReconstructionRow]:
+    """R of each case, no render."""
+    track = made / "bench" / "public" / "track.json"
+    arguments = ["readout", str(submissions), "--task", "bench", "--track", str(track), "-q"]
+    cli.run([*arguments, "-o", str(place / "run"), "--no-render"])
+    private = str(made / "bench" / "private")
+    evaluate = ["evaluate", str(place / "run"), "--truth", private, "-o", str(place / "eval")]
+    assert cli.run([*evaluate, "--draws", "1", "-q"]) == 0
+    lines = decode_lines(ReconstructionRow, (place / "eval" / "per_image.jsonl").read_bytes())
+    return {Path(row.file_name).stem: row for row in lines}
+
+
+@pytest.fixture(scope="module")
+def made(real_data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("kaykit")
+    kaykit = real_data / "kaykit"
+    families = ["--family", "bedroom", "--family", "crossing"]
+    program("build.py", "--kaykit", kaykit, "-o", folder / "references", *families)
+    make = ["bench", "make", str(folder / "references"), "-o", str(folder / "bench"), *QUICK]
+    assert cli.run([*make, "--keep-scenes", str(folder / "itself")]) == 0
+    return folder
+
+
+def test_shipped_families_submitted_as_themselves_score_one(made, tmp_path):
+    rows = scored(made, made / "itself", tmp_path)
+    assert len(rows) == 12
+    for row in rows.values():
+        assert row.valid
+        assert row.R == 1.0
+        assert all(o.f1 == 1.0 for o in row.objects if o.eligible)
+        assert [o for o in row.objects if o.eligible]
+
+
+@pytest.mark.parametrize(
+    ("change", "amount", "low", "high"),
+    [
+        ("scale", 0.02, 1.0, 1.0),  # within 5 % up to the corners: 0.02 sqrt(1 + x^2 + y^2)
+        ("scale", 0.08, 0.0, 0.75),
+        ("camera", 0.1, 0.5, 0.995),
+        ("delete", 2, 0.3, 0.95),
+        ("swap", 0, 0.2, 0.95),
+        ("noise", 0.02, 0.9, 1.0),
+    ],
+)
+def test_changed_copies_follow_the_laws(made, tmp_path, change, amount, low, high):
+    cases = made / "hard"
+    if not cases.is_dir():
+        for case in (made / "itself").glob("*hard__view_00"):
+            shutil.copytree(case, cases / case.name)
+    program("submit.py", cases, "-o", tmp_path / "s", "--change", change, "--amount", amount)
+    rows = {n: r for n, r in scored(made, tmp_path / "s", tmp_path).items() if r.status == "ok"}
+    assert len(rows) == 2
+    for row in rows.values():
+        assert low <= row.R <= high, (change, row.R)
+        assert row.R_at["F2"] <= row.R <= row.R_at["F10"]
+    if change == "delete":
+        gone = [o.f1 for row in rows.values() for o in row.objects]
+        assert min(gone) < 0.2
+
+
+def test_another_family_is_valid_and_low(made, tmp_path):
+    for case in (made / "itself").iterdir():
+        family, _, rest = case.name.partition("__")
+        other = "crossing" if family == "bedroom" else "bedroom"
+        shutil.copytree(case, tmp_path / "wrong" / f"{other}__{rest}")
+    rows = scored(made, tmp_path / "wrong", tmp_path).values()
+    assert all(row.valid for row in rows)
+    # A ground seen from about as far covers a large object by chance: low on average.
+    assert np.mean([row.R for row in rows]) < 0.3
+    assert max(row.R for row in rows) < 0.6
+
+
+def test_a_pipeline_s_flat_and_an_artist_s_scene_become_cases(real_data, tmp_path):
+    for name in ("archx3d", "nima"):
+        folder = tmp_path / "references" / name
+        folder.mkdir(parents=True)
+        shutil.copyfile(real_data / "scenes" / name / "scene.blend", folder / "scene.blend")
+        labels = [{"object": o, "category": "thing"} for o in _objects(folder)]
+        text = json.dumps({"version": 1, "labels": labels})
+        (folder / "labels.json").write_text(text, encoding="utf-8")
+    make = ["bench", "make", str(tmp_path / "references"), "-o", str(tmp_path / "bench"), *QUICK]
+    assert cli.run([*make, "--keep-scenes", str(tmp_path / "itself")]) == 0
+    rows = scored(tmp_path, tmp_path / "itself", tmp_path)
+    assert {n.partition("__")[0] for n in rows} == {"archx3d", "nima"}
+    assert all(row.R == 1.0 for row in rows.values())
+
+
+def _objects(folder: Path) -> list[str]:
+    """Every mesh object's name, as `legoworld inspect` finds them."""
+    out = folder.parent / f"{folder.name}-look"
+    assert cli.run(["inspect", str(folder), "--size", "64x36", "-o", str(out), "-q"]) == 0
+    instances = json.loads((out / "instances.json").read_text("utf-8"))["instances"]
+    shutil.rmtree(out)
+    return sorted({name for i in instances for name in i["objects"]})
+
+
+def test_the_surface_agrees_with_a_cycles_depth_pass(made, tmp_path):
+    """Planar depth of one-sample Cycles at the picture's size, against the private arrays."""
+    name = "bedroom__easy__view_00"
+    output = tmp_path / "pass.npz"
+    blend = made / "itself" / name / "scene.blend"
+    request = {"blend": str(blend), "size_wh": [96, 54], "output": str(output)}
+    judge = Path(__file__).parents[1] / "agreement" / "cycles_pass.py"
+    done = subprocess.run(
+        [sys.executable, str(judge)],
+        input=json.dumps(request) + "\n", capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert output.is_file(), done.stderr[-2000:]
+    with np.load(output) as arrays:
+        cycles = arrays["depth_z"] * arrays["unit_scale"]
+    ours = np.load(made / "bench" / "private" / "depth" / f"{name}.npz")["depth_z_m"]
+    assert cycles.shape == ours.shape
+    both = np.isfinite(ours) & np.isfinite(cycles)
+    assert both.mean() > 0.9
+    error = np.abs(cycles[both] - ours[both]) / ours[both]
+    # Silhouettes aside, where a ray's side is a matter of the last bit of its pixel's centre.
+    assert np.quantile(error, 0.97) < 1e-3
