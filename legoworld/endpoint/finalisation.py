@@ -16,7 +16,7 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB
 from legoworld.scene.programs.execution import final_picture
 from legoworld.workers.results import take_file
-from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.sandbox import Protections, SandboxLimits, workspace_bytes
 from legoworld.workers.scratch import scratch_folder
 
 _WITHIN_S: Final = 300.0
@@ -88,9 +88,9 @@ def _export(
     blend: Path, made: Path, workspace: Path, limits: SandboxLimits, held: Protections
 ) -> list[str]:
     """Open, pack and export in the sandbox; what glTF cannot hold is a warning."""
-    allowed = SandboxLimits(
-        time_s=_WITHIN_S, memory_bytes=limits.memory_bytes, disk_bytes=limits.disk_bytes
-    )
+    # An agent that has filled its workspace has used up its own room, not the runtime's.
+    room = workspace_bytes(workspace) + limits.disk_bytes
+    allowed = SandboxLimits(time_s=_WITHIN_S, memory_bytes=limits.memory_bytes, disk_bytes=room)
     with scratch_folder("legoworld-finalising-") as scratch:
         # Relative paths of the scene are the workspace's: it is opened from there.
         opened = workspace / ".finalised.blend"
