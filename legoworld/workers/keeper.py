@@ -54,6 +54,8 @@ def main() -> int:
         os.killpg(child, signal.SIGKILL)  # all there is to end where there is no subreaper
     end_all(keeper)
     if order["group"] is not None:
+        while _ended_child()[0]:
+            pass  # what is ended and not waited for keeps its group
         remove_group(Path(order["group"]))
     if code is not None:
         _say({"code": _witnessed(read_ending, code) if order["witnessed"] else code})
