@@ -17,6 +17,7 @@ from legoworld.errors import LabelsInvalidError, SceneInvalidError, SideFileInva
 from legoworld.files import readable_json
 from legoworld.readouts.tasks import protocol
 from legoworld.records.base import canonical
+from legoworld.records.run_file import ImageRecord
 from legoworld.running.image import read_image, still_valid
 from legoworld.running.image_record import ImageOptions
 from legoworld.scene import side_files
@@ -48,9 +49,12 @@ def options_of(folder: Path, task: str = "coco") -> ImageOptions:
     )  # fmt: skip
 
 
+def record_of(folder: Path, task: str = "coco") -> ImageRecord:
+    return read_image(IMAGE, options_of(folder, task), NoBlender(Limits()))
+
+
 def readout(folder: Path, task: str = "coco") -> dict[str, Any]:
-    record = read_image(IMAGE, options_of(folder, task), NoBlender(Limits()))
-    return json.loads(canonical(record))
+    return json.loads(canonical(record_of(folder, task)))
 
 
 def link_out(path: Path) -> None:
@@ -170,11 +174,11 @@ def test_provenance_is_an_object(value, folder):
 
 
 def test_provenance_is_hashed_like_the_rest(folder):
-    before = readout(folder)
+    before = record_of(folder)
     (folder / "provenance.json").write_text('{"agent": "a"}')
-    after = readout(folder)
-    assert set(after["scene"]["files"]) == {"scene.glb", "provenance.json"}
-    assert before["row"]["files_sha256"] != after["row"]["files_sha256"]
+    after = record_of(folder)
+    assert set(after.scene.files) == {"scene.glb", "provenance.json"}
+    assert before.row.files_sha256 != after.row.files_sha256
     assert still_valid(after, IMAGE, options_of(folder))
     (folder / "provenance.json").write_text('{"agent": "b"}')
     assert not still_valid(after, IMAGE, options_of(folder))
