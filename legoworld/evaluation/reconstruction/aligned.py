@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from legoworld.evaluation.reconstruction.points import F64, Depth, Flags
 from legoworld.records.reconstruction_rows import Registration
@@ -77,7 +77,7 @@ def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
     target, source = _thinned(reference_m), _thinned(submitted_m)
     if min(len(target), len(source)) < 3:
         return None
-    tree = cKDTree(target)
+    tree = KDTree(target)
     kept = max(3, int(ICP_KEPT * len(source)))
     rotation, translation = np.eye(3), np.zeros(3)
     size = float(np.abs(target).max())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from legoworld.evaluation.reconstruction.nearest import Nearest, nearest_both_ways
 from legoworld.evaluation.reconstruction.points import F64, Depth, Labels, Raster, finite_points
@@ -66,8 +66,8 @@ def of_clouds(
     nearest_z = np.ones(len(submitted_m))
     for k in np.intersect1d(reference_label, submitted_label):
         g, q = reference_label == k, submitted_label == k
-        ref[g], _ = cKDTree(submitted_m[q]).query(reference_m[g])
-        sub[q], place = cKDTree(reference_m[g]).query(submitted_m[q])
+        ref[g], _ = KDTree(submitted_m[q]).query(reference_m[g])
+        sub[q], place = KDTree(reference_m[g]).query(submitted_m[q])
         nearest_z[q] = reference_m[g][place, 2]
     return Correspondence(
         reference_label=reference_label,

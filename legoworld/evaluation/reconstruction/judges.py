@@ -93,10 +93,10 @@ def _swaps(judgements: Sequence[Judgement]) -> dict[str, OrderSwaps]:
         for one in mine:
             orders.setdefault((one.builder, one.item), {})[one.shown] = one.chosen
         pairs = [
-            (chosen, by_order[shown[::-1]])
+            (chosen, by_order[second, first])
             for by_order in orders.values()
-            for shown, chosen in by_order.items()
-            if shown < shown[::-1] and shown[::-1] in by_order
+            for (first, second), chosen in by_order.items()
+            if first < second and (second, first) in by_order
         ]
         consistent = sum(a == b for a, b in pairs)
         found[judge] = OrderSwaps(

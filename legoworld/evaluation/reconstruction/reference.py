@@ -141,7 +141,8 @@ def _full_size(folders: BenchFolders, case: BenchCase) -> tuple[NDArray[Any], ND
     for kind, name in (("depth", "depth_z_m"), ("instances", "instance")):
         path = folders.arrays(kind, case)
         array = _checked(path, getattr(case.truth.sha256, kind), (name,))[name]
-        _require(path, array, case.size_wh[::-1])
+        width, height = case.size_wh
+        _require(path, array, (height, width))
         found.append(array)
     return found[0], found[1]
 
