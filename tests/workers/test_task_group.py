@@ -91,7 +91,8 @@ sandbox.start([sys.executable, "-c", "import time; time.sleep(600)"], [])
 sandbox.wait()
 """
     with subprocess.Popen([sys.executable, "-c", owner]) as process:
-        until(lambda: any((g / "cgroup.procs").read_text() for g in groups_of(place, process.pid)))
+        own = place / f"legoworld-{process.pid}-1"  # after the trial's
+        until(lambda: own.is_dir() and (own / "cgroup.procs").read_text())
         process.kill()
     until(lambda: not groups_of(place, process.pid) and not scratch.exists())
 
