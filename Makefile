@@ -6,7 +6,7 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 BASELINES := .venv-baselines
-KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/evaluation/kernels/*.cpp)
+KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/evaluation/kernels/*.cpp legoworld/evaluation/kernels/*.hpp)
 DEMO := legoworld-demo
 BENCH_DEMO := legoworld-bench
 # A process for each core and one more (tests/conftest.py); PYTEST_ARGS=-n0 runs all tests in one.
