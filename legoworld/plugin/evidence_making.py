@@ -189,7 +189,8 @@ def _region(
             )
         encoded: Any = {"size": [height, width], "counts": shape.counts.encode("ascii")}
     else:
-        encoded = rle.merge(rle.frPyObjects(shape, height, width))
+        polygons: Any = shape
+        encoded = rle.merge(rle.frPyObjects(polygons, height, width))
     area = int(rle.area(encoded))
     if not area:
         raise EvidenceInvalidError(

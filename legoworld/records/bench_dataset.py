@@ -33,7 +33,8 @@ class BenchImage(ImageInfo, frozen=True, kw_only=True):
     point is its middle. view: its number within family and tier.
     """
 
-    hfov_deg: Annotated[float, Meta(gt=0, lt=180)]
+    # Optional in other tracks, required here.
+    hfov_deg: Annotated[float, Meta(gt=0, lt=180)]  # pyright: ignore[reportGeneralTypeIssues]
     family: Annotated[str, Meta(min_length=1)]
     environment: str | None
     theme: str | None

@@ -111,7 +111,7 @@ def blend_checks(error: LegoWorldError | None) -> dict[str, Check]:
 
     A scene that did not open was not asked for the others: they fail with it.
     """
-    checks = dict.fromkeys(("scene_blend", "geometry", "camera"), OK)
+    checks: dict[str, Check] = dict.fromkeys(("scene_blend", "geometry", "camera"), OK)
     if error is not None:
         failed = _FAILS.get(error.code, "scene_blend")
         checks[failed] = failed_check(error)

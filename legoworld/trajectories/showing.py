@@ -144,8 +144,9 @@ def _tables(document: TrajectoryFile | None) -> list[dict[str, Any]]:
 def _cell(value: float | None, interval: Any) -> str:
     if value is None:
         return "-"
-    known = interval is not None and interval.low is not None
-    return f"{value:.3f} [{interval.low:.3f}, {interval.high:.3f}]" if known else f"{value:.3f}"
+    if interval is None or interval.low is None:
+        return f"{value:.3f}"
+    return f"{value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
 
 
 def _picture(path: Path) -> str | None:

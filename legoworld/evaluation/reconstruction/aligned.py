@@ -85,7 +85,7 @@ def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
     while steps < ICP_ITERATIONS:
         steps += 1
         now = source @ rotation.T + translation
-        distance, place = tree.query(now)
+        distance, place = (np.atleast_1d(answer) for answer in tree.query(now))
         pairs = np.argsort(distance, kind="stable")[:kept]
         turn, shift = _kabsch(now[pairs], target[place[pairs]])
         rotation, translation = turn @ rotation, turn @ translation + shift
