@@ -106,7 +106,6 @@ def command(
     Examples:
       legoworld evaluate runs/coco --truth instances_val2017.json -o evals/coco
       legoworld evaluate runs/lvis --truth lvis_v1_val.json -o evals/lvis --evaluator fast
-      legoworld evaluate runs/depth --truth eth3d -o evals/depth
       legoworld evaluate runs/mine --truth bench/private -o evals/mine
       legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
     """

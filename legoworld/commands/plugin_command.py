@@ -124,8 +124,9 @@ def replay(ledger: Path) -> int:
     """Check a ledger's chain of hashes, and print its calls.
 
     \b
-    Example:
+    Examples:
       legoworld plugin replay case-1
+      legoworld plugin replay legoworld-ledger
     """
     from legoworld.plugin.ledger import read_ledger
 

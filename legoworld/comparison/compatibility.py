@@ -8,6 +8,7 @@ from typing import Any
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted
+from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import ScoredDepthRow
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
@@ -45,7 +46,7 @@ def _check_truth_prompts(side: Evaluated, *, allow: bool) -> None:
     if side.used_truth and not allow:
         raise IncomparableError(
             f"{side.name} was prompted with the ground truth of the images it is scored on",
-            found=f"used_truth {one_line(str(side.used_truth), 120)}",
+            found=f"used_truth {one_line(str(as_json(side.used_truth)), 120)}",
             expected="a run that only saw the photos and the vocabulary",
             next_step="pass --allow-truth-prompts: every score is then marked",
         )

@@ -8,6 +8,7 @@ from legoworld.comparison.provenance import provenance_notes
 from legoworld.errors import one_line
 from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import Evaluated
+from legoworld.records.base import as_json
 from legoworld.records.comparison import ByField
 
 
@@ -28,7 +29,7 @@ def notes_of(sides: Sequence[Evaluated], by_field: ByField) -> list[str]:
 def _truth_prompts(side: Evaluated) -> str:
     return (
         f"{side.name} was prompted with the truth of the images it is scored on: "
-        f"{one_line(str(side.used_truth), 160)}."
+        f"{one_line(str(as_json(side.used_truth)), 160)}."
     )
 
 

@@ -118,7 +118,7 @@ def test_a_partial_run_on_either_side(scene, tmp_path):
 
 
 def test_prompts_from_truth_are_allowed_by_name_and_printed_beside_the_score(scene, tmp_path):
-    used = {"file": "instances.json", "sha256": "e" * 64}
+    used = {"sha256": "e" * 64, "what": "categories of instances.json"}
     other = other_evaluation(tmp_path / "b", used_truth=used, baseline="prompted")
     refused((scene, other), tmp_path / "out", "prompted with the ground truth.*instances.json")
     document = compared((scene, other), tmp_path / "out", allow_truth_prompts=True)
