@@ -8,6 +8,7 @@ from typing import Any, Literal
 import click
 
 from legoworld.commands import options
+from legoworld.pluralize import counted
 
 _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 _SCENES = click.argument("scenes", type=options.EXISTING_FOLDER)
@@ -117,7 +118,8 @@ def score(
     head = ["mean over trials", *(agent.agent for agent in document.agents)]
     click.echo(options.table(head, table_rows(document.agents)))
     if document.common is not None:
-        click.echo(f"\nOver the {len(document.common_images)} images that all agents share:")
+        shared = counted(len(document.common_images), "image", "images")
+        click.echo(f"\nOver {shared} that all agents have:")
         click.echo(options.table(head, table_rows(document.common)))
     return 0
 
@@ -209,5 +211,7 @@ def pick(
     other = sum(p.ordinal != p.submitted for p in picks)
     click.echo(f"{other} of {len(picks)} submissions are another checkpoint -> {output}")
     if saved is not None:
-        click.echo(f"mean regret saved: {saved[0]:+.4f} over {saved[1]} scenes")
+        click.echo(
+            f"mean regret saved: {saved[0]:+.4f} over {counted(saved[1], 'scene', 'scenes')}"
+        )
     return 0

@@ -368,7 +368,8 @@ def test_views_that_were_left_behind_are_said(
     chrome.until(
         "document.querySelector('#detail').textContent.includes('keep the folder r_files')"
     )
-    assert len(chrome.said) == 1
+    assert chrome.said  # once for each part of the page that asked for the file
+    assert all("ERR_FILE_NOT_FOUND" in said for said in chrome.said)
     chrome.said.clear()
 
 

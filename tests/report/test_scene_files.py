@@ -16,6 +16,9 @@ from report.chromium import Browser, browser
 from report.pages import embedded
 
 from legoworld import cli
+from legoworld.records.base import to_record
+from legoworld.records.run_file import ImageSource
+from legoworld.records.run_rows import RunRow
 from legoworld.report import page_file
 from legoworld.report.scene_files import SceneFiles, why_not_shown
 
@@ -32,16 +35,24 @@ def glb(document: dict[str, Any]) -> bytes:
     ) + text  # fmt: skip
 
 
-def scene_record(folder: Path) -> dict[str, Any]:
-    """What a run records of a scene folder."""
+ROW = RunRow(image_id=1, file_name="one.png", size_wh=(8, 6), status="ok", rendered_wh=(8, 6))
+
+
+def scene_record(folder: Path, name: str | None = None) -> ImageSource:
+    """What a run records of a scene folder; name: another than its own."""
     files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}
     pose = [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0.25]]
-    return {
-        "scene": folder.name,
-        "files": files,
-        "camera": {"world_from_camera": pose},
-        "projection": {"fx": 10.0, "fy": 10.0, "cx": 4.0, "cy": 3.0, "orthographic": False},
-    }
+    camera = {
+        "name": "Camera", "type": "PERSP", "world_from_camera": pose, "lens_mm": 45.0,
+        "sensor_width_mm": 36.0, "sensor_height_mm": 24.0, "sensor_fit": "AUTO", "shift_x": 0.0,
+        "shift_y": 0.0, "ortho_scale": 6.0, "clip_start": 0.1, "clip_end": 100.0,
+    }  # fmt: skip
+    projection = {
+        "fx": 10.0, "fy": 10.0, "cx": 4.0, "cy": 3.0, "orthographic": False, "z_near": 0.1,
+        "z_far": 100.0,
+    }  # fmt: skip
+    record = {"scene": name or folder.name, "files": files}
+    return to_record(ImageSource, {**record, "camera": camera, "projection": projection})
 
 
 @pytest.fixture
@@ -55,12 +66,12 @@ def scene(tmp_path: Path) -> Path:
 
 def test_the_files_that_were_read_out_are_shown(scene: Path) -> None:
     files = SceneFiles(folders=(scene.parent,))
-    shown = files.page_scene(scene_record(scene), {"rendered_wh": [8, 6]})
+    shown = files.page_scene(scene_record(scene), ROW)
     assert shown is not None
     assert (shown.render, shown.glb, shown.render_said, shown.glb_said) == (0, 0, "", "")
     assert shown.camera is not None
     assert shown.camera.size_wh == (8, 6)
-    again = files.page_scene(scene_record(scene), {"rendered_wh": [8, 6]})
+    again = files.page_scene(scene_record(scene), ROW)
     assert again == shown
     assert len(files.renders) == len(files.glbs) == 1, "each file once"
 
@@ -69,7 +80,7 @@ def test_another_file_than_the_one_that_was_read_out_is_not_shown(scene: Path) -
     record = scene_record(scene)
     (scene / "scene.glb").write_bytes(glb({"asset": {"version": "2.0"}, "extras": 1}))
     (scene / "final.png").unlink()
-    shown = SceneFiles(folders=(scene.parent,)).page_scene(record, {"rendered_wh": [8, 6]})
+    shown = SceneFiles(folders=(scene.parent,)).page_scene(record, ROW)
     assert shown is not None
     assert (shown.render, shown.glb) == (None, None)
     assert "its sha256 differs" in shown.glb_said
@@ -77,12 +88,12 @@ def test_another_file_than_the_one_that_was_read_out_is_not_shown(scene: Path) -
 
 
 def test_a_name_that_leads_out_of_the_scenes_is_not_followed(scene: Path) -> None:
-    record = scene_record(scene) | {"scene": "../scenes/one"}
-    shown = SceneFiles(folders=(scene.parent,)).page_scene(record, {"rendered_wh": [8, 6]})
+    record = scene_record(scene, "../scenes/one")
+    shown = SceneFiles(folders=(scene.parent,)).page_scene(record, ROW)
     assert shown is not None
     assert shown.glb is None
     assert "leads out" in shown.glb_said
-    assert SceneFiles(folders=()).page_scene(record, {}) is None
+    assert SceneFiles(folders=()).page_scene(record, ROW) is None
 
 
 @pytest.mark.parametrize(

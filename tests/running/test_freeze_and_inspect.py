@@ -165,7 +165,7 @@ def test_inspect_draws_over_a_photo_of_its_size_only(scenes, tmp_path, capsys):
     good = ["inspect", str(scenes / "good"), "--photo", str(photo), "-q", "-o", str(tmp_path / "a")]
     assert cli.run(good) == 0
     assert cli.run([*good, "--size", "32x24"]) == 2
-    assert "another size" in capsys.readouterr().err
+    assert "have different sizes" in capsys.readouterr().err
 
 
 def test_inspect_of_a_broken_scene_is_one_line(scenes, capsys):
