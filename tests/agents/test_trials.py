@@ -77,7 +77,6 @@ def frozen(trials, name):
         ("never-saves", "checkpoint"),
         ("saves-elsewhere", "checkpoint"),
         ("fills-the-disk", "saved"),
-        ("forks", "checkpoint"),
         ("sleeps", "saved"),
         ("prints-secrets", "saved"),
         ("links-its-save", "checkpoint"),
@@ -123,10 +122,24 @@ def test_secrets_reach_neither_the_code_nor_a_file(trials):
         assert not path.is_file() or b"very-secret" not in path.read_bytes(), path
 
 
-def test_a_hundred_thousand_objects_are_a_scene(trials):
+def test_an_agent_that_forks_is_a_row_and_its_scene_survives(trials):
+    """How far the forks get before the limit is met is the machine's speed: both ends are named."""
+    row = trials[1]["forks"]
+    assert row.status in ("ok", "no_scene"), row
+    assert row.checkpoints >= 1
+    if row.status == "ok":
+        assert trial_of(trials, "forks").about.finalisation.source in ("saved", "checkpoint")
+    else:
+        assert "no scene could be exported" in row.reason
+
+
+def test_a_hundred_thousand_objects_are_a_scene_or_more_than_the_time_allows(trials):
     row = trials[1]["many-objects"]
     assert row.status in ("ok", "no_scene"), row
-    assert row.checkpoints == 1
+    if row.checkpoints == 0:
+        assert "no call changed the scene" in row.reason
+    else:
+        assert row.checkpoints == 1
 
 
 def test_one_trial_does_not_see_the_workspace_of_another(trials):
