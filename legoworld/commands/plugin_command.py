@@ -80,11 +80,11 @@ def evidence(
         ),
         output,
     )
-    rotation = made.camera.rotation_source or f"unknown: {made.camera.unknown}"
+    source = made.camera.rotation_source
+    camera = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"
     click.echo(f"regions  {len(made.regions)}")
     click.echo(f"depth    {made.depth.source if made.depth else 'none'}")
-    click.echo(f"camera   rotation from {rotation}" if made.camera.rotation_source
-               else f"camera   {rotation}")  # fmt: skip
+    click.echo(f"camera   {camera}")
     click.echo(f"evidence {output}")
     return 0
 

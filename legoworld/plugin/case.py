@@ -70,11 +70,9 @@ class Case:
         """The number of the last transaction that began; 0 before any."""
         return max((e.transaction or 0 for e in self.ledger.entries), default=0)
 
-    def _count(self, tool: str, transaction: int | None = None) -> int:
-        return sum(
-            e.tool == tool and e.error is None and transaction in (None, e.transaction)
-            for e in self.ledger.entries
-        )
+    def _count(self, tool: str, since: int = 0) -> int:
+        """How many calls of a tool went well, after the first `since` entries."""
+        return sum(e.tool == tool and e.error is None for e in self.ledger.entries[since:])
 
     def _begun(self) -> Entry:
         """The entry that began the open transaction. TransactionError without one."""
@@ -145,7 +143,7 @@ class Case:
         def call() -> tuple[Judgement, Report]:
             begun = self._begun()
             declaration = to_record(Declaration, begun.request)
-            refused = self._refused(begun)
+            refused = self._count("commit", since=begun.seq)
             if refused > self._limits.rounds:
                 raise TransactionError(
                     "the transaction has no corrections left",
@@ -159,13 +157,6 @@ class Case:
             return judge(before, scene.state, declaration, report), report
 
         return self._record("commit", {}, call, closes=lambda made: made[0].accepted)
-
-    def _refused(self, begun: Entry) -> int:
-        """How many commits of the open transaction were refused."""
-        return sum(
-            e.tool == "commit" and e.error is None and e.transaction == begun.transaction
-            for e in self.ledger.entries[begun.seq :]
-        )
 
     def rollback(self) -> SceneState:
         """Return to the scene as it was when the transaction began, proven by its signature."""

@@ -26,10 +26,8 @@ def serve_plugin(*, evidence: Path | None, address: str, ledger: Path) -> None:
         ) from error
 
     known = read_evidence(evidence) if evidence else None
-    store = ledger / STATES
-    store.mkdir(parents=True, exist_ok=True)
     with BlenderProcess(Limits()) as reader:
-        live = LiveBlender(BlenderConnection(parsed_address(address)), reader, store)
+        live = LiveBlender(BlenderConnection(parsed_address(address)), reader, ledger / STATES)
         plugin_server(Case(ledger, live, known, TransactionLimits()), known).run("stdio")
 
 
