@@ -200,7 +200,7 @@ class LiveBlender:
 
 def _over_limit(limit: Limit, limits: SandboxLimits) -> str:
     return {
-        "time": f"the trial's {limits.time_s:g} s are over",
+        "time": "the trial's time is over, and Blender was ended",
         "memory": f"Blender used more than {limits.memory_bytes / 2**30:g} GiB and was ended",
         "disk": f"more than {limits.disk_bytes / 2**30:g} GiB were written, and Blender was ended",
         "output": f"more than {limits.output_bytes >> 20} MiB were printed, and Blender was ended",

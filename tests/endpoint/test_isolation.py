@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import time
 from pathlib import Path
@@ -114,23 +115,26 @@ def test_code_that_cannot_be_stopped_is_ended_with_its_blender(tmp_path, monkeyp
 
 
 @pytest.mark.parametrize(
-    ("code", "word"),
+    ("code", "said"),
     [
         ("x = bytearray(3 << 30); x[::4096] = b'1' * len(x[::4096])\nwhile True: pass", "GiB"),
-        ("import os\nwhile True: open(os.urandom(8).hex(), 'wb').write(bytes(20 << 20))", "GiB"),
-        ("import os\nwhile True: os.fork()", "processes"),
+        (
+            "import os\nwhile True: open(os.urandom(8).hex(), 'wb').write(bytes(20 << 20))",
+            "GiB|No space|File too large",
+        ),
+        # Where the kernel itself counts processes, it is the code that is told.
+        ("import os\nwhile True: os.fork()", "processes|Resource temporarily unavailable"),
         ("import os\nwhile True: os.write(1, b'x' * 65536)", "MiB"),
     ],
 )
-def test_a_limit_is_an_answer(tmp_path, code, word):
+def test_a_limit_is_an_answer(tmp_path, code, said):
     limits = SandboxLimits(
         time_s=120, memory_bytes=1 << 30, disk_bytes=100 << 20, output_bytes=4 << 20, processes=20
     )
     with served(tmp_path, limits=limits) as endpoint:
         client = endpoint.client()
         client.run(CUBE)
-        said = client.refused(code)
-        assert word in said or "No space" in said or "File too large" in said, said
+        assert re.search(said, client.refused(code))
         for file in endpoint.workspace.iterdir():
             if file.suffix != ".blend":
                 file.unlink()
@@ -142,7 +146,8 @@ def test_the_trial_s_time_is_the_end(tmp_path):
     with served(tmp_path, limits=limits) as endpoint:
         client = endpoint.client()
         client.run(CUBE)
-        assert "stopped" in client.refused("import time; time.sleep(60)")
+        # The call's end and the trial's are one moment: either may be noticed first.
+        assert re.search("stopped|over", client.refused("import time; time.sleep(60)"))
         assert endpoint.session.record.last("live") is not None
         assert "no further call is possible" in client.refused(COUNT)
 
