@@ -28,6 +28,7 @@ _SPECTRAL: Final = np.array(
 )  # fmt: skip
 _NO_DEPTH_RGB: Final = (40, 40, 40)
 _FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
+_INK: Final = (0, 0, 0)  # on `_color`, of which all are bright
 
 Rgb = NDArray[np.uint8]
 
@@ -108,9 +109,7 @@ def _draw_box(picture: Rgb, entry: InstanceRow) -> None:
     left = min(x, max(0, picture.shape[1] - width - 2))
     top = y if y + height + base < picture.shape[0] else picture.shape[0] - height - base - 2
     cv2.rectangle(picture, (left, top), (left + width + 2, top + height + base), color, -1)
-    dark = sum(color) > 380
-    ink = (0, 0, 0) if dark else (255, 255, 255)
-    cv2.putText(picture, text, (left + 1, top + height), _FONT, 0.4, ink, 1, cv2.LINE_AA)
+    cv2.putText(picture, text, (left + 1, top + height), _FONT, 0.4, _INK, 1, cv2.LINE_AA)
 
 
 def _edges(instance: NDArray[np.int32]) -> NDArray[np.bool_]:
