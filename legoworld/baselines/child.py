@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
-import os
 import queue
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -23,6 +22,7 @@ from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.records.base import as_json
 from legoworld.records.baseline_messages import ChildRequest, Message
+from legoworld.workers.child_process import ChildProcess, last_line
 from legoworld.workers.environment import ChildKind, child_environment
 from legoworld.workers.scratch import ScratchFolder
 
@@ -67,17 +67,11 @@ class BaselineProcess:
         self._tail: deque[str] = deque(maxlen=_KEPT_LOG_LINES)
         self._messages: queue.Queue[Message | Unreadable | None] = queue.Queue()
         try:
-            self._process = subprocess.Popen(
+            self._process = ChildProcess(
                 [str(python), str(card.program)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-                encoding="utf-8",
-                errors="replace",
-                start_new_session=True,  # Ctrl-C is for the command, which ends the whole group
-                env=_environment(card, self._home.path, declared, offline=request.offline),
-                pass_fds=(self._home.owner_fd,),
+                _environment(card, self._home.path, declared, offline=request.offline),
+                kept=(self._home.owner_fd,),
+                error_pipe=True,
             )
         except OSError as error:
             self._home.close()
@@ -87,8 +81,6 @@ class BaselineProcess:
                 expected="a Python that runs",
                 next_step="pass another --python",
             ) from error
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
         assert self._process.stderr is not None
         self._readers = [
             threading.Thread(target=target, args=(stream,), daemon=True)
@@ -101,8 +93,7 @@ class BaselineProcess:
             reader.start()
         # The pipe stays open: its end is how the process learns that legoworld is gone.
         with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(json.dumps(as_json(request)) + "\n")
-            self._process.stdin.flush()
+            self._process.send(json.dumps(as_json(request)).encode() + b"\n")
 
     def __enter__(self) -> Self:
         return self
@@ -123,52 +114,40 @@ class BaselineProcess:
             try:
                 return self._messages.get(timeout=max(left, 0.0))
             except queue.Empty as error:
-                if self._process.poll() is not None:
+                if self._process.exit_code() is not None:
                     return self._last_message()
                 if deadline is not None and time.monotonic() >= deadline:
                     raise TooSlowError from error
 
     def _last_message(self) -> Message | Unreadable | None:
-        """The last message of an ended process, whose children may keep its pipe open."""
-        self._kill()
+        """The last message of an ended process; what held its pipe open ended with it."""
         with contextlib.suppress(queue.Empty):
             return self._messages.get(timeout=_WAIT_FOR_END_S)
         return None
 
     def how_it_ended(self) -> str:
         """The exit code or signal, and the last line of its log; call it after the end."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_WAIT_FOR_END_S)
+        self._process.exit_code(within_s=_WAIT_FOR_END_S)
         self.close()
-        code = self._process.returncode
+        code = self._process.exit_code() or 0
         how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
         return f"{how}; {self.last_words()}"
 
     def last_words(self) -> str:
         """The last non-empty line of standard error."""
-        lines = [line for line in self._tail if line.strip()]
-        return one_line(lines[-1], 300) if lines else "no message"
+        return one_line(last_line(self._tail), 300)
 
     def close(self) -> None:
         """End the process and everything it started."""
-        self._kill()
-        self._process.wait()
+        self._process.end()
         self._home.close()
         for reader in self._readers:
             reader.join(_WAIT_FOR_END_S)
-        if any(reader.is_alive() for reader in self._readers):
-            return  # a process that left the group holds a pipe: closing it here would wait for it
-        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
-            if pipe is not None:
-                # A killed reader leaves unsent bytes behind.
-                with contextlib.suppress(BrokenPipeError):
-                    pipe.close()
+        if not any(reader.is_alive() for reader in self._readers):
+            # A process that left the group would hold a pipe: closing it would wait for it.
+            self._process.close()
 
-    def _kill(self) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-
-    def _read_messages(self, stream: IO[str]) -> None:
+    def _read_messages(self, stream: IO[bytes]) -> None:
         for line in _lines(stream, _LONGEST_LINE):
             message = read_line(line)
             if message is None and len(line) == _LONGEST_LINE and line.startswith("{"):
@@ -181,7 +160,7 @@ class BaselineProcess:
                 self._messages.put(message)
         self._messages.put(None)
 
-    def _read_log(self, stream: IO[str]) -> None:
+    def _read_log(self, stream: IO[bytes]) -> None:
         for line in _lines(stream, _LONGEST_LOG_LINE):
             self._tail.append(line)
             self._pass_on(line)
@@ -191,9 +170,11 @@ class BaselineProcess:
             self._log(line[:_LONGEST_LOG_LINE].rstrip("\n"))
 
 
-def _lines(stream: IO[str], longest: int) -> Iterator[str]:
+def _lines(stream: IO[bytes], longest: int) -> Iterator[str]:
     """Lines; one longer than `longest` characters is split into pieces."""
-    return iter(lambda: stream.readline(longest), "")
+    text = io.TextIOWrapper(stream, encoding="utf-8", errors="replace")
+    yield from iter(lambda: text.readline(longest), "")
+    text.detach()  # the pipe is closed with the process
 
 
 def _environment(

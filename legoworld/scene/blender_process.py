@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import math
 import os
-import selectors
-import signal
-import subprocess
 import sys
-import tempfile
 import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Final, Self
+from typing import Any, Final, Self
 
 from legoworld.errors import (
     LegoWorldError,
@@ -26,12 +20,12 @@ from legoworld.errors import (
     from_reason,
     one_line,
 )
+from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.descendants import resident_bytes
 from legoworld.workers.environment import blender_environment
 from legoworld.workers.scratch import ScratchFolder
 
 _POLL_S: Final = 0.02
-_REAP_EVERY_S: Final = 0.002
 #: A worker that has read this many files is replaced: Blender's memory grows slowly with each.
 _RECYCLE_AFTER: Final = 200
 _RECYCLE_SHARE: Final = 0.5  # of the memory limit
@@ -52,14 +46,12 @@ class BlenderProcess:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._process: subprocess.Popen[str] | None = None
-        self._stderr: IO[bytes] | None = None
+        self._process: ChildProcess | None = None
         self._home: ScratchFolder | None = None
         self._workspaces: dict[tuple[str, Path | None], ScratchFolder] = {}
         self._served = 0
         self._aborted = False
-        #: Held to start, kill and reap: an abort comes before a process is made or finds it, and
-        #: never signals a number that was reaped and may be another process's.
+        #: Held to start and to abort: an abort comes before a process is made, or finds it.
         self._owning = threading.Lock()
 
     def __enter__(self) -> Self:
@@ -75,28 +67,7 @@ class BlenderProcess:
 
     def start(self) -> None:
         """Start the process now; the first request then finds bpy imported."""
-        if self._process is not None:
-            return
-        self._home = ScratchFolder("legoworld-blender-")
-        home = self._home.path
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
-        empty, environment = _made(home, "empty"), _environment(home)
-        with self._owning:
-            if self._aborted:
-                raise self._crashed()
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "legoworld.scene.blender.worker"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=self._stderr,
-                text=True,
-                encoding="utf-8",
-                cwd=empty,
-                start_new_session=True,  # Ctrl-C is for the command: it decides what becomes of it
-                env=environment,
-                pass_fds=(self._home.owner_fd,),
-            )
-        self._served = 0
+        self._started()
 
     def request(self, message: dict[str, Any]) -> dict[str, Any]:
         """The worker's answer.
@@ -120,7 +91,7 @@ class BlenderProcess:
         try:
             return self._ask(message)
         except LegoWorldError:
-            if self._exit_code() is not None:
+            if self._ended():
                 self._drop()
             raise
 
@@ -129,7 +100,7 @@ class BlenderProcess:
         with self._owning:
             self._aborted = True
             if self._process is not None:
-                _kill(self._process)
+                self._process.kill()
 
     def workspace(self, prefix: str, parent: Path | None = None) -> Path:
         """A scratch folder that requests may write to, made when first asked for.
@@ -147,37 +118,43 @@ class BlenderProcess:
         while self._workspaces:
             self._workspaces.popitem()[1].close()
 
+    def _started(self) -> ChildProcess:
+        if self._process is not None:
+            return self._process
+        self._home = ScratchFolder("legoworld-blender-")
+        home = self._home.path
+        empty, environment = _made(home, "empty"), _environment(home)
+        with self._owning:
+            if self._aborted:
+                raise self._crashed()
+            self._process = ChildProcess(
+                [sys.executable, "-m", "legoworld.scene.blender.worker"],
+                environment,
+                cwd=empty,
+                kept=(self._home.owner_fd,),
+            )
+        self._served = 0
+        return self._process
+
     def _drop(self) -> None:
         if self._process is not None:
-            self._end()
-            for pipe in (self._process.stdin, self._process.stdout):
-                if pipe is not None:
-                    # A killed reader leaves unsent bytes behind.
-                    with contextlib.suppress(BrokenPipeError):
-                        pipe.close()
+            self._process.close()
             self._process = None
-        if self._stderr is not None:
-            self._stderr.close()
-            self._stderr = None
         if self._home is not None:
             self._home.close()
             self._home = None
 
     def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
-        self.start()
-        process = self._process
-        assert process is not None
-        assert process.stdin is not None
+        process = self._started()
         deadline = time.monotonic() + self._limits.time_s
         try:
-            process.stdin.write(json.dumps(message) + "\n")
-            process.stdin.flush()
+            process.send(json.dumps(message).encode() + b"\n")
         except BrokenPipeError as error:
             raise self._crashed() from error
         try:
             line = self._answer_line(process, deadline)
         except LegoWorldError:
-            self._end()  # it cannot be used any more; its log is kept for the message
+            process.end()  # it cannot be used any more; its log is kept for the message
             raise
         self._served += 1
         answer: dict[str, Any] = json.loads(line)
@@ -194,55 +171,34 @@ class BlenderProcess:
         reported.trace = answer.get("trace", "")
         raise reported
 
-    def _answer_line(self, process: subprocess.Popen[str], deadline: float) -> str:
-        assert process.stdout is not None
-        with selectors.DefaultSelector() as selector:
-            selector.register(process.stdout, selectors.EVENT_READ)
-            while not selector.select(_POLL_S):
-                if resident_bytes(process.pid) > self._limits.memory_bytes:
-                    raise self._out_of_memory()
-                if time.monotonic() > deadline:
-                    raise WorkerTimeoutError(
-                        "Blender did not finish with the scene",
-                        found=f"no answer after {self._limits.time_s:g} s",
-                        expected="an answer within the time limit",
-                        next_step="simplify the scene, or raise --time-limit",
-                    )
+    def _answer_line(self, process: ChildProcess, deadline: float) -> bytes:
+        while not process.answers(_POLL_S):
+            if resident_bytes(process.pid) > self._limits.memory_bytes:
+                raise self._out_of_memory()
+            if time.monotonic() > deadline:
+                raise WorkerTimeoutError(
+                    "Blender did not finish with the scene",
+                    found=f"no answer after {self._limits.time_s:g} s",
+                    expected="an answer within the time limit",
+                    next_step="simplify the scene, or raise --time-limit",
+                )
         line = process.stdout.readline()
-        if not line.endswith("\n"):
+        if not line.endswith(b"\n"):
             raise self._crashed()
         return line
 
-    def _end(self) -> None:
-        """Kill the process and wait until it is gone."""
-        if self._process is not None:
-            with self._owning:
-                _kill(self._process)
-            self._exit_code(within_s=None)
-
-    def _exit_code(self, *, within_s: float | None = 0.0) -> int | None:
-        """The process's exit code once it has ended; None where it runs, or there is none."""
-        deadline = math.inf if within_s is None else time.monotonic() + within_s
-        while self._process is not None:
-            with self._owning:
-                code = self._process.poll()
-            if code is not None or time.monotonic() >= deadline:
-                return code
-            time.sleep(_REAP_EVERY_S)
-        return None
-
     def _crashed(self) -> WorkerCrashedError:
-        code = self._exit_code(within_s=5.0)
-        killed = code is not None and code < 0
-        how = f"signal {-code}" if code is not None and killed else f"exit code {code}"
+        how, words = "aborted", "no message"
+        if self._process is not None:
+            how, words = self._process.how_it_ended(), self._process.last_words(_is_of_blender)
         advice = (
             "the file may be damaged: open it in Blender and save it again"
-            if killed
+            if how.startswith("signal")
             else "a library Blender needs may be missing: `legoworld doctor` checks"
         )
         return WorkerCrashedError(
             "Blender ended while it had the scene",
-            found=one_line(f"{how}; {self._last_words()}", 300),
+            found=one_line(f"{how}; {words}", 300),
             expected="a snapshot of the scene",
             next_step=advice,
         )
@@ -256,29 +212,20 @@ class BlenderProcess:
             next_step="lower the scene's subdivision levels, or raise --memory-limit",
         )
 
-    def _last_words(self) -> str:
-        """The last line on standard error that does not begin with a clock or name a place."""
-        if self._stderr is None:
-            return ""
-        size = self._stderr.seek(0, os.SEEK_END)
-        self._stderr.seek(max(0, size - 4000))
-        text = self._stderr.read().decode("utf-8", "replace")
-        lines = [x for x in text.splitlines() if x.strip() and not x[0].isdigit() and "/" not in x]
-        return lines[-1] if lines else "no message"
+    def _ended(self) -> bool:
+        return self._process is not None and self._process.exit_code() is not None
 
     def _recycle(self) -> None:
         if self._process is None:
             return
         grown = resident_bytes(self._process.pid) > _RECYCLE_SHARE * self._limits.memory_bytes
-        if self._served >= _RECYCLE_AFTER or grown or self._exit_code() is not None:
+        if self._served >= _RECYCLE_AFTER or grown or self._ended():
             self._drop()
 
 
-def _kill(process: subprocess.Popen[str]) -> None:
-    """Kill a worker's whole session, unless it is reaped; its number may be another's then."""
-    if process.returncode is None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
+def _is_of_blender(line: str) -> bool:
+    """Whether a line of the log begins with no clock and names no place."""
+    return bool(line.strip()) and not line[0].isdigit() and "/" not in line
 
 
 def _made(folder: Path, name: str) -> Path:

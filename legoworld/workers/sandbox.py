@@ -11,7 +11,6 @@ import json
 import os
 import selectors
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -30,6 +29,7 @@ from legoworld.workers.bubblewrap import (
     confined,
     find_bubblewrap,
 )
+from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.descendants import descendants, end_all, memory_bytes
 from legoworld.workers.environment import blender_environment
 from legoworld.workers.task_group import group_place, make_group, remove_group
@@ -44,6 +44,7 @@ _LOOK_EVERY_S: Final = 0.05
 _LOOK_AT_LEAST_EVERY_S: Final = 0.5
 _LOOK_AT_DISK_EVERY_S: Final = 0.5
 _MOST_FILES: Final = 100_000
+_END: Final = b"e"  # keeper.py's word for it: that file is run, not imported
 _END_WITHIN_S: Final = 15.0
 
 
@@ -183,7 +184,7 @@ class Sandbox:
         self._variables = dict(variables or {})
         #: When the time limit is reached, in time.monotonic() seconds, in every process.
         self.deadline = time.monotonic() + limits.time_s
-        self._keeper: subprocess.Popen[bytes] | None = None
+        self._keeper: ChildProcess | None = None
         self._printed: IO[bytes] | None = None
         self._head, self._tail = b"", b""
         self._printed_bytes = 0
@@ -235,14 +236,10 @@ class Sandbox:
             "group": str(self._group.folder) if self._group else None,
         }
         try:
-            self._keeper = subprocess.Popen(
+            self._keeper = ChildProcess(
                 [sys.executable, "-I", "-S", str(_KEEPER), json.dumps(order)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C is for the command: closing ends all of it
-                pass_fds=(write_output,),
-                env=self._environment(),
+                self._environment(),
+                kept=(write_output,),
             )
         finally:
             os.close(write_output)
@@ -251,7 +248,6 @@ class Sandbox:
         """Wait until the program ends or exceeds a limit; afterwards none of its processes runs."""
         keeper = self._keeper
         assert keeper is not None
-        assert keeper.stdout is not None
         assert self._printed is not None
         look, look_at_disk = 0.0, 0.0
         with selectors.DefaultSelector() as selector:
@@ -280,29 +276,19 @@ class Sandbox:
     def stop(self) -> None:
         """End the program from a thread other than the one in `wait`, which then returns."""
         keeper = self._keeper
-        if keeper is not None and keeper.stdin is not None:
+        if keeper is not None:
             with contextlib.suppress(OSError, ValueError):  # it is being closed already
-                keeper.stdin.write(b"e")
-                keeper.stdin.flush()
+                keeper.send(_END)
 
     def close(self) -> None:
         """End the program and everything it started. The scratch folder stays for its owner."""
         keeper, self._keeper = self._keeper, None
         if keeper is not None:
-            assert keeper.stdin is not None
-            assert keeper.stdout is not None
             with contextlib.suppress(BrokenPipeError):
-                keeper.stdin.write(b"e")
-                keeper.stdin.flush()
-            try:
-                keeper.wait(_END_WITHIN_S)
-            except subprocess.TimeoutExpired:  # a program has stopped it
+                keeper.send(_END)
+            if keeper.exit_code(within_s=_END_WITHIN_S) is None:  # a program has stopped it
                 end_all(keeper.pid)
-                keeper.kill()
-                keeper.wait()
-            with contextlib.suppress(BrokenPipeError):
-                keeper.stdin.close()
-            keeper.stdout.close()
+            keeper.close()
         if self._group is not None:  # its keeper has, unless it was killed
             remove_group(self._group.folder)
             self._group = None

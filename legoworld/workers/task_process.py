@@ -9,9 +9,7 @@ from __future__ import annotations
 import os
 import pickle
 import signal
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +17,8 @@ from typing import IO, Any, Final, Generic, TypeVar
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, one_line
+from legoworld.workers.child_process import ChildProcess
+from legoworld.workers.environment import python_path
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -45,15 +45,12 @@ class TaskProcess(Generic[Item, Result]):
 
     def __init__(self, function: Callable[[Item], Result]) -> None:
         self._function = function
-        self._process: subprocess.Popen[bytes] | None = None
-        self._stderr: IO[bytes] | None = None
+        self._process: ChildProcess | None = None
         self._aborted = False
 
     def call(self, item: Item) -> Result:
         """The function's result or exception; ProcessLostError when the process ends."""
         process = self._process or self._started()
-        assert process.stdin is not None
-        assert process.stdout is not None
         if self._aborted:  # seen here or by `abort`, whichever comes second
             process.kill()
         try:
@@ -61,7 +58,7 @@ class TaskProcess(Generic[Item, Result]):
             process.stdin.flush()
             good, value = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
-            lost = self._lost()
+            lost = _lost(process)
             self.close()
             raise lost from error
         if not good:
@@ -79,54 +76,28 @@ class TaskProcess(Generic[Item, Result]):
     def close(self) -> None:
         """End the process, even during a call."""
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            for pipe in (self._process.stdin, self._process.stdout):
-                if pipe is not None:
-                    with suppress(BrokenPipeError):  # a killed reader leaves unsent bytes behind
-                        pipe.close()
+            self._process.close()
             self._process = None
-        if self._stderr is not None:
-            self._stderr.close()
-            self._stderr = None
 
-    def _started(self) -> subprocess.Popen[bytes]:
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", __name__],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._stderr,
-            start_new_session=True,  # Ctrl-C is for the command: it decides what becomes of this
-            env=_environment(),
-        )
-        assert self._process.stdin is not None
+    def _started(self) -> ChildProcess:
+        self._process = ChildProcess([sys.executable, "-m", __name__], _environment())
         with suppress(BrokenPipeError):  # it is gone: the call finds out, and how
             pickle.dump(self._function, self._process.stdin, pickle.HIGHEST_PROTOCOL)
         return self._process
 
-    def _lost(self) -> ProcessLostError:
-        assert self._process is not None
-        assert self._stderr is not None
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=5)
-        code = self._process.returncode
-        how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
-        self._stderr.seek(max(0, self._stderr.seek(0, os.SEEK_END) - 4000))
-        words = self._stderr.read().decode("utf-8", "replace").strip().splitlines()
-        return ProcessLostError(
-            "a worker process ended unexpectedly",
-            found=one_line(f"{how}; {words[-1] if words else 'no message'}", 300),
-            expected="the results of its items",
-            next_step="run the same command again, with fewer --workers where memory is short",
-        )
+
+def _lost(process: ChildProcess) -> ProcessLostError:
+    return ProcessLostError(
+        "a worker process ended unexpectedly",
+        found=one_line(f"{process.how_it_ended()}; {process.last_words()}", 300),
+        expected="the results of its items",
+        next_step="run the same command again, with fewer --workers where memory is short",
+    )
 
 
 def _environment() -> dict[str, str]:
     """The owner's environment, with its own legoworld first on the path."""
-    root = str(Path(__file__).parents[2])
-    path = os.pathsep.join([root, *(p for p in (os.environ.get("PYTHONPATH"),) if p)])
-    return {**os.environ, **_ONE_THREAD, "PYTHONPATH": path}
+    return {**os.environ, **_ONE_THREAD, "PYTHONPATH": python_path(Path(__file__).parents[2])}
 
 
 def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:

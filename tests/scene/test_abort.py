@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import threading
 
-from legoworld.scene import blender_process
 from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.workers import child_process
+from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.task_process import TaskProcess
 
 
-def sleeping() -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-c", "import time; time.sleep(600)"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+def sleeping() -> ChildProcess:
+    return ChildProcess([sys.executable, "-c", "import time; time.sleep(600)"], os.environ)
 
 
 def test_an_abort_never_signals_a_number_that_was_reaped(monkeypatch):
@@ -34,10 +28,10 @@ def test_an_abort_never_signals_a_number_that_was_reaped(monkeypatch):
         if threading.current_thread() is aborting:
             seen.set()
             closed.wait(0.5)
-            reaped.append(process.returncode is not None)
+            reaped.append(process._process.returncode is not None)
         kill(pid, number)
 
-    monkeypatch.setattr(blender_process.os, "killpg", killpg)
+    monkeypatch.setattr(child_process.os, "killpg", killpg)
     aborting = threading.Thread(target=blender.abort)
     aborting.start()
     assert seen.wait(30)
@@ -45,7 +39,7 @@ def test_an_abort_never_signals_a_number_that_was_reaped(monkeypatch):
     closed.set()
     aborting.join()
     assert reaped == [False]
-    assert process.returncode == -9
+    assert process.exit_code() == -9
 
 
 def test_a_blender_that_is_closed_is_aborted_in_peace():
@@ -53,28 +47,21 @@ def test_a_blender_that_is_closed_is_aborted_in_peace():
     process = blender._process = sleeping()
     blender.close()
     blender.abort()
-    assert process.returncode == -9
+    assert process.exit_code() == -9
 
 
-class ClosedMeanwhile(TaskProcess):
+def test_a_task_process_that_is_closed_meanwhile_is_aborted_in_peace(monkeypatch):
     """Its own thread closes it right after another one has looked."""
+    worker = TaskProcess(print)
+    process = worker._process = sleeping()
+    kill = process.kill
 
-    looks = 0
+    def kill_late():
+        monkeypatch.undo()
+        worker.close()
+        kill()
 
-    @property
-    def _process(self):
-        self.looks += 1
-        return self.process if self.looks == 1 else None
-
-    @_process.setter
-    def _process(self, value):
-        self.process = value
-
-
-def test_a_task_process_that_is_closed_meanwhile_is_aborted_in_peace():
-    worker = ClosedMeanwhile(print)
-    process = worker.process = sleeping()
+    monkeypatch.setattr(process, "kill", kill_late)
     worker.abort()
-    assert process.wait(30) == -9
-    for pipe in (process.stdin, process.stdout):
-        pipe.close()
+    assert worker._process is None
+    assert process.exit_code() == -9

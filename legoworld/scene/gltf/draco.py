@@ -9,9 +9,9 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import one_line
 from legoworld.scene.gltf.verdicts import Budget, UnsupportedGltfError, unreadable
+from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.environment import ChildKind, child_environment, python_path
 
 EXTENSION: Final = "KHR_draco_mesh_compression"
@@ -63,25 +64,24 @@ def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
         "limit_bytes": budget.left,
         "payloads": [[len(p.data), list(p.attributes)] for p in payloads],
     }
-    parts = [json.dumps(request).encode() + b"\n", *(p.data for p in payloads)]
-    try:
-        done = subprocess.run(
-            [sys.executable, "-P", str(_WORKER)],
-            input=b"".join(parts),
-            env=_environment(),
-            capture_output=True,
-            timeout=_TIME_LIMIT_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise unreadable(f"its Draco data did not decode in {_TIME_LIMIT_S:g} s") from error
-    header, _, body = done.stdout.partition(b"\n")
-    if done.returncode != 0 or not header:
-        words = done.stderr.decode("utf-8", "replace").strip().splitlines() or ["no message"]
-        raise unreadable(
-            f"the Draco decoder ended with {done.returncode}: {one_line(words[-1], 120)}"
-        )
-    return _answers(payloads, json.loads(header), memoryview(body), budget)
+    input_bytes = b"".join([json.dumps(request).encode() + b"\n", *(p.data for p in payloads)])
+    answers, body = _decoded(input_bytes)
+    return _answers(payloads, answers, body, budget)
+
+
+def _decoded(input_bytes: bytes) -> tuple[list[Any], memoryview]:
+    """The answers of the decoder's process, and the bytes of the arrays."""
+    with closing(ChildProcess([sys.executable, "-P", str(_WORKER)], _environment())) as process:
+        try:
+            output = process.output_for(input_bytes, _TIME_LIMIT_S)
+        except TimeoutError as error:
+            limit = f"{_TIME_LIMIT_S:g} s"
+            raise unreadable(f"its Draco data did not decode in {limit}") from error
+        header, _, body = output.partition(b"\n")
+        if (code := process.exit_code()) != 0 or not header:
+            words = one_line(process.last_words(), 120)
+            raise unreadable(f"the Draco decoder ended with {code}: {words}")
+    return json.loads(header), memoryview(body)
 
 
 def _environment() -> dict[str, str]:
