@@ -34,6 +34,19 @@ class ReadScene:
     files: FrozenFiles
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Made:
+    """A snapshot that was just made: in memory, or the file that Blender wrote.
+
+    names: the files that the scene file reads; watched: folders in which more may appear.
+    """
+
+    snapshot: Snapshot | Path
+    files: FrozenFiles
+    names: list[str]
+    watched: list[str]
+
+
 def read_scene(
     scene: SceneFolder,
     *,
@@ -46,112 +59,93 @@ def read_scene(
 
     Raises the typed verdicts of `errors`: missing, invalid, changed, failed or timeout.
     """
-    if source == "glb":
-        return _read_glb(scene, cache, files)
-    blend = files.artefacts.get(BLEND)
-    if blend is None:
-        raise SceneInvalidError(
-            "the scene folder holds no scene.blend",
-            found=", ".join(files.artefacts) or "nothing",
-            expected=BLEND,
-            next_step="pass --source glb to `legoworld readout` or `inspect` to read scene.glb"
-            if GLB in files.artefacts
-            else "run the scene program with `legoworld execute`",
-        )
-    names = cache.dependencies(blend.sha256, scene.path) if cache else None
-    if cache is not None and names is not None:
-        known = hashed_dependencies(scene, names, files, read_by=BLEND)
-        stored = _stored(cache.snapshot_path(blend.sha256, known.dependencies))
+    name = BLEND if source == "blend" else GLB
+    hashed = files.artefacts.get(name)
+    if hashed is None:
+        raise _missing(name, files)
+    if cache is not None:
+        stored = _stored(scene, name, hashed, cache, files)
         if stored is not None:
-            return ReadScene(snapshot=stored[0], snapshot_sha256=stored[1], files=known)
-    return _read_with_blender(scene, blend, cache, blender, files)
+            return stored
+    if source == "blend":
+        made = _from_blend(scene, hashed, files, cache, blender)
+    else:
+        made = _from_glb(scene, hashed, files)
+    snapshot, content = _loaded(made) if cache is None else _kept(made, hashed, cache)
+    return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=made.files)
 
 
-def _stored(path: Path) -> tuple[Snapshot, str] | None:
-    """A cached snapshot and its content hash; None where there is none that can be read.
+def _missing(name: str, files: FrozenFiles) -> SceneInvalidError:
+    next_step = {
+        (BLEND, True): "pass --source glb to `legoworld readout` or `inspect` to read scene.glb",
+        (BLEND, False): "run the scene program with `legoworld execute`",
+        (GLB, False): "export scene.glb, or use --source blend",
+    }[name, GLB in files.artefacts]
+    return SceneInvalidError(
+        f"the scene folder holds no {name}",
+        found=", ".join(files.artefacts) or "nothing",
+        expected=name,
+        next_step=next_step,
+    )
+
+
+def _stored(
+    scene: SceneFolder, name: str, hashed: FileHash, cache: SnapshotCache, files: FrozenFiles
+) -> ReadScene | None:
+    """The cached snapshot of a scene file; None where there is none that can be read.
 
     A damaged entry is made again, like one that is not there.
     """
+    names = cache.dependencies(hashed.sha256, scene.path)
+    if names is None:
+        return None
+    known = hashed_dependencies(scene, names, files, read_by=name)
     try:
-        return load(path)
+        snapshot, content = load(cache.snapshot_path(hashed.sha256, known.dependencies))
     except SceneInvalidError:
         return None
-
-
-def _read_with_blender(
-    scene: SceneFolder,
-    blend: FileHash,
-    cache: SnapshotCache | None,
-    blender: BlenderProcess,
-    files: FrozenFiles,
-) -> ReadScene:
-    if cache is None:  # each snapshot takes the place of the one before
-        output = blender.workspace("legoworld-snapshot-") / "made.snapshot"
-        known, _, _ = _made(scene, blend, blender, files, output, passing=True)
-        snapshot, content = load(output, passing=True)
-        return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
-    cache.folder.mkdir(parents=True, exist_ok=True)
-    output = blender.workspace(".reading-", cache.folder) / "made.snapshot"
-    known, names, watched = _made(scene, blend, blender, files, output, passing=False)
-    stored = cache.snapshot_path(blend.sha256, known.dependencies)
-    stored.parent.mkdir(parents=True, exist_ok=True)
-    output.replace(stored)
-    cache.put_dependencies(blend.sha256, names, watched)
-    snapshot, content = load(stored)
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
 
 
-def _made(
+def _from_blend(
     scene: SceneFolder,
-    blend: FileHash,
-    blender: BlenderProcess,
+    hashed: FileHash,
     files: FrozenFiles,
-    output: Path,
-    *,
-    passing: bool,
-) -> tuple[FrozenFiles, list[str], list[str]]:
-    """Have Blender write the snapshot.
-
-    Returns the files it was made from, their names, and the folders that more may appear in.
-    """
+    cache: SnapshotCache | None,
+    blender: BlenderProcess,
+) -> _Made:
+    """Have Blender write the snapshot, on the cache's disk where it is to be kept there."""
+    if cache is None:  # each snapshot takes the place of the one before
+        workspace = blender.workspace("legoworld-snapshot-")
+    else:
+        cache.folder.mkdir(parents=True, exist_ok=True)
+        workspace = blender.workspace(".reading-", cache.folder)
+    output = workspace / "made.snapshot"
     answer = blender.request(
         {
             "kind": "snapshot",
             # The folder is resolved and the file is not: what it links lies beside the name.
             "blend": str(scene.path.resolve() / BLEND),
             "output": str(output),
-            "passing": passing,
+            "passing": cache is None,
         }
     )
-    known = hashed_dependencies(scene, answer["dependencies"], files, read_by=BLEND)
+    names = answer["dependencies"]
+    known = hashed_dependencies(scene, names, files, read_by=BLEND)
     # The file may have been replaced meanwhile: what was hashed must be what was read.
-    if not is_still(scene.path, BLEND, blend):
+    if not is_still(scene.path, BLEND, hashed):
         raise _changed(scene, BLEND)
-    return known, answer["dependencies"], answer["watched"]
+    return _Made(snapshot=output, files=known, names=names, watched=answer["watched"])
 
 
-def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFiles) -> ReadScene:
-    """The snapshot of scene.glb: from the cache, or read here without Blender."""
+def _from_glb(scene: SceneFolder, hashed: FileHash, files: FrozenFiles) -> _Made:
+    """Read scene.glb here, without Blender."""
     from legoworld.scene.gltf.buffers import external_files
     from legoworld.scene.gltf.container import parse_glb
     from legoworld.scene.gltf.snapshot import snapshot_of_glb
 
-    glb = files.artefacts.get(GLB)
-    if glb is None:
-        raise SceneInvalidError(
-            "the scene folder holds no scene.glb",
-            found=", ".join(files.artefacts) or "nothing",
-            expected=GLB,
-            next_step="export scene.glb, or use --source blend",
-        )
-    names = cache.dependencies(glb.sha256, scene.path) if cache else None
-    if cache is not None and names is not None:
-        known = hashed_dependencies(scene, names, files, read_by=GLB)
-        stored = _stored(cache.snapshot_path(glb.sha256, known.dependencies))
-        if stored is not None:
-            return ReadScene(snapshot=stored[0], snapshot_sha256=stored[1], files=known)
     data = scene.file(GLB).read_bytes()
-    if hashlib.sha256(data).hexdigest() != glb.sha256:
+    if hashlib.sha256(data).hexdigest() != hashed.sha256:
         raise _changed(scene, GLB)
     parsed = parse_glb(data)
     names = external_files(parsed.document, scene.path)
@@ -160,11 +154,27 @@ def _read_glb(scene: SceneFolder, cache: SnapshotCache | None, files: FrozenFile
     # A file beside it may have been replaced meanwhile: what was hashed must be what was read.
     if hash_files(scene.path, names) != known.dependencies:
         raise _changed(scene, GLB)
-    if cache is None:
-        return ReadScene(snapshot=snapshot, snapshot_sha256=snapshot.content_sha256(), files=known)
-    content = save(snapshot, cache.snapshot_path(glb.sha256, known.dependencies))
-    cache.put_dependencies(glb.sha256, names, [])
-    return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+    return _Made(snapshot=snapshot, files=known, names=names, watched=[])
+
+
+def _loaded(made: _Made) -> tuple[Snapshot, str]:
+    """A snapshot that is not kept, and its content hash."""
+    if isinstance(made.snapshot, Path):
+        return load(made.snapshot, passing=True)
+    return made.snapshot, made.snapshot.content_sha256()
+
+
+def _kept(made: _Made, hashed: FileHash, cache: SnapshotCache) -> tuple[Snapshot, str]:
+    """A snapshot that is put into the cache, and its content hash."""
+    stored = cache.snapshot_path(hashed.sha256, made.files.dependencies)
+    if isinstance(made.snapshot, Path):
+        stored.parent.mkdir(parents=True, exist_ok=True)
+        made.snapshot.replace(stored)
+        kept = load(stored)
+    else:
+        kept = made.snapshot, save(made.snapshot, stored)
+    cache.put_dependencies(hashed.sha256, made.names, made.watched)
+    return kept
 
 
 def read_hashed_side_file(
