@@ -56,7 +56,7 @@ def test_an_aborted_process_leaves_nothing(temporary: Path):
 
 def test_an_abort_while_the_process_is_started_ends_it(temporary: Path, monkeypatch):
     """It comes from another thread, when there is nothing yet that it could end."""
-    made: list[subprocess.Popen[str]] = []
+    made: list[subprocess.Popen[bytes]] = []
 
     def started(*arguments, **options):
         aborting = threading.Thread(target=blender.abort)
@@ -66,7 +66,7 @@ def test_an_abort_while_the_process_is_started_ends_it(temporary: Path, monkeypa
         return made[0]
 
     popen = subprocess.Popen
-    monkeypatch.setattr("legoworld.scene.blender_process.subprocess.Popen", started)
+    monkeypatch.setattr("legoworld.workers.child_process.subprocess.Popen", started)
     with BlenderProcess(Limits(time_s=60)) as blender:
         with pytest.raises(WorkerCrashedError):
             blender.request({"kind": "version"})
