@@ -27,6 +27,11 @@ from legoworld.records.execution import ExecutionFile
 from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
 from legoworld.records.labels import LabelsFile
+from legoworld.records.plugin_evidence import EvidenceFile, Outlines
+from legoworld.records.plugin_ledger import Declaration, Entry
+from legoworld.records.plugin_requirements import Report
+from legoworld.records.plugin_room import ConstructionPlan, Room
+from legoworld.records.plugin_state import SceneState
 from legoworld.records.predictions import Prediction
 from legoworld.records.reconstruction_judges import Judgement
 from legoworld.records.reconstruction_leaderboard import Leaderboard
@@ -66,6 +71,14 @@ FORMATS: dict[str, Any] = {
     "frozen": FrozenFile,
     "instances": InstancesFile,
     "labels": LabelsFile,
+    "plugin-evidence": EvidenceFile,
+    "plugin-ledger": Entry,
+    "plugin-outlines": Outlines,
+    "plugin-plan": ConstructionPlan,
+    "plugin-report": Report,
+    "plugin-room": Room,
+    "plugin-state": SceneState,
+    "plugin-transaction": Declaration,
     "run": RunFile,
     "run-per-image": RunRow,
     "run-prediction": Prediction,

@@ -19,7 +19,7 @@ def command() -> None:
     \b
     Examples:
       legoworld plugin evidence --photo room.jpg --regions outlines.json --fov 65 -o evidence
-      legoworld plugin serve --evidence evidence --ledger case-1
+      legoworld plugin serve --photo room.jpg --evidence evidence --ledger case-1
     """
 
 
@@ -91,6 +91,10 @@ def evidence(
 
 @command.command("serve", context_settings=_CONTEXT)
 @click.option(
+    "--photo", type=options.EXISTING_FILE,
+    help="The reference photo; evidence of another one is refused.",
+)  # fmt: skip
+@click.option(
     "--evidence", type=options.EXISTING_FOLDER, help="Folder of `legoworld plugin evidence`."
 )
 @click.option(
@@ -101,20 +105,20 @@ def evidence(
     "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
     help="Folder for the record of all calls; an existing one is continued.",
 )  # fmt: skip
-def serve(evidence: Path | None, blender: str, ledger: Path) -> int:
+def serve(photo: Path | None, evidence: Path | None, blender: str, ledger: Path) -> int:
     """Serve the plugin's tools over MCP, on standard input and output.
 
     Needs the extra: pip install 'legoworld[plugin]'. The tools read saved copies of the live scene
-    and run no code but saving and, for a rollback, reopening it.
+    and run no code but saving, reopening it for a rollback, and installing a room when asked to.
 
     \b
     Examples:
-      legoworld plugin serve --evidence evidence
+      legoworld plugin serve --photo room.jpg --evidence evidence
       legoworld plugin serve --blender 127.0.0.1:9900 --ledger case-1
     """
     from legoworld.plugin.serving import serve_plugin
 
-    serve_plugin(evidence=evidence, address=blender, ledger=ledger)
+    serve_plugin(photo=photo, evidence=evidence, address=blender, ledger=ledger)
     return 0
 
 

@@ -11,11 +11,21 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from legoworld.errors import LegoWorldError
+from legoworld.files import atomic_path
+from legoworld.plugin.artefacts import ARTEFACTS, Artefacts, kind_of
 from legoworld.plugin.diff import changes
 from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.initialisation import Initialisation, shell_picture
 from legoworld.plugin.ledger import Ledger
 from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.measure import measure
+from legoworld.plugin.room_install import (
+    NotInstalledError,
+    install_code,
+    installation,
+    refuse_another,
+    refuse_taken_names,
+)
 from legoworld.plugin.state import LiveScene
 from legoworld.plugin.transactions import judge, unknown_names
 from legoworld.records.base import as_json, decode, readable, to_record
@@ -26,10 +36,11 @@ from legoworld.records.plugin_ledger import (
     Phase,
     TransactionLimits,
 )
-from legoworld.records.plugin_requirements import Report, Requirement
+from legoworld.records.plugin_requirements import Luminance, Report, Requirement
 from legoworld.records.plugin_state import Change, SceneState
 
 STATES: Final = "states"
+INITIAL: Final = "initial"
 _T = TypeVar("_T")
 
 
@@ -50,8 +61,9 @@ class Case:
         limits: TransactionLimits,
     ) -> None:
         self.ledger = Ledger(folder)
-        self._states = folder / STATES
+        self._folder, self._states = folder, folder / STATES
         self._states.mkdir(exist_ok=True)
+        self.artefacts = Artefacts(folder / ARTEFACTS)
         self._live, self._evidence, self._limits = live, evidence, limits
         self._signatures: tuple[str | None, str | None] = (None, None)
         if self.ledger.entries:
@@ -92,9 +104,47 @@ class Case:
         request = {"requirements": as_json(tuple(requirements))}
 
         def call() -> Report:
-            return measure(self._read(), requirements, self._evidence)
+            return measure(self._read(requirements), requirements, self._evidence)
 
         return self._record("measure", request, call)
+
+    def initialise(self, found: Initialisation) -> dict[str, str]:
+        """Install a room and its camera as one transaction; sha256 of what is kept, by name.
+
+        Rolled back where the scene then shows another room or camera: NotInstalledError says what.
+        """
+        room = found.room
+        self.begin(installation(room))
+        names = {o.name for o in self._base().objects}
+        names |= {c for o in self._base().objects for c in o.collections}
+
+        def call() -> dict[str, str]:
+            refuse_taken_names(room, names)
+            self._live.install(install_code(room))
+            scene = self._read()
+            refuse_another(room, scene)
+            return self._keep_initial(found.files(shell_picture(room, scene)))
+
+        try:
+            kept = self._record("initialize", as_json(room), call)
+            judgement, _ = self.commit()
+            if not judgement.accepted:
+                changed = ", ".join(f"{v.change.entity} ({v.why})" for v in judgement.violations)
+                raise NotInstalledError("the room was refused", found=changed or "it is not there")
+        except LegoWorldError:
+            self.rollback()
+            raise
+        return kept
+
+    def _keep_initial(self, files: dict[str, bytes]) -> dict[str, str]:
+        """Write files for people into the case's folder, and keep them by hash."""
+        (self._folder / INITIAL).mkdir(exist_ok=True)
+        kept = {}
+        for name, data in files.items():
+            with atomic_path(self._folder / INITIAL / name) as temporary:
+                temporary.write_bytes(data)
+            kept[name] = self.artefacts.keep(data, kind_of(name))
+        return kept
 
     def begin(self, declaration: Declaration) -> Entry:
         """Open a transaction: the scene as it is now is what a rollback returns to."""
@@ -152,7 +202,7 @@ class Case:
                     next_step="roll it back",
                 )
             before = self._base()
-            scene = self._read()
+            scene = self._read(declaration.requirements)
             report = measure(scene, declaration.requirements, self._evidence)
             return judge(before, scene.state, declaration, report), report
 
@@ -185,8 +235,11 @@ class Case:
         stored = (self._states / f"{signature}.json").read_bytes()
         return decode(SceneState, stored)
 
-    def _read(self) -> LiveScene:
-        scene, _ = self._live.read()
+    def _read(self, requirements: Sequence[Requirement] = ()) -> LiveScene:
+        """The scene as it is now, rendered only where a requirement needs it."""
+        rendered = any(isinstance(r, Luminance) for r in requirements)
+        photo = self._evidence.size_wh if self._evidence and rendered else None
+        scene, _ = self._live.read(luma_wh=photo)
         self._note(scene)
         return scene
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import sha256_of_file
+from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import RecordError, decode
 from legoworld.records.plugin_evidence import EvidenceFile, Region
 
@@ -29,10 +30,12 @@ class Evidence:
     """evidence.json and its arrays.
 
     disparity: (H, W) float64, larger is nearer, NaN where unknown; None where there is no depth.
+    photo: (H, W, 3) uint8 RGB, None where it was not given.
     """
 
     file: EvidenceFile
     disparity: NDArray[np.float64] | None
+    photo: NDArray[np.uint8] | None = None
 
     @property
     def size_wh(self) -> tuple[int, int]:
@@ -52,8 +55,11 @@ class Evidence:
         return np.asarray(decoded, bool)
 
 
-def read_evidence(folder: Path) -> Evidence:
-    """Read what `legoworld plugin evidence` wrote. EvidenceInvalidError for anything else."""
+def read_evidence(folder: Path, photo: Path | None = None) -> Evidence:
+    """Read what `legoworld plugin evidence` wrote. EvidenceInvalidError for anything else.
+
+    photo: the photo itself; another one than the evidence is about is refused by its hash.
+    """
     path = folder / EVIDENCE
     try:
         file = decode(EvidenceFile, path.read_bytes())
@@ -71,7 +77,22 @@ def read_evidence(folder: Path) -> Evidence:
             expected="evidence of version 1",
             next_step="run `legoworld plugin evidence` again",
         ) from error
-    return Evidence(file=file, disparity=_disparity(folder, file))
+    return Evidence(
+        file=file,
+        disparity=_disparity(folder, file),
+        photo=None if photo is None else _photo(photo, file.photo.sha256),
+    )
+
+
+def _photo(path: Path, sha256: str) -> NDArray[np.uint8]:
+    if (found := sha256_of_file(path)) != sha256:
+        raise EvidenceInvalidError(
+            "the evidence is of another photo",
+            found=f"{path.name} with sha256 {found[:12]}...",
+            expected=f"sha256 {sha256[:12]}...",
+            next_step="run `legoworld plugin evidence` on this photo",
+        )
+    return read_photo(path)
 
 
 def _disparity(folder: Path, file: EvidenceFile) -> NDArray[np.float64] | None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.files import sha256_of_file, write_text
-from legoworld.plugin.evidence import EVIDENCE, EvidenceInvalidError
+from legoworld.plugin.evidence import EVIDENCE, Evidence, EvidenceInvalidError
 from legoworld.plugin.evidence_depth import write_depth
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
 from legoworld.readouts.pictures import read_photo
@@ -24,6 +24,7 @@ from legoworld.records.plugin_evidence import (
     CameraEvidence,
     DepthSpace,
     EvidenceFile,
+    Outlines,
     PhotoEvidence,
     Region,
 )
@@ -31,20 +32,6 @@ from legoworld.tracks.vocabulary import Vocabulary
 
 #: Regions of a model below this confidence are mostly noise.
 LEAST_SCORE: Final = 0.3
-
-
-class Outline(Record, frozen=True, kw_only=True):
-    """A region as an agent draws it: polygons of [x, y] in pixels of the photo."""
-
-    name: str
-    polygons: tuple[tuple[tuple[float, float], ...], ...]
-    category: str | None = None
-
-
-class Outlines(Record, frozen=True, kw_only=True):
-    """A file of outlines."""
-
-    regions: tuple[Outline, ...]
 
 
 class RunLength(Record, frozen=True, kw_only=True):
@@ -88,18 +75,31 @@ def make_evidence(given: Given, output: Path) -> EvidenceFile:
     _refuse_repeated(regions)
     output.mkdir(parents=True, exist_ok=True)
     file = EvidenceFile(
-        photo=PhotoEvidence(
-            file_name=given.photo.name,
-            sha256=sha256_of_file(given.photo),
-            width=size_wh[0],
-            height=size_wh[1],
-        ),
+        photo=_photo_evidence(given.photo, photo),
         regions=tuple(sorted(regions, key=lambda region: region.name)),
         depth=write_depth(given.depth, given.depth_space, size_wh, output) if given.depth else None,
         camera=_camera(photo, given.hfov_deg),
     )
     write_text(output / EVIDENCE, readable(file))
     return file
+
+
+def photo_alone(path: Path) -> Evidence:
+    """Evidence that is a photo and nothing else."""
+    photo = read_photo(path)
+    file = EvidenceFile(
+        photo=_photo_evidence(path, photo), regions=(), depth=None, camera=_camera(photo, None)
+    )
+    return Evidence(file=file, disparity=None, photo=photo)
+
+
+def _photo_evidence(path: Path, photo: NDArray[np.uint8]) -> PhotoEvidence:
+    return PhotoEvidence(
+        file_name=path.name,
+        sha256=sha256_of_file(path),
+        width=photo.shape[1],
+        height=photo.shape[0],
+    )
 
 
 def _regions(path: Path, given: Given, size_wh: tuple[int, int]) -> Iterator[Region]:

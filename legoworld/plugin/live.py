@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Final
 from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path, sha256_of_file
 from legoworld.plugin.connection import BlenderConnection, BlenderRefusedError
+from legoworld.plugin.small_render import render_luma
 from legoworld.plugin.state import LiveScene, read_live
 from legoworld.records.plugin_state import SceneState
 from legoworld.scene.blender_process import BlenderProcess
@@ -59,14 +61,26 @@ class LiveBlender:
         self._reader = reader
         self._store = store
 
-    def read(self, *, keep: bool = False) -> tuple[LiveScene, str | None]:
-        """The scene as it is now; with `keep` also the sha256 of the copy that `restore` takes."""
+    def read(
+        self, *, keep: bool = False, luma_wh: tuple[int, int] | None = None
+    ) -> tuple[LiveScene, str | None]:
+        """The scene as it is now; with `keep` also the sha256 of the copy that `restore` takes.
+
+        luma_wh: the photo's size, to render the scene small for its luma; None to render nothing.
+        """
         copy, _ = self._save()
         try:
             scene = read_live(copy, self._reader)
+            if luma_wh is not None and not isinstance(scene.shown, LegoWorldError):
+                luma = render_luma(copy, self._reader, luma_wh)
+                scene = dataclasses.replace(scene, luma=luma)
             return scene, self._keep(copy) if keep else None
         finally:
             copy.unlink(missing_ok=True)
+
+    def install(self, code: str) -> None:
+        """Run the plugin's own code in the live scene: an explicit call of `initialize` alone."""
+        self._blender.run(code)
 
     def restore(self, sha256: str, state: SceneState) -> None:
         """Make the scene again what it was in a kept copy, and prove it.

@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.errors import LegoWorldError
 from legoworld.plugin import residuals, solids
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.small_render import rec709_luma, spread
 from legoworld.plugin.state import LiveScene
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_requirements import Report, Requirement, Result
@@ -36,18 +38,18 @@ def measure(
     evidence: Evidence | None,
     *,
     size_wh: tuple[int, int] | None = None,
-    luma: NDArray[np.float64] | None = None,
-    photo_luma: NDArray[np.float64] | None = None,
 ) -> Report:
-    """Every requirement in its order.
+    """Every requirement in its order; of a scene that shows nothing, nothing exists.
 
-    size_wh: of the view; the photo's size with evidence, else the scene's own when None. luma,
-    photo_luma: (H, W) of the small fixed render and of the photo at its size, 0 to 1, None where
-    nothing was rendered.
+    size_wh: of the view; the photo's size with evidence, else the scene's own when None.
     """
-    size = evidence.size_wh if evidence else size_wh or scene.snapshot.render.size_wh
-    measured = _Measured(scene, evidence, size, luma, photo_luma)
-    results = tuple(measured.result(requirement) for requirement in requirements)
+    if isinstance(scene.shown, LegoWorldError):
+        size = evidence.size_wh if evidence else size_wh or (0, 0)
+        results = tuple(_of_nothing(requirement, scene.shown) for requirement in requirements)
+    else:
+        size = evidence.size_wh if evidence else size_wh or scene.snapshot.render.size_wh
+        measured = _Measured(scene, evidence, size)
+        results = tuple(measured.result(requirement) for requirement in requirements)
     return Report(
         scene_signature=scene.state.scene_signature,
         geometry_signature=scene.state.geometry_signature,
@@ -55,6 +57,18 @@ def measure(
         size_wh=size,
         results=results,
         blocked=any(r.requirement.hard and r.verdict != "pass" for r in results),
+    )
+
+
+def _of_nothing(requirement: Requirement, why: LegoWorldError) -> Result:
+    """A requirement on a scene without a camera or a surface."""
+    return Result(
+        requirement=requirement,
+        verdict="fail" if isinstance(requirement, kinds.Existence) else "unknown",
+        measurement=None,
+        residual=None,
+        tolerance=_tolerance(requirement),
+        reason=why.what,
     )
 
 
@@ -75,11 +89,8 @@ class _Measured:
         scene: LiveScene,
         evidence: Evidence | None,
         size_wh: tuple[int, int],
-        luma: NDArray[np.float64] | None,
-        photo_luma: NDArray[np.float64] | None,
     ) -> None:
         self.scene, self.evidence, self.size_wh = scene, evidence, size_wh
-        self.luma, self.photo_luma = luma, photo_luma
         self.entities = Entities(scene.snapshot)
 
     def result(self, requirement: Requirement) -> Result:
@@ -301,11 +312,14 @@ class _Measured:
 
     def _luminance(self, requirement: kinds.Luminance) -> tuple[float, float]:
         region = self.region(requirement.region)
-        if self.luma is None or self.photo_luma is None:
+        if self.evidence is None or self.evidence.photo is None:
+            raise UnknownError("the photo itself is not there: serve with --photo")
+        if self.scene.luma is None:
             raise UnknownError("nothing was rendered")
         if np.count_nonzero(region) < residuals.SMALLEST_PX:
             raise UnknownError("the region has fewer than 16 pixels")
-        ours, theirs = (float(x[region].mean()) for x in (self.luma, self.photo_luma))
+        ours = float(spread(self.scene.luma, self.size_wh)[region].mean())
+        theirs = float(rec709_luma(self.evidence.photo)[region].mean())
         return ours - theirs, abs(ours - theirs)
 
 

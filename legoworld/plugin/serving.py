@@ -8,13 +8,18 @@ from legoworld.errors import InstallationError, UsageError
 from legoworld.plugin.case import STATES, Case
 from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.evidence import read_evidence
+from legoworld.plugin.evidence_making import photo_alone
 from legoworld.plugin.live import LiveBlender
 from legoworld.records.plugin_ledger import TransactionLimits
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
 
-def serve_plugin(*, evidence: Path | None, address: str, ledger: Path) -> None:
-    """Serve until standard input ends. InstallationError without the extra."""
+def serve_plugin(*, photo: Path | None, evidence: Path | None, address: str, ledger: Path) -> None:
+    """Serve until standard input ends. InstallationError without the extra.
+
+    photo: EvidenceInvalidError where the evidence is of another one. It may stand alone: then there
+    are no regions, no depth and no camera.
+    """
     try:
         from legoworld.plugin.server import plugin_server
     except ImportError as error:
@@ -25,7 +30,11 @@ def serve_plugin(*, evidence: Path | None, address: str, ledger: Path) -> None:
             next_step="pip install 'legoworld[plugin]'",
         ) from error
 
-    known = read_evidence(evidence) if evidence else None
+    known = None
+    if evidence is not None:
+        known = read_evidence(evidence, photo)
+    elif photo is not None:
+        known = photo_alone(photo)
     with BlenderProcess(Limits()) as reader:
         live = LiveBlender(BlenderConnection(parsed_address(address)), reader, ledger / STATES)
         plugin_server(Case(ledger, live, known, TransactionLimits()), known).run("stdio")

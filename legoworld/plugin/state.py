@@ -5,43 +5,66 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from legoworld.errors import LegoWorldError, from_reason
 from legoworld.records.base import canonical, to_record
 from legoworld.records.plugin_state import EntityState, SceneState
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.snapshot import Snapshot, load
 
+#: The geometry signature of a scene that shows nothing: it has no snapshot, and no readout.
+NOTHING: Final = "0" * 64
+
 
 @dataclass(frozen=True, kw_only=True)
 class LiveScene:
-    """A copy of the live scene, read: what it shows and the state it was in."""
+    """A copy of the live scene, read: what it shows and the state it was in.
 
-    snapshot: Snapshot
+    shown: its snapshot, or the error that a readout of it ends with: no camera, no surface. luma:
+    (H, W) Rec. 709 luma of a small render, 0 to 1, None where none was asked for.
+    """
+
+    shown: Snapshot | LegoWorldError
     state: SceneState
+    luma: NDArray[np.float64] | None = None
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The snapshot. Raises the readout's error of a scene that shows nothing."""
+        if isinstance(self.shown, LegoWorldError):
+            raise self.shown
+        return self.shown
 
 
 def read_live(blend: Path, blender: BlenderProcess) -> LiveScene:
     """Read a saved copy of a live scene. Raises the verdicts of `read_scene`.
 
     The geometry signature is the snapshot's content hash: the one `readout` records for the same
-    file once it is frozen.
+    file once it is frozen. A scene without a camera or a surface, as an agent begins with, has a
+    state all the same.
     """
     output = blender.workspace("legoworld-live-") / "live.snapshot"
     answer = blender.request(
         {"kind": "state", "blend": str(blend.resolve()), "output": str(output)}
     )
-    snapshot, content = load(output, passing=True)
     states = to_record(tuple[EntityState, ...], answer["objects"])
+    shown: Snapshot | LegoWorldError
+    if answer["unseen"] is not None:
+        shown, content = from_reason(answer["unseen"]), NOTHING
+    else:
+        shown, content = load(output, passing=True)
     return LiveScene(
-        snapshot=snapshot,
-        state=scene_state(snapshot, content, states, answer["camera"], answer["hashes"]),
+        shown=shown,
+        state=scene_state(shown, content, states, answer["camera"], answer["hashes"]),
     )
 
 
 def scene_state(
-    snapshot: Snapshot,
+    shown: Snapshot | LegoWorldError,
     content_sha256: str,
     states: tuple[EntityState, ...],
     camera: str | None,
@@ -50,7 +73,7 @@ def scene_state(
     """A state with the placements of a snapshot, signed."""
     import msgspec
 
-    placed = placement_sha256(snapshot)
+    placed = {} if isinstance(shown, LegoWorldError) else placement_sha256(shown)
     unsigned = SceneState(
         objects=tuple(
             msgspec.structs.replace(o, placement_sha256=placed.get((o.name, o.library)))

@@ -47,11 +47,17 @@ def read_photo(path: Path) -> Rgb:
 
 def write_png(path: Path, picture: Rgb) -> None:
     """Write (H, W, 3) RGB."""
+    data = png_bytes(picture)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def png_bytes(picture: Rgb) -> bytes:
+    """A PNG of (H, W, 3) RGB."""
     done, data = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
     if not done:
         raise LegoWorldError("an image could not be encoded", found=f"shape {picture.shape}")
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data.tobytes())
+    return data.tobytes()
 
 
 def depth_picture(depth_z_m: NDArray[np.float32]) -> Rgb:

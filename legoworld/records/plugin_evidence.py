@@ -73,3 +73,17 @@ class EvidenceFile(Record, frozen=True, kw_only=True):
     regions: tuple[Region, ...]
     depth: DepthEvidence | None
     camera: CameraEvidence
+
+
+class Outline(Record, frozen=True, kw_only=True):
+    """A region as an agent draws it: polygons of [x, y] in pixels of the photo."""
+
+    name: str
+    polygons: tuple[tuple[tuple[float, float], ...], ...]
+    category: str | None = None
+
+
+class Outlines(Record, frozen=True, kw_only=True):
+    """A file of outlines; see `Outline`."""
+
+    regions: tuple[Outline, ...]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -149,7 +151,7 @@ def test_an_entity_is_an_object_with_its_children_or_a_collection(live):
         (kinds.Centroid(entity="Cup", region="Plate"), "no region 'Plate'"),
         (kinds.Depth(entity="Cup", matched=(("Table", "Table"),)), "not among the matched"),
         (kinds.Depth(entity="Table", matched=(("Table", "Table"),)), "over 1 matched"),
-        (kinds.Luminance(region="Cup"), "nothing was rendered"),
+        (kinds.Luminance(region="Cup"), "serve with --photo"),
         (kinds.Collision(entity="Crate", other="Lid"), "share surfaces"),
     ],
 )
@@ -193,3 +195,22 @@ def test_a_report_is_read_back_whole(live, evidence):
     report = measure(live("none"), list(HOLD.values()), evidence)
     assert decode(Report, readable(report)) == report
     assert report.scene_signature == live("none").state.scene_signature
+
+
+def test_luminance_compares_a_render_with_the_photo(live, evidence, blender, room_folders):
+    """The rendered room as its own photo passes; a photo a third brighter fails."""
+    from legoworld.plugin.small_render import render_luma
+
+    blend = room_folders / "none" / "scene.blend"
+    luma = render_luma(blend, blender, SIZE)
+    assert (luma == render_luma(blend, blender, SIZE)).all()
+    scene = dataclasses.replace(live("none"), luma=luma)
+    gray = np.rint(luma * 255).astype(np.uint8)
+    requirement = kinds.Luminance(region="Table")
+    for added, verdict in ((0, "pass"), (80, "fail")):
+        photo = np.repeat(np.clip(gray.astype(int) + added, 0, 255)[..., None], 3, axis=2)
+        seen = dataclasses.replace(evidence, photo=photo.astype(np.uint8))
+        result = one(scene, requirement, seen)
+        assert result.verdict == verdict
+        assert result.measurement == pytest.approx(-added / 255, abs=0.005)
+    assert one(live("none"), requirement, seen).reason == "nothing was rendered"

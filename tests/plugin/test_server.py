@@ -6,10 +6,10 @@ import json
 import shutil
 import sys
 
-import anyio
 import pytest
 from endpoint.clients import served
-from mcp import Client, StdioServerParameters
+from mcp import StdioServerParameters
+from plugin.talking import called, tools_of
 
 from legoworld.plugin.case import Case
 from legoworld.plugin.connection import Address, BlenderConnection
@@ -20,6 +20,8 @@ from legoworld.records.plugin_ledger import TransactionLimits
 pytestmark = pytest.mark.blender
 
 TOOLS = {
+    "initialize",
+    "plan",
     "reference_evidence",
     "measure",
     "begin",
@@ -49,19 +51,8 @@ def server(endpoint, blender, tmp_path):
     return plugin_server(Case(tmp_path, live, None, TransactionLimits()), None)
 
 
-def called(server, *calls):
-    """What a client reads for each call: (is it an error, text or JSON)."""
-
-    async def talk():
-        answers = []
-        async with Client(server) as client:
-            assert {tool.name for tool in (await client.list_tools()).tools} == TOOLS
-            for name, arguments in calls:
-                result = await client.call_tool(name, arguments)
-                answers.append((bool(result.is_error), result.content[0].text))
-        return answers
-
-    return anyio.run(talk)
+def test_the_tools_are_those_of_the_page(server):
+    assert tools_of(server) == TOOLS
 
 
 def test_a_session_from_begin_to_commit(server, endpoint):

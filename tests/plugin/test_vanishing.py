@@ -6,84 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from plugin.synthetic import SIZE, camera, picture, room
 
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
-from legoworld.visibility.kernel import render
-from legoworld.visibility.projection import Projection
-from legoworld.visibility.surfaces import Surfaces
-
-SIZE = (640, 480)
-
-
-def box(low, high):
-    """(12, 3, 3) triangles of a box, two for each of its six faces in a row."""
-    low, high = np.array(low, float), np.array(high, float)
-    quads = []
-    for axis in range(3):
-        for side in (low, high):
-            corner = low.copy()
-            corner[axis] = side[axis]
-            u, v = np.zeros(3), np.zeros(3)
-            a, b = [i for i in range(3) if i != axis]
-            u[a], v[b] = high[a] - low[a], high[b] - low[b]
-            quads += [[corner, corner + u, corner + u + v], [corner, corner + u + v, corner + v]]
-    return np.array(quads)
-
-
-def room(random):
-    """A room of boxes: (T, 3, 3) triangles, each face of each box a shade of its own."""
-    boxes = [box((-3, -4, 0), (3, 4, 2.8))]
-    for _ in range(6):
-        low = [random.uniform(-2.5, 1.5), random.uniform(-1, 3), 0]
-        size = [random.uniform(0.4, 1.2), random.uniform(0.4, 1), random.uniform(0.4, 1.8)]
-        boxes.append(box(low, np.add(low, size)))
-    return np.concatenate(boxes)
-
-
-def camera(random):
-    """(3, 3) world_from_cam and a place: looking along +y, turned, tilted and rolled a little."""
-    yaw, pitch, roll = np.radians(
-        [random.uniform(-35, 35), random.uniform(-20, 10), random.uniform(-3, 3)]
-    )
-    forward = np.array(
-        [math.sin(yaw) * math.cos(pitch), math.cos(yaw) * math.cos(pitch), math.sin(pitch)]
-    )
-    right = np.cross(forward, [0, 0, 1])
-    right /= np.linalg.norm(right)
-    down = np.cross(forward, right)
-    rolled = right * math.cos(roll) + down * math.sin(roll)
-    return np.stack([rolled, np.cross(forward, rolled), forward], axis=1), np.array(
-        [random.uniform(-1, 1), -3.5, random.uniform(1.2, 1.8)]
-    )
-
-
-def picture(triangles, world_from_cam, place, hfov_deg, random):
-    """What the kernel sees, faces in random greys, with a little noise as a photo has."""
-    focal = SIZE[0] / 2 / math.tan(math.radians(hfov_deg) / 2)
-    in_cam = (triangles - place) @ world_from_cam
-    vertices = in_cam.reshape(-1, 3).astype(np.float32)
-    n_faces = len(triangles) // 2
-    surfaces = Surfaces(
-        vertices=vertices,
-        triangles=np.tile(np.arange(6, dtype=np.int32).reshape(2, 3), (n_faces, 1)),
-        vertex_start=np.arange(0, len(vertices) + 1, 6, dtype=np.int64),
-        triangle_start=np.arange(0, 2 * n_faces + 1, 2, dtype=np.int64),
-        placement_mesh=np.arange(n_faces, dtype=np.int32),
-        cam_from_mesh=np.tile(np.eye(3, 4), (n_faces, 1, 1)),
-        placement_id=np.arange(n_faces, dtype=np.int32),
-        cutouts=None,
-    )
-    seen = render(
-        surfaces,
-        Projection(
-            orthographic=False, fx=focal, fy=focal, cx=SIZE[0] / 2, cy=SIZE[1] / 2,
-            z_near=0.01, z_far=100.0,
-        ),
-        SIZE,
-    )  # fmt: skip
-    shades = random.uniform(30, 225, n_faces + 1)
-    noisy = shades[seen.instance] + random.normal(0, 2, seen.instance.shape)
-    return np.clip(noisy, 0, 255).astype(np.uint8)
 
 
 def error_deg(estimate, truth):

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, NoCameraError, NoMeshError
 
 #: The disk that results go to is full or read-only: no scene's fault.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
@@ -97,7 +97,10 @@ def _snapshot(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _state(request: dict[str, Any]) -> dict[str, Any]:
-    """The states of all objects beside the snapshot: what a transaction compares."""
+    """The states of all objects beside the snapshot: what a transaction compares.
+
+    unseen: why there is no snapshot, of a scene without a camera or a surface; null with one.
+    """
     from legoworld.records.base import as_json
     from legoworld.scene.blender.entities import entity_states, scene_hashes
     from legoworld.scene.blender.extract import snapshot_of_open
@@ -111,8 +114,12 @@ def _state(request: dict[str, Any]) -> dict[str, Any]:
         "camera": camera.name if camera else None,
         "hashes": scene_hashes(opened.scene),
     }  # before the snapshot, which changes render settings
-    content = save(snapshot_of_open(opened), Path(request["output"]), passing=True)
-    return {"content_sha256": content, **states}
+    try:
+        snapshot = snapshot_of_open(opened)
+    except (NoCameraError, NoMeshError) as error:
+        return {"unseen": error.reason(), **states}
+    save(snapshot, Path(request["output"]), passing=True)
+    return {"unseen": None, **states}
 
 
 def _check(request: dict[str, Any]) -> dict[str, Any]:

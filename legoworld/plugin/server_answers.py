@@ -1,0 +1,47 @@
+"""What all tools of the server share: typed arguments, errors in words, answers with the state."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, ParamSpec
+
+from legoworld.errors import LegoWorldError, UsageError
+from legoworld.plugin.case import Case
+from legoworld.records.base import RecordError, to_record
+
+Json = dict[str, Any]
+_P = ParamSpec("_P")
+
+
+def told(tool: Callable[_P, Json]) -> Callable[_P, Json]:
+    """A tool whose errors reach the client: of any other error the server says only that it was."""
+
+    @functools.wraps(tool)
+    def told(*arguments: _P.args, **named: _P.kwargs) -> Json:
+        from mcp.server.mcpserver.exceptions import ToolError
+
+        try:
+            return tool(*arguments, **named)
+        except LegoWorldError as error:
+            raise ToolError(str(error)) from error
+
+    return told
+
+
+def answer(case: Case, **shown: Any) -> Json:
+    """An answer with the signature of the last state that was read, and the ledger's last line."""
+    entries = case.ledger.entries
+    return {
+        **shown,
+        "scene_signature": entries[-1].scene_signature if entries else None,
+        "ledger_seq": entries[-1].seq if entries else 0,
+    }
+
+
+def typed(kind: Any, given: Any) -> Any:
+    """Arguments as a record. UsageError names the place of what does not fit."""
+    try:
+        return to_record(kind, given)
+    except RecordError as error:
+        raise UsageError("the arguments cannot be used", found=str(error)) from error

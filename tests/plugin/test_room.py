@@ -1,0 +1,169 @@
+"""The room of a photo, against rooms of known camera and walls; and the construction plan."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plugin.synthetic import (
+    ROOM,
+    SIZE,
+    camera,
+    evidence_with,
+    picture,
+    region_of,
+    room,
+    seen_faces,
+)
+
+from legoworld.plugin.evidence import EvidenceInvalidError
+from legoworld.plugin.plan import construction_plan, plan_markdown
+from legoworld.plugin.room import RoomUnknownError, recover_room, shell_view, structures_of
+from legoworld.plugin.room_fit import FACES, NORMALS, fit_box, rays, seen_face
+from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+
+W, H = SIZE
+
+
+def labels_of(faces):
+    """What `seen_faces` shows of the room, behind its boxes."""
+    return {"wall": (faces >= 0) & (faces < 4), "floor": faces == 4, "ceiling": faces == 5}
+
+
+def true_distances(estimate, world_from_cam, place):
+    """By face of the estimated frame: the room's true distance, in camera heights."""
+    low, high = np.array(ROOM)
+    walls = {(-1, 0): place[0] - low[0], (1, 0): high[0] - place[0], (0, 1): high[1] - place[1],
+             (0, -1): place[1] - low[1]}  # fmt: skip
+    distances = {"floor": place[2], "ceiling": high[2] - place[2]}
+    for name, normal in zip(FACES[2:], NORMALS[2:], strict=True):
+        there = np.rint((estimate @ world_from_cam.T).T @ normal)[:2]
+        distances[name] = walls[tuple(int(v) for v in there)]
+    return {name: distance / place[2] for name, distance in distances.items()}
+
+
+def test_walls_of_known_rooms_are_found_and_unseen_ones_are_unknown():
+    """The camera's rotation is estimated, too: the whole way from a picture to its room."""
+    errors = []
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        world_from_cam, place = camera(random)
+        hfov = random.uniform(45, 85)
+        triangles = room(random)
+        gray = picture(triangles, world_from_cam, place, hfov, random)
+        try:
+            estimate = manhattan_camera(gray, hfov).world_from_cam
+        except UntoldError:
+            continue
+        labels = labels_of(seen_faces(triangles, world_from_cam, place, hfov))
+        fit = fit_box(rays(tuple(map(tuple, estimate)), hfov, SIZE), labels)
+        truth = true_distances(estimate, world_from_cam, place)
+        assert fit.agreement > 0.98
+        for face in fit.faces:
+            if face.distance is None:
+                assert face.unknown
+                assert face.at_least <= truth[face.name] * 1.05
+            else:
+                errors.append(abs(face.distance / truth[face.name] - 1))
+        assert {f.name: f.distance for f in fit.faces}["near"] is None  # behind the camera
+    assert len(errors) > 20
+    assert np.median(errors) <= 0.01, errors
+    assert max(errors) <= 0.08, errors
+
+
+def test_each_ray_leaves_through_the_face_it_meets_first():
+    directions = np.array([[0, 0, -1], [0, 0, 1], [-1, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    assert seen_face(directions, np.ones(6)).tolist() == list(range(6))
+    slanted = np.array([0.0, 2.0, -1.0])  # falls one while it goes two ahead
+    assert FACES[seen_face(slanted, np.array([1.0, 1, 1, 1, 3, 1]))] == "floor"
+    assert FACES[seen_face(slanted, np.array([1.0, 1, 1, 1, 1.9, 1]))] == "far"
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Evidence of one room, with the true rotation and a disparity of its boxes."""
+    random = np.random.default_rng(0)
+    world_from_cam, place = camera(random)
+    faces = seen_faces(room(random), world_from_cam, place, 70)
+    regions = [region_of(name, mask) for name, mask in labels_of(faces).items()]
+    boxes = [(faces >= 6 * n) & (faces < 6 * n + 6) for n in range(1, 7)]
+    disparity = np.full(faces.shape, np.nan)
+    for n, mask in enumerate(boxes):
+        if mask.sum() > 100:
+            regions.append(region_of(f"box {n}", mask, "box"))
+            disparity[mask] = 10 - n
+    return evidence_with(regions, world_from_cam, 70, disparity)
+
+
+def test_a_room_is_recovered_by_the_names_of_its_regions(known):
+    structures = structures_of(known, None)
+    assert structures == {"ceiling": "ceiling", "floor": "floor", "wall": "wall"}
+    made = recover_room(known, structures, camera_height_m=1.5)
+    assert made.agreement > 0.98
+    assert recover_room(known, structures, camera_height_m=1.5) == made
+    seen, labelled = shell_view(made), known.mask(known.region("floor"))
+    assert (seen[labelled] == FACES.index("floor")).mean() > 0.98
+
+
+@pytest.mark.parametrize(
+    ("name", "category", "shows"),
+    [("Back wall", None, "far"), ("left_wall", None, "left"), ("wall 2", "wall", "wall"),
+     ("floor 1", "floor", "floor"), ("chair 1", "chair", None), ("x", "Ceiling", "ceiling"),
+     ("flooring", None, None)],
+)  # fmt: skip
+def test_names_and_categories_say_what_a_region_shows(name, category, shows):
+    mask = np.ones((H, W), bool)
+    said = structures_of(evidence_with([region_of(name, mask, category)]), None)
+    assert said == ({} if shows is None else {name: shows})
+
+
+def test_a_region_that_is_not_there_is_refused(known):
+    with pytest.raises(EvidenceInvalidError, match="plinth"):
+        structures_of(known, {"plinth": "floor"})
+
+
+@pytest.mark.parametrize(
+    ("keep", "structures", "why"),
+    [
+        (("wall",), {"wall": "wall"}, "no region shows the floor"),
+        (("floor",), {"floor": "floor"}, "no labelled pixel"),
+        (("floor", "wall"), {"floor": "wall", "wall": "floor"}, "box explains|shows no floor"),
+    ],
+)
+def test_a_photo_that_does_not_tell_its_room_is_unknown(known, keep, structures, why):
+    kept = [known.region(name) for name in keep]
+    rotation = np.array(known.file.camera.world_from_cam_rotation)
+    with pytest.raises(RoomUnknownError, match=why):
+        recover_room(evidence_with(kept, rotation, 70), structures, 1.5)
+
+
+def test_without_a_camera_there_is_no_room(known):
+    with pytest.raises(RoomUnknownError, match="not asked"):
+        recover_room(evidence_with(known.file.regions), {"floor": "floor"}, 1.5)
+
+
+def test_a_plan_orders_objects_by_depth_and_says_what_is_hidden(known):
+    plan = construction_plan(known, structures_of(known, None))
+    assert [o.depth_rank for o in plan.objects] == list(range(1, len(plan.objects) + 1))
+    assert (plan.objects[0].relative_depth, plan.objects[-1].relative_depth) == (0.0, 1.0)
+    assert all(0 <= o.relative_depth <= 1 for o in plan.objects)
+    assert not {o.region for o in plan.objects} & {"floor", "wall", "ceiling"}
+    text = plan_markdown(plan)
+    assert text.count("\n| ") == len(plan.objects) + 1
+
+
+def test_a_plan_without_depth_says_unknown_and_flags_cut_and_touching_objects():
+    left, middle = np.zeros((H, W), bool), np.zeros((H, W), bool)
+    left[10:50, :30] = middle[20:40, 30:80] = True
+    dot = np.zeros((H, W), bool)
+    dot[200, 200:203] = True
+    regions = [region_of("a|b", left), region_of("b", middle), region_of("dot", dot)]
+    plan = construction_plan(evidence_with(regions), {})
+    cut, touching, small = plan.objects
+    assert cut.cut_by == ("left",)
+    assert cut.touches == ("b",)
+    assert touching.touches == ("a|b",)
+    assert (small.small, cut.small) == (True, False)
+    assert cut.centroid_uv == pytest.approx((15 / W, 30 / H))
+    assert cut.extent_wh == (30 / W, 40 / H)
+    assert {o.relative_depth for o in plan.objects} == {None}
+    assert "a\\|b" in plan_markdown(plan)
