@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.measure import surface_view
@@ -79,7 +78,7 @@ def _over_photo(room: Room, photo: Rgb) -> Rgb:
     edge[:, 1:] |= seen[:, 1:] != seen[:, :-1]
     edge[1:] |= seen[1:] != seen[:-1]
     wide = max(1, room.width // 300)
-    grown: NDArray[np.uint8] = np.asarray(cv2.dilate(edge, np.ones((wide, wide), np.uint8)))
+    grown = cv2.dilate(edge, np.ones((wide, wide), np.uint8))
     drawn = photo.copy()
-    drawn[grown > 0] = _EDGE_RGB
+    drawn[np.asarray(grown) > 0] = _EDGE_RGB
     return drawn
