@@ -12,7 +12,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -20,8 +19,10 @@ import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 from foreign.processes import descendants
+from running import paused
 from running.run_folders import tree
 from specialists.tracks import make_track
+from waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.blender
 
@@ -72,7 +73,7 @@ def readout(scenes: Path, output: Path, task: str, *more: str) -> list[str]:
 
 
 def finished(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
 
 
 def started(command: Sequence[str]) -> subprocess.Popen[str]:
@@ -82,13 +83,19 @@ def started(command: Sequence[str]) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-def wait_for(process: subprocess.Popen[str], happened: Callable[[], bool]) -> None:
-    """Until it has happened; fails when the process ends before that."""
-    deadline = time.monotonic() + 60
-    while not happened():
-        assert process.poll() is None, f"over before it could be stopped: {process.communicate()}"
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
+def stopped(
+    command: Sequence[str], moment: str, count: int = 1, *, path: object = ""
+) -> subprocess.Popen[str]:
+    """A command of PROGRAM that has stopped itself; see running/paused.py."""
+    assert list(command[: len(PROGRAM)]) == PROGRAM
+    return paused.started(command[len(PROGRAM) :], moment, count, path=path)
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 def lines(path: Path) -> int:
@@ -100,11 +107,6 @@ def statuses(run: Path) -> dict[str, tuple[str, str]]:
     return {row["scene"]: (row["status"], row["code"]) for row in rows}
 
 
-def is_reading(temporary: Path) -> bool:
-    """Whether the Blender process has a scene: its snapshot's folder is there."""
-    return any(temporary.glob("legoworld-snapshot-*"))
-
-
 # Kills.
 
 
@@ -112,11 +114,11 @@ def test_a_worker_killed_mid_scene_is_replaced_and_its_scene_read_again(
     scenes, undisturbed, tmp_path, temporary
 ):
     output = tmp_path / "run"
-    process = started(readout(scenes, output, "coco", "--no-cache"))
-    wait_for(process, lambda: lines(output / "journal.jsonl") >= 2 and is_reading(temporary))
+    process = stopped(readout(scenes, output, "coco", "--no-cache"), "asked", 3)
     (worker,) = descendants(process.pid)
     os.kill(worker, signal.SIGKILL)
-    _, error = process.communicate(timeout=60)
+    paused.resumed(process)
+    _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, error
     assert tree(output) == undisturbed["coco"]
     assert list(temporary.iterdir()) == []
@@ -127,10 +129,11 @@ def test_a_worker_killed_with_its_first_scene_costs_that_scene_until_the_next_ru
 ):
     output = tmp_path / "run"
     command = readout(scenes, output, "coco", "--no-cache")
-    process = started(command)
-    wait_for(process, lambda: bool(descendants(process.pid)) and is_reading(temporary))
-    os.kill(descendants(process.pid)[0], signal.SIGKILL)
-    process.communicate(timeout=60)
+    process = stopped(command, "asked", 1)
+    (worker,) = descendants(process.pid)
+    os.kill(worker, signal.SIGKILL)
+    paused.resumed(process)
+    process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     found = statuses(output)
     assert found.pop("scene0") == ("failed", "worker_crashed")
@@ -146,20 +149,15 @@ def test_a_killed_run_goes_on_and_the_next_one_sweeps_what_it_left(
 ):
     output, cache = tmp_path / "run", tmp_path / "cache"
     command = readout(scenes, output, task, "--cache", str(cache))
-    process = started(command)
-    wait_for(
-        process,
-        lambda: lines(output / "journal.jsonl") >= 2 and any(cache.glob(".reading-*")),
-    )
+    process = stopped(command, "asked", 3)
+    assert any(cache.glob(".reading-*"))
     workers = descendants(process.pid)
     process.kill()
     process.communicate()
-    assert 2 <= lines(output / "journal.jsonl") < N_SCENES
+    assert lines(output / "journal.jsonl") == 2
     assert any(temporary.glob("legoworld-blender-*"))
-    deadline = time.monotonic() + 20
-    while any(Path(f"/proc/{worker}").exists() for worker in workers):
-        assert time.monotonic() < deadline, "a worker outlived the command"
-        time.sleep(0.01)
+    assert workers
+    until(lambda: not any(map(is_running, workers)), "the end of the command's worker")
     assert finished(command).returncode == 0
     assert tree(output) == undisturbed[task]
     assert list(temporary.iterdir()) == []
@@ -167,14 +165,13 @@ def test_a_killed_run_goes_on_and_the_next_one_sweeps_what_it_left(
 
 
 def test_a_folder_that_a_living_command_owns_is_not_swept(scenes, tmp_path, temporary):
-    process = started(readout(scenes, tmp_path / "long", "coco", "--no-cache"))
-    wait_for(process, lambda: any(temporary.glob("legoworld-blender-*/.owner-*")))
-    os.kill(process.pid, signal.SIGSTOP)
+    process = stopped(readout(scenes, tmp_path / "long", "coco", "--no-cache"), "row")
     owned = set(temporary.glob("legoworld-blender-*"))
+    assert owned
     other = finished(readout(scenes, tmp_path / "other", "coco", "--no-cache", "--limit", "1"))
     assert owned <= set(temporary.glob("legoworld-blender-*"))
-    os.kill(process.pid, signal.SIGCONT)
-    process.communicate(timeout=60)
+    paused.resumed(process)
+    process.communicate(timeout=PATIENCE_S)
     assert (other.returncode, process.returncode) == (0, 0)
     assert list(temporary.iterdir()) == []
 
@@ -290,16 +287,14 @@ def test_a_second_run_into_the_folder_is_refused_and_the_first_ends_whole(
 ):
     output = tmp_path / "run"
     command = readout(scenes, output, "coco", "--no-cache")
-    first = started(command)
-    wait_for(first, lambda: lines(output / "journal.jsonl") >= 1)
-    os.kill(first.pid, signal.SIGSTOP)
+    first = stopped(command, "row")
     for more in ([], ["--overwrite"]):
         second = finished([*command, *more])
         assert second.returncode == 2
         (line,) = second.stderr.splitlines()
         assert "another process is writing into the run folder" in line
-    os.kill(first.pid, signal.SIGCONT)
-    first.communicate(timeout=60)
+    paused.resumed(first)
+    first.communicate(timeout=PATIENCE_S)
     assert first.returncode == 0
     assert tree(output) == undisturbed["coco"]
 
@@ -307,7 +302,7 @@ def test_a_second_run_into_the_folder_is_refused_and_the_first_ends_whole(
 def test_two_evaluations_into_one_folder_leave_a_whole_one(tmp_path, evaluation):
     output = tmp_path / "eval"
     processes = [started(evaluation(output, "--seed", str(seed))) for seed in (1, 2)]
-    codes = sorted(p.wait(timeout=60) for p in processes)
+    codes = sorted(p.wait(timeout=PATIENCE_S) for p in processes)
     for process in processes:
         process.communicate()
     # Who writes second finds another evaluation there, and is refused.
@@ -336,12 +331,11 @@ FREEZES = "records written so far are kept; run the same command again to freeze
 BEGINS = "nothing was kept; run the same command again to start over"
 
 
-def interrupted(command: Sequence[str], happened: Callable[[], bool], left: str = BEGINS) -> None:
-    """Ctrl-C once something has happened: exit code 130, one line, and no process left."""
-    process = started(command)
-    wait_for(process, happened)
+def interrupted(process: subprocess.Popen[str], left: str = BEGINS) -> None:
+    """Ctrl-C to a command that is stopped: exit code 130, one line, and no process left."""
     os.kill(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=30)
+    paused.resumed(process)
+    _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, error
     assert error.strip() == f"legoworld: stopped; {left}"
     with pytest.raises(ProcessLookupError):
@@ -358,49 +352,50 @@ def ends_like(command: Sequence[str], output: Path, whole: Path) -> None:
 
 
 def test_ctrl_c_during_freeze(scenes, tmp_path):
-    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
-    for folder in (stopped, whole):
+    torn, whole = tmp_path / "torn", tmp_path / "whole"
+    for folder in (torn, whole):
         shutil.copytree(scenes, folder)
     freeze = [*PROGRAM, "freeze", "-q", "--no-cache", "--workers", "1"]
     assert finished([*freeze, str(whole)]).returncode == 0
-    interrupted([*freeze, str(stopped)], lambda: any(stopped.glob("*/frozen.json")), FREEZES)
-    assert 0 < len(list(stopped.glob("*/frozen.json"))) < N_SCENES
-    ends_like([*freeze, str(stopped)], stopped, whole)
+    again = [*freeze, str(torn)]
+    interrupted(stopped(again, "renames", 3, path=torn / "*" / "frozen.json"), FREEZES)
+    assert 0 < len(list(torn.glob("*/frozen.json"))) < N_SCENES
+    ends_like(again, torn, whole)
 
 
 def test_ctrl_c_during_evaluate(tmp_path, evaluation):
-    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
+    torn, whole = tmp_path / "torn", tmp_path / "whole"
     assert finished(evaluation(whole)).returncode == 0
-    # The folder is made when the run and the truth have been read.
-    interrupted(evaluation(stopped, "-q", "--draws", "300"), stopped.is_dir)
-    assert not (stopped / "evidence.json").exists()
-    ends_like(evaluation(stopped), stopped, whole)
+    # Its files are written when the run and the truth have been read.
+    interrupted(stopped(evaluation(torn, "-q"), "renames", path=torn / "*"))
+    assert not (torn / "evidence.json").exists()
+    ends_like(evaluation(torn), torn, whole)
 
 
 def test_ctrl_c_during_merge(scenes, tmp_path):
     """Shards of many images that have no scene: rows without Blender."""
-    track = make_track(tmp_path / "track.json", [f"absent{i}.jpg" for i in range(600)])
+    track = make_track(tmp_path / "track.json", [f"absent{i}.jpg" for i in range(6)])
     shards = [tmp_path / "shard1", tmp_path / "shard2"]
     for i, shard in enumerate(shards, 1):
         more = ["--track", str(track), "--shard", f"{i}/2"]
         assert finished(readout(scenes, shard, "coco", *more)).returncode == 1
     merge = [*PROGRAM, "merge", *map(str, shards), "-o"]
-    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
+    torn, whole = tmp_path / "torn", tmp_path / "whole"
     assert finished([*merge, str(whole)]).returncode == 1
-    interrupted([*merge, str(stopped)], lambda: lines(stopped / "journal.jsonl") >= 1)
-    ends_like([*merge, str(stopped)], stopped, whole)
+    interrupted(stopped([*merge, str(torn)], "row"))
+    ends_like([*merge, str(torn)], torn, whole)
 
 
 def test_ctrl_c_during_an_import(tmp_path):
     (tmp_path / "depths").mkdir()
-    for i in range(150):
+    for i in range(4):
         np.save(tmp_path / "depths" / f"photo{i}.npy", np.full((48, 64), 1 + i, np.float32))
-    track = make_track(tmp_path / "track.json", [f"photo{i}.jpg" for i in range(150)])
+    track = make_track(tmp_path / "track.json", [f"photo{i}.jpg" for i in range(4)])
     bring = [
         *PROGRAM, "baseline", "import", "-q", str(tmp_path / "depths"), "--task", "eth3d",
         "--track", str(track), "--space", "depth", "--unit", "m", "-o",
     ]  # fmt: skip
-    stopped, whole = tmp_path / "stopped", tmp_path / "whole"
+    torn, whole = tmp_path / "torn", tmp_path / "whole"
     assert finished([*bring, str(whole)]).returncode == 0
-    interrupted([*bring, str(stopped)], lambda: lines(stopped / "journal.jsonl") >= 2)
-    ends_like([*bring, str(stopped)], stopped, whole)
+    interrupted(stopped([*bring, str(torn)], "row", 2))
+    ends_like([*bring, str(torn)], torn, whole)
