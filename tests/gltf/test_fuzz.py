@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from gltf.mutants import KINDS, mutant, outcome, rich_glb
 
-LIMIT_S = 2.0
+#: Of CPU: what ends takes hundredths of a second, however slow the machine is.
+LIMIT_S = 60.0
 
 
 def test_the_undamaged_file_is_read(tmp_path):

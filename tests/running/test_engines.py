@@ -9,10 +9,12 @@ import threading
 import time
 from collections import Counter
 from contextlib import closing
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from waiting import PATIENCE_S, until
 
 from legoworld.errors import WorkerCrashedError
 from legoworld.workers.engines import (
@@ -27,6 +29,12 @@ from legoworld.workers.engines import (
 )
 from legoworld.workers.task_process import ProcessLostError, TaskProcess, carried
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
+
+
+@pytest.fixture(autouse=True)
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers import this file, and what it imports, by name."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
 
 
 class Books:
@@ -57,7 +65,7 @@ class Recording:
         self.busy = True
         self.items.append(item)
         if item < 0:  # until it is aborted
-            assert self.stop.wait(30)
+            assert self.stop.wait(PATIENCE_S)
         time.sleep(0.001)
         self.busy = False
         return item * item
@@ -233,14 +241,14 @@ class NoRay:
 
 @pytest.mark.parametrize("prefix", ["", "ray://"])
 def test_a_cluster_where_nobody_listens_is_one_line(prefix, monkeypatch):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
     ray = NoRay()
     monkeypatch.setitem(sys.modules, "ray", ray)
-    monkeypatch.setenv("RAY_ADDRESS", f"{prefix}127.0.0.1:{port}")
-    with pytest.raises(ClusterUnreachableError) as caught:
-        engine_cores("ray")
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))  # nobody else can have it meanwhile
+        port = bound.getsockname()[1]
+        monkeypatch.setenv("RAY_ADDRESS", f"{prefix}127.0.0.1:{port}")
+        with pytest.raises(ClusterUnreachableError) as caught:
+            engine_cores("ray")
     assert f"RAY_ADDRESS={prefix}127.0.0.1:{port}: " in str(caught.value)
     assert caught.value.exit_code == 4
     assert ray.asked == []
@@ -280,6 +288,9 @@ def square(number: int) -> int:
 
 def told(number: int) -> tuple[int, str, str]:
     print("not an answer")
+    if marks := os.environ.get("MARKS"):  # nobody does everything before the other one has begun
+        Path(marks, str(os.getpid())).touch()
+        until(lambda: len(list(Path(marks).iterdir())) == 2, "the start of both workers")
     return os.getpid(), os.environ["OMP_NUM_THREADS"], os.environ["OPENBLAS_NUM_THREADS"]
 
 
@@ -323,7 +334,8 @@ def test_the_first_error_in_the_items_order_is_raised_after_the_results_before_i
         next(results)
 
 
-def test_workers_are_other_processes_of_one_thread_each():
+def test_workers_are_other_processes_of_one_thread_each(tmp_path, monkeypatch):
+    monkeypatch.setenv("MARKS", str(tmp_path))
     found = [*results_of(told, range(6), WorkerPool(workers=2))]
     pids = {pid for pid, _, _ in found}
     assert os.getpid() not in pids

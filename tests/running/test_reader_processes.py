@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import signal
-import threading
-import time
+import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from foreign.processes import descendants
@@ -14,6 +13,7 @@ from running.run_folders import readout, results
 
 from legoworld.running import reader_process
 from legoworld.running.reader_process import worth_processes
+from legoworld.workers.task_process import TaskProcess
 
 pytestmark = pytest.mark.blender
 
@@ -53,17 +53,6 @@ def python_children() -> set[int]:
     return found
 
 
-def kill_the_first(met: set[int], stop: threading.Event, *, most: int) -> None:
-    """Kill reading processes as they appear, `most` of them."""
-    while not stop.is_set() and len(met) < most:
-        for pid in python_children() - met:
-            met.add(pid)
-            os.kill(pid, signal.SIGKILL)
-            if len(met) == most:
-                return
-        time.sleep(0.01)
-
-
 def test_few_workers_and_few_images_stay_threads():
     assert not worth_processes(2, 10_000)
     assert not worth_processes(16, 100)
@@ -79,17 +68,23 @@ def test_processes_give_the_bytes_of_threads(task, scenes, tmp_path, always):
 
 
 @pytest.mark.parametrize(("most", "lost"), [(1, 0), (10_000, 9)])
-def test_a_killed_process_is_replaced_once(most, lost, scenes, tmp_path, always, capsys):
-    met: set[int] = set()
-    stop = threading.Event()
-    killer = threading.Thread(target=kill_the_first, args=(met, stop), kwargs={"most": most})
-    killer.start()
-    try:
+def test_a_killed_process_is_replaced_once(
+    most, lost, scenes, tmp_path, always, capsys, monkeypatch
+):
+    started: list[int] = []
+    start = TaskProcess._started
+
+    def killed(self: TaskProcess[Any, Any]) -> subprocess.Popen[bytes]:
+        process = start(self)
+        started.append(process.pid)
+        if len(started) <= most:
+            process.kill()
+        return process
+
+    with monkeypatch.context() as patch:
+        patch.setattr(TaskProcess, "_started", killed)
         readout(scenes, tmp_path / "run", "--workers", 2)
-    finally:
-        stop.set()
-        killer.join()
-    assert met
+    assert len(started) >= min(most, 2 * 9)
     capsys.readouterr()
     rows = (tmp_path / "run" / "per_image.jsonl").read_text()
     assert rows.count("the process that read the scene ended, twice") == lost

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
+from running import paused
+from waiting import PATIENCE_S
 
 from legoworld import cli
 
@@ -142,23 +141,17 @@ def test_same_bytes_for_any_worker_count_order_and_cache(task, scenes, track, tm
 
 def test_a_killed_run_goes_on_and_ends_in_the_same_bytes(scenes, track, run, tmp_path: Path):
     output = tmp_path / "killed"
-    command = [
-        sys.executable, "-m", "legoworld", "readout", str(scenes), "--task", "coco", "-q",
+    arguments = [
+        "readout", str(scenes), "--task", "coco", "-q",
         "--track", str(track), "-o", str(output), "--workers", "1", "--no-cache",
     ]  # fmt: skip
-    process = subprocess.Popen(command, start_new_session=True)
+    process = paused.started(arguments, "row", 3)
+    process.kill()
+    process.communicate()
     journal = output / "journal.jsonl"
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        if journal.is_file() and journal.read_bytes().count(b"\n") >= 3:
-            break
-        time.sleep(0.005)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    done = journal.read_bytes().count(b"\n")
-    assert 3 <= done < 13, "the run was over before it could be killed"
+    assert journal.read_bytes().count(b"\n") == 3
     journal.write_bytes(journal.read_bytes() + b'{"row": {"image_id"')
-    assert subprocess.run(command, check=False).returncode == 1
+    assert cli.run(arguments) == 1
     assert results(output) == results(run)
 
 
@@ -207,11 +200,21 @@ def test_partial_runs_are_marked(scenes, track, tmp_path: Path):
     assert summary["coverage"]["attempted"] == 2
 
 
-def test_a_scene_over_its_time_or_memory_is_its_own_verdict(scenes, tmp_path: Path):
+def test_a_scene_over_its_time_or_memory_is_its_own_verdict(scenes, tmp_path: Path, monkeypatch):
+    from legoworld.scene.blender_process import BlenderProcess
+
+    start = BlenderProcess.start
+
+    def never_answers(self) -> None:
+        start(self)
+        os.kill(self._process.pid, signal.SIGSTOP)
+
     images = [{"id": 1, "file_name": "good0.jpg", "width": 64, "height": 48}]
     track = write_track(tmp_path / "t.json", images)
     common = [scenes, "--task", "coco", "--track", track, "--no-cache"]
-    assert readout(*common, "-o", tmp_path / "slow", "--time-limit", 0.1) == 1
+    with monkeypatch.context() as patch:
+        patch.setattr(BlenderProcess, "start", never_answers)
+        assert readout(*common, "-o", tmp_path / "slow", "--time-limit", 0.5) == 1
     assert rows(tmp_path / "slow")["good0"]["status"] == "timeout"
     assert readout(*common, "-o", tmp_path / "fat", "--memory-limit", 0.1) == 1
     row = rows(tmp_path / "fat")["good0"]
@@ -260,22 +263,17 @@ def test_edited_labels_are_read_without_blender(scenes, tmp_path: Path, monkeypa
 
 def test_ctrl_c_keeps_what_is_done_and_leaves_no_blender_behind(scenes, track, tmp_path: Path):
     output = tmp_path / "stopped"
-    command = [
-        sys.executable, "-m", "legoworld", "readout", str(scenes), "--task", "coco", "-q",
+    arguments = [
+        "readout", str(scenes), "--task", "coco", "-q",
         "--track", str(track), "-o", str(output), "--workers", "2", "--no-cache",
     ]  # fmt: skip
-    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True)
-    journal = output / "journal.jsonl"
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        if journal.is_file() and journal.read_bytes().count(b"\n") >= 2:
-            break
-        time.sleep(0.005)
-    os.kill(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=20)
+    process = paused.started(arguments, "row", 2)
+    process.send_signal(signal.SIGINT)
+    paused.resumed(process)
+    _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "finished images are kept; run the same command again to resume" in error
-    assert journal.read_bytes().count(b"\n") >= 2
+    assert (output / "journal.jsonl").read_bytes().count(b"\n") >= 2
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
 
