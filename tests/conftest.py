@@ -30,7 +30,8 @@ if importlib.util.find_spec("hypothesis"):
         derandomize=True,
         deadline=None,
         database=None,
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+        print_blob=True,
+        suppress_health_check=list(HealthCheck),  # some are about time
     )
     settings.load_profile("legoworld")
 
@@ -106,6 +107,14 @@ def _ctrl_c_is_heard() -> None:
     """A shell's background job ignores Ctrl-C, and so would every command that a test stops."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_disk_is_waited_for() -> Iterator[None]:
+    """What a power cut takes no test can see, and a busy disk takes its time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _descriptor: None)
+        yield
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from evaluation.made_chunks import chunk_of
+from hypothesis import example
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
@@ -16,6 +19,7 @@ from legoworld.evaluation.detection.matching.overlaps import Overlaps
 from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS
 
 Array = NDArray[Any]
+Test = TypeVar("Test", bound=Callable[..., None])
 
 #: Overlaps on, beside and between the thresholds; few values, so that many are equal.
 _OVERLAPS = (0.0, 0.5, 0.95, 0.3, 0.75, 0.7500001, 0.8, 1.0)
@@ -107,16 +111,45 @@ def rankings(draw: st.DrawFn, most: int) -> tuple[Array, list[float], int]:
     return states, scores, max(1, n_true + draw(st.integers(0, 3)))
 
 
-def damaged(data: bytes) -> st.SearchStrategy[bytes]:
-    """A file's content cut off, flipped, doubled or nested; some flips make a line end."""
+@dataclass(frozen=True)
+class Damage:
+    """What a disk or a hand does to a file's content, whatever its length; see `FIXED`."""
 
-    def changed(at: int, byte: int) -> bytes:
-        return data[:at] + bytes([byte]) + data[at + 1 :]
+    kind: str
+    at: int = 0
+    bit: int = 0
 
-    places = st.integers(0, len(data) - 1)
-    whole = st.sampled_from(
-        [b"", b"[" * 100_000, b"{}", b"[]", b"null", b"\xff" + data, data + data, data[1:]]
-    )
-    flipped = st.builds(lambda at, bit: changed(at, data[at] ^ 1 << bit), places, st.integers(0, 7))
-    replaced = st.builds(changed, places, st.sampled_from([ord("\n"), 0xFF]))
-    return whole | flipped | replaced | places.map(lambda end: data[:end])
+    def of(self, data: bytes) -> bytes:
+        """The damaged content."""
+        if self.kind in FIXED:
+            return FIXED[self.kind](data)
+        at = self.at % len(data)
+        if self.kind == "cut off":
+            return data[:at]
+        changed = {"flipped": data[at] ^ 1 << self.bit, "a line's end": ord("\n"), "0xff": 0xFF}
+        return data[:at] + bytes([changed[self.kind]]) + data[at + 1 :]
+
+
+FIXED: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda _data: b"",
+    "nested deep": lambda _data: b"[" * 100_000,
+    "an object": lambda _data: b"{}",
+    "a list": lambda _data: b"[]",
+    "null": lambda _data: b"null",
+    "no text": lambda data: b"\xff" + data,
+    "doubled": lambda data: data + data,
+    "without its first byte": lambda data: data[1:],
+}
+
+
+def damages() -> st.SearchStrategy[Damage]:
+    """Damage at a place: cut off, flipped or replaced."""
+    kinds = st.sampled_from(["cut off", "flipped", "a line's end", "0xff"])
+    return st.builds(Damage, kind=kinds, at=st.integers(0, 1 << 20), bit=st.integers(0, 7))
+
+
+def with_fixed_damage(test: Test) -> Test:
+    """Besides what is drawn, each content of FIXED, as the argument `damage`."""
+    for kind in FIXED:
+        test = example(damage=Damage(kind=kind))(test)
+    return test

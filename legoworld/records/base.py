@@ -89,7 +89,7 @@ def decode_lines(kind: type[_T], data: bytes, *, first: int = 1) -> list[_T]:
     decoder = _decoder(kind)
     try:
         return decoder.decode_lines(data)
-    except (msgspec.DecodeError, RecursionError):
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         for number, line in enumerate(data.split(b"\n"), start=first):
             if line.strip():
                 try:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import pytest
 
 from legoworld.agents.cutting import ProgramNotCutError, cut_program
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PROGRAMS = sorted(EXAMPLES.glob("*/scene.py")) + sorted(EXAMPLES.glob("*/*/scene.py"))
 SAYS = "import sys\ndef say(x): vars(sys.modules['program']).setdefault('said', []).append(x)\n"
 
 
@@ -66,6 +69,14 @@ def test_future_imports_hold_in_every_step(tmp_path):
 
 def test_text_with_quotes_and_newlines_stays_as_it_is(tmp_path):
     assert said(tmp_path, "say('''a\n  \"b\" \\\\ c''')\n") == (1, ['a\n  "b" \\ c'])
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda p: p.parent.name)
+def test_a_shipped_program_is_several_steps_that_compile(program):
+    steps = cut_program(program)
+    assert len(steps) >= 2
+    for step in steps:
+        compile(step.arguments["code"], "step", "exec")
 
 
 def test_what_is_no_python_is_refused(tmp_path):

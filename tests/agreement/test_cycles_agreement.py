@@ -162,7 +162,7 @@ def court(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Court]:
         env={**os.environ, "PYTHONPATH": str(TESTS), "TMPDIR": str(folder)},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         check=False,
     )
     assert builder.returncode == 0, builder.stderr[-3000:]

@@ -7,10 +7,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S, until
 
 from legoworld import cli
 
@@ -85,10 +85,7 @@ def test_ctrl_c_leaves_no_scratch(dataset, tmp_path):
     ) as process:  # fmt: skip
         process.stdin.write(f"{request}\n" * 3)
         process.stdin.flush()
-        deadline = time.monotonic() + 60
-        while not list(tmp_path.glob("legoworld-blender-*")) and time.monotonic() < deadline:
-            time.sleep(0.05)
-        time.sleep(1.0)
+        until(lambda: list(tmp_path.glob("legoworld-blender-*")), "the start of Blender")
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=60) == 130
+        assert process.wait(timeout=PATIENCE_S) == 130
     assert list(tmp_path.iterdir()) == []

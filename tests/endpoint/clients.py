@@ -13,14 +13,14 @@ from legoworld.endpoint.server import HOST, EndpointServer
 from legoworld.endpoint.session import Session, Trial
 from legoworld.workers.sandbox import Confinement, SandboxLimits, protections
 
-LIMITS = SandboxLimits(time_s=120.0, memory_bytes=3 << 30, disk_bytes=200 << 20, processes=64)
+LIMITS = SandboxLimits(time_s=600.0, memory_bytes=3 << 30, disk_bytes=200 << 20, processes=64)
 
 
 class Client:
     """Sends a command as bytes and waits until what comes back is JSON."""
 
     def __init__(self, port: int) -> None:
-        self.line = socket.create_connection((HOST, port), timeout=90)
+        self.line = socket.create_connection((HOST, port), timeout=600)
 
     def receive(self) -> Any:
         data = b""
@@ -80,7 +80,7 @@ def served(
     limits: SandboxLimits = LIMITS,
     confinement: Confinement = "auto",
     network: bool = False,
-    call_time_s: float = 60.0,
+    call_time_s: float = 300.0,
     blend: Path | None = None,
 ) -> Iterator[Served]:
     """An endpoint on a free port."""

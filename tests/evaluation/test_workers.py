@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from evaluation.detection_runs import (
     write_run,
     write_truth,
 )
+from waiting import PATIENCE_S, until
 
 
 @pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
@@ -97,25 +97,21 @@ def started(run: Path, truth: Path, output: Path, marks: Path) -> subprocess.Pop
         text=True,
         env=environment,
     )
-    deadline = time.monotonic() + 120
-    while len(list(marks.iterdir())) < 2 and time.monotonic() < deadline:
+
+    def both_at_work() -> bool:
         assert command.poll() is None, command.stderr and command.stderr.read()
-        time.sleep(0.02)
+        return len(list(marks.iterdir())) == 2
+
+    until(both_at_work, "work for both")
     return command
 
 
 def gone(pid: int) -> bool:
-    """Whether a process is over; waits for it."""
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
-        try:
-            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-        except FileNotFoundError:
-            return True
-        if state == "Z":
-            return True
-        time.sleep(0.02)
-    return False
+    """Whether a process is over."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -130,7 +126,7 @@ def test_a_blow_ends_in_one_line_and_leaves_nothing(blow, tmp_path):
             os.kill(worker, signal.SIGKILL)
     else:
         command.send_signal(signal.SIGINT if blow == "Ctrl-C" else signal.SIGKILL)
-    error = command.communicate(timeout=60)[1]
+    error = command.communicate(timeout=PATIENCE_S)[1]
     expected = {"kill a worker": 4, "Ctrl-C": 130, "kill the command": -signal.SIGKILL}
     assert command.returncode == expected[blow], error
     said = error.strip()  # a line begins anew after ^C
@@ -141,5 +137,5 @@ def test_a_blow_ends_in_one_line_and_leaves_nothing(blow, tmp_path):
     if blow == "kill the command":  # workers end with the chunk they have, which here is never
         for worker in workers:
             os.kill(worker, signal.SIGKILL)
-    assert all(gone(worker) for worker in workers)
+    until(lambda: all(map(gone, workers)), "the end of the workers")
     assert not list(output.iterdir())

@@ -82,6 +82,8 @@ def test_an_error_says_what_was_found_and_where(text, found):
 def test_an_error_in_lines_says_in_which():
     with pytest.raises(RecordError, match=r"line 3: expected int, got float at \$\.id"):
         decode_lines(Part, b'{"id": 1}\n\n{"id": 2.5}\n')
+    with pytest.raises(RecordError, match="line 2: not JSON: 'utf-8' codec"):
+        decode_lines(Part, b'{"id": 1}\n{"id": 2, "name": "\xff"}\n')
 
 
 def test_values_of_other_formats_are_checked_alike():

@@ -15,7 +15,7 @@ import pytest
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 #: WebGL by software, so that the scene in 3D is drawn on a machine without a GPU, too.
 _ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-_PATIENCE_MS = 60_000
+_PATIENCE_MS = 300_000
 
 
 def chromium_path() -> str:

@@ -6,6 +6,7 @@ import itertools
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from gltf.scenes import scene_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from running.run_folders import tree
-from strategies import damaged
+from strategies import Damage, damages, with_fixed_damage
 
 from legoworld import cli
 from legoworld.records.folders import run_folder
@@ -72,15 +73,28 @@ def another(tmp_path: Path) -> Iterator[Path]:
     return (tmp_path / str(number) for number in itertools.count())
 
 
-@settings(max_examples=25)
-@given(data=st.data())
-def test_a_damaged_journal_heals(scenes, whole, stopped, another, capsys, data):
+@dataclass(frozen=True)
+class SomeLines:
+    """A journal that was stopped early, or written by several runs."""
+
+    numbers: tuple[int, ...]
+
+    def of(self, data: bytes) -> bytes:
+        lines = data.splitlines(keepends=True)
+        return b"".join(lines[number] for number in self.numbers)
+
+
+SOME_LINES = st.builds(SomeLines, st.lists(st.integers(0, len(NAMES) - 1), max_size=4).map(tuple))
+
+
+@settings(max_examples=16)
+@given(damage=damages() | SOME_LINES)
+@with_fixed_damage
+def test_a_damaged_journal_heals(scenes, whole, stopped, another, capsys, damage):
     output = next(another)
     shutil.copytree(stopped, output)
     journal = output / "journal.jsonl"
-    lines = st.sampled_from(journal.read_bytes().splitlines(keepends=True))
-    some = st.lists(lines, max_size=4).map(b"".join)  # stopped early, or written by several runs
-    journal.write_bytes(data.draw(some | damaged(journal.read_bytes())))
+    journal.write_bytes(damage.of(journal.read_bytes()))
     assert cli.run(command(scenes, output)) == 0
     assert one_line_or_none(capsys) == ""
     assert tree(output) == tree(whole)
@@ -100,14 +114,15 @@ def test_a_damaged_journal_is_said(scenes, stopped, tmp_path, capsys):
 
 @pytest.mark.parametrize("name", ["configuration.json", "run.json", "per_image.jsonl",
                                   "summary.json", "predictions.json"])  # fmt: skip
-@settings(max_examples=12)
-@given(data=st.data())
+@settings(max_examples=6)
+@given(damage=damages())
+@with_fixed_damage
 def test_any_damaged_file_is_one_line_and_overwrite_works(
-    name, scenes, whole, stopped, another, capsys, data
+    name, scenes, whole, stopped, another, capsys, damage
 ):
     output = next(another)
     shutil.copytree(stopped if name == "configuration.json" else whole, output)
-    (output / name).write_bytes(data.draw(damaged((output / name).read_bytes())))
+    (output / name).write_bytes(damage.of((output / name).read_bytes()))
     code = cli.run(command(scenes, output))
     said = one_line_or_none(capsys)
     assert code in ((0, 1) if not said else (2,)), (code, said)
@@ -132,18 +147,19 @@ def tree_of(folder: Path) -> dict[str, bytes]:
     return {p.name: p.read_bytes() for p in folder.iterdir()}
 
 
-def copy_with_damage(source: Path, name: str, data: st.DataObject, output: Path) -> Path:
+def copy_with_damage(source: Path, name: str, damage: Damage, output: Path) -> Path:
     shutil.copytree(source, output)
-    (output / name).write_bytes(data.draw(damaged((source / name).read_bytes())))
+    (output / name).write_bytes(damage.of((source / name).read_bytes()))
     return output
 
 
 @pytest.mark.parametrize("name", ["run.json", "per_image.jsonl", "summary.json",
                                   "predictions.json"])  # fmt: skip
-@settings(max_examples=12)
-@given(data=st.data())
-def test_merge_says_it_in_one_line(name, whole, another, capsys, data):
-    run = copy_with_damage(whole, name, data, next(another))
+@settings(max_examples=6)
+@given(damage=damages())
+@with_fixed_damage
+def test_merge_says_it_in_one_line(name, whole, another, capsys, damage):
+    run = copy_with_damage(whole, name, damage, next(another))
     code = cli.run(["merge", str(run), "-o", str(next(another))])
     assert code in (0, 1, 2)
     assert bool(one_line_or_none(capsys)) == (code == 2)
@@ -159,10 +175,11 @@ def scored(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.mark.parametrize("name", ["run.json", "per_image.jsonl", "predictions.json"])
-@settings(max_examples=12)
-@given(data=st.data())
-def test_evaluate_says_it_in_one_line(name, scored, another, capsys, data):
-    run, truth = copy_with_damage(scored[0], name, data, next(another)), str(scored[1])
+@settings(max_examples=6)
+@given(damage=damages())
+@with_fixed_damage
+def test_evaluate_says_it_in_one_line(name, scored, another, capsys, damage):
+    run, truth = copy_with_damage(scored[0], name, damage, next(another)), str(scored[1])
     arguments = ["evaluate", "-q", str(run), "--truth", truth, "--draws", "3"]
     code = cli.run([*arguments, "-o", str(next(another))])
     assert code in (0, 1, 2)

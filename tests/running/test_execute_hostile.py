@@ -6,10 +6,10 @@ import json
 import os
 import subprocess
 import sys
-import time
 
 import pytest
 from running.executed import BUILD, execute, execution
+from waiting import until
 from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.records.execution import ProgramReport, Reason
@@ -141,13 +141,6 @@ def test_killed_while_it_runs_nothing_is_left(tmp_path, confinement):
         until(lambda: list(output.glob(".executing-*/sandbox/empty/begun")))
         command.kill()
     until(lambda: list(output.iterdir()) == [])
-
-
-def until(true) -> None:
-    deadline = time.monotonic() + 60
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @pytest.mark.parametrize(

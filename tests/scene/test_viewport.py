@@ -103,7 +103,7 @@ def read_twice(paths: list[Path]) -> dict[str, list[object]]:
         [sys.executable, str(Path(__file__).parent / "unwatched.py"), *map(str, paths)],
         capture_output=True,
         text=True,
-        timeout=110,
+        timeout=900,
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]

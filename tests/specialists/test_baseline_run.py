@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -19,6 +18,7 @@ from specialists.tracks import (
     run_arguments,
     run_document,
 )
+from waiting import until
 
 
 @pytest.fixture
@@ -145,10 +145,7 @@ def test_one_bad_image_is_one_bad_row(run, how, status, code, words):
 def wait_for_the_end_of(weights: Path) -> list[str]:
     """The processes the fake wrote down, when all of them have ended."""
     noted = weights.with_suffix(".pids").read_text().split()
-    deadline = time.monotonic() + 20
-    while any(is_running(pid) for pid in noted):
-        assert time.monotonic() < deadline, noted
-        time.sleep(0.05)
+    until(lambda: not any(map(is_running, noted)), f"the end of {noted}")
     return noted
 
 
@@ -174,13 +171,15 @@ def test_a_crash_that_does_not_come_again_costs_nothing(run):
 
 
 def test_an_image_that_hangs_is_a_timeout(run):
-    start = time.monotonic()
-    code, folder, _ = run(*options("hang"), "--time-limit", "3")
-    assert code == 1
-    assert time.monotonic() - start < 30
-    found = rows(folder)
-    assert found[3]["status"] == "timeout"
-    assert "no answer after 3 s" in found[3]["reason"]
+    """The fake sleeps for ten minutes; the others' answers take hundredths of a second."""
+    for seconds in (3, 30):  # a busy machine may not answer for the others within the first
+        code, folder, _ = run(*options("hang"), "--time-limit", str(seconds), name=f"{seconds} s")
+        assert code == 1
+        found = rows(folder)
+        assert found[3]["status"] == "timeout"
+        assert f"no answer after {seconds} s" in found[3]["reason"]
+        if [row["status"] for row in found.values()].count("timeout") == 1:
+            break
     assert [found[i]["status"] for i in (1, 2, 4, 5, 6)] == ["ok"] * 5
 
 
@@ -326,20 +325,18 @@ KILLED = "import sys; from legoworld.cli import run; sys.exit(run(sys.argv[1:]))
 
 
 def start_and_kill(
-    arguments: list[str], folder: Path, after: int, until: Path | None = None
+    arguments: list[str], folder: Path, after: int, there: Path | None = None
 ) -> subprocess.Popen[bytes]:
-    """Kill the command with -9 when its journal has some lines and the file `until` is there."""
+    """Kill the command with -9 when its journal has some lines and the file `there` is."""
     process = subprocess.Popen([sys.executable, "-c", KILLED, *arguments, "-q"])
     journal = folder / "journal.jsonl"
-    deadline = time.monotonic() + 120
-    while (
-        not journal.is_file()
-        or journal.read_bytes().count(b"\n") < after
-        or (until is not None and not until.is_file())
-    ):
+
+    def came() -> bool:
         assert process.poll() is None, "it ended before it could be killed"
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+        done = journal.read_bytes().count(b"\n") if journal.is_file() else 0
+        return done >= after and (there is None or there.is_file())
+
+    until(came, "the moment to kill it")
     process.kill()
     process.wait()
     return process
@@ -364,7 +361,7 @@ def test_kill_9_and_the_same_command_again_lose_nothing(track, photos, weights, 
 def test_no_model_outlives_a_killed_legoworld(track, photos, weights, tmp_path):
     arguments = run_arguments(track, photos, weights, tmp_path / "run", *options("hang", at=2))
     process = start_and_kill(
-        arguments, tmp_path / "run", after=1, until=weights.with_suffix(".pids")
+        arguments, tmp_path / "run", after=1, there=weights.with_suffix(".pids")
     )
     assert not is_running(str(process.pid))
     assert len(wait_for_the_end_of(weights)) == 1

@@ -41,7 +41,7 @@ def test_threads_that_cannot_start_are_done_without(room_mb):
         cwd=TESTS,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
         check=False,
     )
     assert (done.returncode, done.stdout.strip()) == (0, "same"), done.stderr[-2000:]

@@ -93,7 +93,7 @@ def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypa
     with BaselineProcess(
         card, Path(sys.executable), request, print, declared=card.about.variables
     ) as process:
-        message = process.next_message(30.0)
+        message = process.next_message(300.0)
     seen = message.provenance
     assert seen["HF_TOKEN"] == "hidden-2"
     assert not (set(SECRETS) - {"HF_TOKEN"}) & set(seen)

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from waiting import until
 from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.workers.descendants import descendants
@@ -25,7 +26,8 @@ from legoworld.workers.sandbox import (
 )
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="namespaces and /proc are Linux's")
-LIMITS = SandboxLimits(time_s=30.0, memory_bytes=1 << 30)
+#: Time is only for what never ends.
+LIMITS = SandboxLimits(time_s=300.0, memory_bytes=1 << 30)
 
 
 @pytest.fixture(params=CONFINEMENTS)
@@ -126,7 +128,7 @@ def test_what_a_program_starts_does_not_outlive_it(run, end, tmp_path):
     """However it was forked away, and whether the program ends or is ended."""
     name = f"escaped-{os.getpid()}-{tmp_path.name}"
     program = DOUBLE_FORK.replace("NAME", repr(name)).replace("END", end)
-    limits = SandboxLimits(time_s=1.0 if end != "pass" else 30.0, memory_bytes=1 << 30)
+    limits = SandboxLimits(time_s=1.0 if end != "pass" else 300.0, memory_bytes=1 << 30)
     ending = run(program, limits)
     assert ending.over == ("time" if end != "pass" else None)
     assert alive(name) == []
@@ -141,7 +143,7 @@ def test_the_memory_of_children_counts(run):
                 time.sleep(600)
         time.sleep(600)
     """
-    ending = run(program, SandboxLimits(time_s=30.0, memory_bytes=200 << 20))
+    ending = run(program, SandboxLimits(time_s=300.0, memory_bytes=200 << 20))
     assert ending.over == "memory"
 
 
@@ -163,7 +165,7 @@ def test_a_flood_of_output_is_cut(run):
     ending = run("while True: print('x' * 10000)")
     assert ending.over == "output"
     assert len(ending.last_output) <= 64 << 10
-    assert time.process_time() - began < 5
+    assert time.process_time() - began < 60  # of CPU; a tenth of a second is usual
 
 
 def test_a_file_cannot_be_larger_than_the_limit(run):
@@ -172,33 +174,33 @@ def test_a_file_cannot_be_larger_than_the_limit(run):
             for _ in range(64):
                 stream.write(bytes(1 << 20))
     """
-    ending = run(program, SandboxLimits(time_s=30.0, memory_bytes=1 << 30, disk_bytes=8 << 20))
+    ending = run(program, SandboxLimits(time_s=300.0, memory_bytes=1 << 30, disk_bytes=8 << 20))
     assert (ending.code == 1 and "File too large" in ending.last_output) or ending.over == "disk"
     assert (run.scratch / "empty" / "big").stat().st_size <= 8 << 20
 
 
 def test_many_files_together_cannot_be_larger_than_the_limit(run):
     program = """
-        import time
+        import os, time
         for n in range(16):
             with open(str(n), "wb") as stream:
-                stream.write(bytes(1 << 20))
+                stream.write(os.urandom(1 << 20))  # zeros take no room on some file systems
         time.sleep(600)
     """
-    ending = run(program, SandboxLimits(time_s=30.0, memory_bytes=1 << 30, disk_bytes=8 << 20))
+    ending = run(program, SandboxLimits(time_s=300.0, memory_bytes=1 << 30, disk_bytes=8 << 20))
     assert ending.over == "disk"
 
 
 def test_shared_memory_is_counted_with_the_files(confined_run):
     """Nothing maps it, so it is in no process's memory: bubblewrap's own /dev/shm took 12 GiB."""
     program = """
-        import time
+        import os, time
         for n in range(16):
             with open(f"/dev/shm/{n}", "wb") as stream:
-                stream.write(bytes(1 << 20))
+                stream.write(os.urandom(1 << 20))
         time.sleep(600)
     """
-    limits = SandboxLimits(time_s=30.0, memory_bytes=1 << 30, disk_bytes=8 << 20)
+    limits = SandboxLimits(time_s=300.0, memory_bytes=1 << 30, disk_bytes=8 << 20)
     assert confined_run(program, limits).over == "disk"
 
 
@@ -220,15 +222,19 @@ def test_shared_memory_serves_what_it_is_for(run):
 
 
 def test_a_fork_bomb_is_ended(run, tmp_path):
-    # It ends at a thousand: a machine too busy to watch it in time is not taken down by a test.
+    # It ends at 64: other tests need processes, too. Where the kernel counts them, 64 still may be.
     program = """
         import os, time
-        for _ in range(10):
-            os.fork()
+        try:
+            for _ in range(6):
+                os.fork()
+        except BlockingIOError:
+            print("the machine has no more", flush=True)
         time.sleep(600)
     """
-    ending = run(program, SandboxLimits(time_s=30.0, memory_bytes=4 << 30, processes=50))
-    assert ending.over == "processes"
+    ending = run(program, SandboxLimits(time_s=60.0, memory_bytes=4 << 30, processes=20))
+    refused = "the machine has no more" in ending.last_output
+    assert ending.over == "processes" or (ending.over == "time" and refused)
 
 
 def test_a_program_that_kills_its_whole_group_harms_itself_only(run):
@@ -254,7 +260,10 @@ def test_killed_with_legoworld_nothing_is_left(confinement, tmp_path):
     """kill -9 of the process that has a sandbox: neither a process nor the folder stays."""
     scratch = tmp_path / "scratch"
     name = f"orphan-{os.getpid()}-{confinement}"
-    program = DOUBLE_FORK.replace("NAME", repr(name)).replace("END", "time.sleep(600)")
+    # In pieces: the owner's own command line is not to hold the name.
+    program = DOUBLE_FORK.replace("NAME", " + ".join(map(repr, name))).replace(
+        "END", "time.sleep(600)"
+    )
     owner = f"""
 import sys, pathlib
 from legoworld.workers.sandbox import *
@@ -269,13 +278,6 @@ sandbox.wait()
         until(lambda: alive(name))
         process.kill()
     until(lambda: not alive(name) and not scratch.exists())
-
-
-def until(true) -> None:
-    deadline = time.monotonic() + 30
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @pytest.fixture
