@@ -20,6 +20,7 @@ PAGES = sorted(
     [
         ROOT / "README.md",
         ROOT / "CONTRIBUTING.md",
+        ROOT / "tests" / "README.md",
         *DOCS.rglob("*.md"),
         *ROOT.glob("examples/*/README.md"),
         *ROOT.glob("baselines/*/README.md"),
