@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import SceneInvalidError
+from legoworld.readouts.joints import part_surfaces
+from legoworld.records.articulation import ReferenceJoint, SceneJoint
+from legoworld.records.base import as_json, to_record
 from legoworld.records.bench_dataset import ScoredObject
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import SceneCamera, Snapshot
@@ -44,6 +48,32 @@ class SeenCase:
     raster_depth_z_m: NDArray[np.float32]
     raster_instance: NDArray[np.int32]
     scored: tuple[ScoredObject, ...]
+
+
+def reference_joints(
+    snapshot: Snapshot,
+    grouping: Grouping,
+    scored: Sequence[ScoredObject],
+    joints: Sequence[SceneJoint],
+) -> tuple[ReferenceJoint, ...]:
+    """The joints whose part has geometry in this case, with the scored object it belongs to.
+
+    A part of several instances belongs to that of its first surface.
+    """
+    ids = {one.id for one in scored}
+    found = []
+    for joint in joints:
+        surfaces = part_surfaces(snapshot, joint.part)
+        if not len(surfaces) or joint.box_cam_m is None:
+            continue
+        owner = int(grouping.surface_instance[surfaces[0]])
+        found.append(
+            to_record(
+                ReferenceJoint,
+                {**as_json(joint), "object_id": owner if owner in ids else None},
+            )
+        )
+    return tuple(found)
 
 
 def see_case(

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from legoworld.bench.case import SeenCase, see_case
+from legoworld.bench.case import CaseRefusedError, SeenCase, reference_joints, see_case
 from legoworld.bench.halves import Halves
 from legoworld.bench.noise import noise_floor
 from legoworld.errors import LegoWorldError
+from legoworld.readouts.joints import scene_joints
 from legoworld.readouts.surface import pose_m
+from legoworld.records.articulation import ReferenceJoint
+from legoworld.records.base import UNSET
 from legoworld.records.bench_dataset import (
     BenchCamera,
     BenchTruth,
@@ -187,7 +190,7 @@ class _Family:
             request = {"kind": "case", "blend": self._blend, "output": str(folder.path)}
             twice(lambda: self._blender.request({**request, "case": with_glb}))
             content = {**_content(files), "case": case}
-            return self._written(folder, files, frozenset(said["unscored"]), wanted, content)
+            return self._written(folder, files, said, wanted, content)
         finally:
             shutil.rmtree(folder.path, ignore_errors=True)
 
@@ -195,14 +198,14 @@ class _Family:
         self,
         folder: SceneFolder,
         files: FrozenFiles,
-        unscored: frozenset[str],
+        said: dict[str, Any],
         wanted: _Wanted,
         content: dict[str, Any],
     ) -> MadeCase:
         options = self._options
         own = checked_artefacts(folder, require_frozen=False)
         scene = read_scene(folder, source="blend", blender=self._blender, cache=None, files=own)
-        seen = self._seen(scene.snapshot, files, unscored)
+        seen, joints = self._seen(scene.snapshot, files, said)
         opened = OpenedScene(folder, scene.files, self._blender, options.cache, content=content)
         picture = opened.render(
             CardRender(
@@ -216,7 +219,7 @@ class _Family:
         noise = self._noise(opened, picture)
         hashes = self._halves.write(wanted.stem, picture, seen)
         if options.scenes is not None:
-            _keep(folder, options.scenes / wanted.stem, picture)
+            _keep(folder, self._folder, options.scenes / wanted.stem, picture)
         return MadeCase(
             file_name=f"{wanted.stem}.png",
             hfov_deg=seen.hfov_deg,
@@ -229,15 +232,26 @@ class _Family:
                 raster_wh=seen.raster_wh,
                 snapshot_sha256=scene.snapshot_sha256,
                 noise_floor=noise,
+                joints=joints or UNSET,
             ),
         )
 
-    def _seen(self, snapshot: Snapshot, files: FrozenFiles, unscored: frozenset[str]) -> SeenCase:
+    def _seen(
+        self, snapshot: Snapshot, files: FrozenFiles, said: dict[str, Any]
+    ) -> tuple[SeenCase, tuple[ReferenceJoint, ...]]:
         outside = labels_in(read_hashed_side_file(self._folder, LABELS, LabelsFile, files))
         grouping = group(snapshot, resolve_labels(snapshot, outside, None, None))
-        return see_case(
-            snapshot, grouping, self._options.size_wh, unscored, threads=self._options.threads
-        )
+        size_wh, unscored = self._options.size_wh, frozenset(said["unscored"])
+        seen = see_case(snapshot, grouping, size_wh, unscored, threads=self._options.threads)
+        joints, complaints = scene_joints(self._folder, snapshot, said["joints"])
+        if complaints:
+            raise CaseRefusedError(
+                "a joint of the reference cannot be used",
+                found=complaints[0],
+                expected="joints that can be read",
+                next_step="correct the property or the URDF file, or delete it",
+            )
+        return seen, reference_joints(snapshot, grouping, seen.scored, joints)
 
     def _noise(self, opened: OpenedScene, picture: bytes) -> NoiseFloor | None:
         options = self._options
@@ -267,10 +281,12 @@ def _camera(snapshot: Snapshot, seen: SeenCase) -> BenchCamera:
     )
 
 
-def _keep(folder: SceneFolder, target: Path, picture: bytes) -> None:
-    """The case as a submission: its scene, its glTF, and its picture as final.png."""
+def _keep(folder: SceneFolder, reference: SceneFolder, target: Path, picture: bytes) -> None:
+    """The case as a submission: its scene, glTF and joints, and its picture as final.png."""
     target.mkdir(parents=True, exist_ok=True)
     for name in (BLEND, GLB):
         if folder.file(name).is_file():
             shutil.copyfile(folder.file(name), target / name)
     (target / PICTURE).write_bytes(picture)
+    for name in reference.urdf_files():
+        shutil.copyfile(reference.file(name), target / name)

@@ -22,7 +22,7 @@ _VALID: Final = ("R_valid", "A_valid", "S_valid")
 
 def short_bench(summary: ReconstructionSummary) -> str:
     """V, R, A, S with both averages and their denominators, A's noise, flags, what counts 0."""
-    lines = [_title(summary), *_averages(summary.metrics), *_noise(summary)]
+    lines = [_title(summary), *_averages(summary.metrics), *_noise(summary), *_joints(summary)]
     if summary.flags:
         cases = counted(len({flag.image_id for flag in summary.flags}), "case", "cases")
         lines.append(
@@ -54,7 +54,7 @@ def bench_text(summary: ReconstructionSummary) -> str:
     ]
     if beside:
         parts.append("diagnostics, in no score:\n" + options.table(header, beside))
-    ends = _noise(summary)
+    ends = _noise(summary) + _joints(summary)
     ends += [
         f"flag: {f.kind}: {f.file_name}: {f.what}: {f.measured:.3f} (from {f.threshold:g})"
         for f in summary.flags
@@ -101,6 +101,19 @@ def _noise(summary: ReconstructionSummary) -> list[str]:
             f"({counted(noise.n_two_seeds, 'case', 'cases')})"
         )
     return lines
+
+
+def _joints(summary: ReconstructionSummary) -> list[str]:
+    """The articulation pilot, where a reference has joints."""
+    found = summary.articulation
+    if not found:
+        return []
+    counts = ", ".join(f"{letter} {getattr(found, letter)}" for letter in "CWPOJE")
+    score = "-" if found.score is None else f"{found.score:.4f}"
+    return [
+        f"articulation (pilot {found.card_version}, in no score): {score} "
+        f"({counts}; {counted(found.cases, 'case', 'cases')})"
+    ]
 
 
 def _row(name: str, mean: Mean) -> tuple[str, str, str, str]:

@@ -10,7 +10,8 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta
 
-from legoworld.records.base import Record
+from legoworld.records.articulation import ReferenceJoint
+from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.track import CategoryInfo, ImageInfo, Pixels, Private
 
 #: Easy < Medium < Hard: each holds the objects of the one before, and more.
@@ -135,7 +136,8 @@ class NoiseFloor(Record, frozen=True, kw_only=True):
 class BenchTruth(Record, frozen=True, kw_only=True):
     """The private half of one image.
 
-    raster_wh: size of the scoring raster; noise_floor: null where it was not measured.
+    raster_wh: size of the scoring raster; noise_floor: null where it was not measured; joints: left
+    out where the reference has none.
     """
 
     camera: BenchCamera
@@ -144,6 +146,7 @@ class BenchTruth(Record, frozen=True, kw_only=True):
     raster_wh: tuple[Pixels, Pixels]
     snapshot_sha256: str
     noise_floor: NoiseFloor | None
+    joints: tuple[ReferenceJoint, ...] | UnsetType = UNSET
 
 
 class BenchTruthFile(Record, frozen=True, kw_only=True):

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from legoworld.records.articulation import SceneJoint
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.bench_dataset import Pose
 
@@ -160,7 +161,8 @@ class BenchRow(Record, frozen=True, kw_only=True):
 
     status: ok where surface and render (unless --no-render) were made, whatever V says; otherwise
     why not, with code and reason. A row that is not ok still says what of V was found.
-    surface, render, camera and integrity are left out where they could not be made.
+    surface, render, camera and integrity are left out where they could not be made, joints where
+    the scene has none.
     """
 
     image_id: int
@@ -177,6 +179,7 @@ class BenchRow(Record, frozen=True, kw_only=True):
     surface: SurfaceFile | UnsetType = UNSET
     render: RenderFile | UnsetType = UNSET
     integrity: Integrity | UnsetType = UNSET
+    joints: tuple[SceneJoint, ...] | UnsetType = UNSET
     files_sha256: str | UnsetType = UNSET
     snapshot_sha256: str | UnsetType = UNSET
     frozen: str | UnsetType = UNSET

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-from legoworld.records.base import Record
+from legoworld.records.articulation import Articulation
+from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.bench_dataset import Tier
 from legoworld.records.bench_run import Check
 from legoworld.records.evaluation_rows import ImageRow
@@ -124,7 +125,8 @@ class ReconstructionRow(ImageRow, frozen=True, kw_only=True):
     """One case. status: ok where it was compared; valid, R, A, S: zeros where it was not.
 
     run_status: the readout's. R and A are null where they were not asked for (A without a render),
-    S then too. validity: each check, null where the readout recorded none.
+    S then too. validity: each check, null where the readout recorded none. articulation: left out
+    where the reference has no joint.
     """
 
     code: str | None
@@ -149,3 +151,4 @@ class ReconstructionRow(ImageRow, frozen=True, kw_only=True):
     diagnostics: Diagnostics | None
     appearance: Appearance | None
     flags: tuple[Flag, ...]
+    articulation: Articulation | UnsetType = UNSET

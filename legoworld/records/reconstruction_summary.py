@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from legoworld.records.base import Record
+from legoworld.records.articulation import ArticulationSummary
+from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evaluation_summary import Coverage, Interval, NotScored, Summary
 from legoworld.records.reconstruction_rows import Flag
 
@@ -92,7 +93,10 @@ class CaseFlag(Flag, frozen=True, kw_only=True):
 
 
 class ReconstructionSummary(Summary, frozen=True, kw_only=True):
-    """Of a bench run. not_scored: zeros by name and reason; zeros: how many by status."""
+    """Of a bench run. not_scored: zeros by name and reason; zeros: how many by status.
+
+    articulation: the pilot's, left out where no reference has joints.
+    """
 
     coverage: ReconstructionCoverage
     protocol: ReconstructionRules
@@ -104,3 +108,4 @@ class ReconstructionSummary(Summary, frozen=True, kw_only=True):
     flags: tuple[CaseFlag, ...]
     not_scored: tuple[NotScored, ...]
     warnings: int
+    articulation: ArticulationSummary | UnsetType = UNSET

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from legoworld.records.articulation import SceneJoint
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.bench_run import (
     Integrity,
@@ -123,6 +124,7 @@ class RunRow(RunImage, frozen=True, kw_only=True):
     surface: SurfaceFile | UnsetType = UNSET
     render: RenderFile | UnsetType = UNSET
     integrity: Integrity | UnsetType = UNSET
+    joints: tuple[SceneJoint, ...] | UnsetType = UNSET
 
     @property
     def files(self) -> list[DepthFile | WrittenFile]:

@@ -94,7 +94,7 @@ def _read(submission: Submission, options: ImageOptions, blender: BlenderProcess
 def _warnings(
     row: RunRow, folder: SceneFolder, scene: ReadScene, surface: VisibleSurface
 ) -> list[str]:
-    warnings = [*scene.files.warnings, *scene.snapshot.warnings]
+    warnings = [*scene.files.warnings, *scene.snapshot.warnings, *row.warnings]
     if scene.snapshot.camera.type == "ORTHO":
         warnings.append("the camera is orthographic: R takes its pose and not its projection")
     if not surface.finite_px:

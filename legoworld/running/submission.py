@@ -14,6 +14,7 @@ from legoworld.cards import Card
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import as_unicode, atomic_path, sha256_of_file, sha256_of_text
 from legoworld.readouts.camera_planes import facing_planes
+from legoworld.readouts.joints import scene_joints
 from legoworld.readouts.surface import (
     VisibleSurface,
     render_file,
@@ -22,7 +23,7 @@ from legoworld.readouts.surface import (
     visible_surface,
     write_surface,
 )
-from legoworld.records.base import as_json, canonical, to_record
+from legoworld.records.base import UNSET, as_json, canonical, to_record
 from legoworld.records.bench_dataset import RenderCard
 from legoworld.records.bench_run import (
     CameraPlane,
@@ -164,7 +165,7 @@ def read_surface(
     run: Path,
     threads: int,
 ) -> tuple[RunRow, VisibleSurface]:
-    """Write the surface file; the row with camera, surface and integrity.
+    """Write the surface file; the row with camera, surface, integrity and joints.
 
     Raises the verdicts of a Blender process.
     """
@@ -194,10 +195,13 @@ def read_surface(
         )
         for p in planes
     ]
+    joints, warnings = scene_joints(opened.folder, snapshot, facts.values["joints"])
     made = replace(
         row,
         surface=_surface_entry(run, name, surface),
         integrity=_integrity(facts, shown),
+        joints=joints or UNSET,
+        warnings=(*row.warnings, *warnings),
     )
     return made, surface
 

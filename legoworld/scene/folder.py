@@ -24,6 +24,8 @@ SIMULATIONS: Final = "blendcache_scene"
 
 #: The files a frozen scene consists of, besides what the .blend reads.
 ARTEFACTS: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS, PROVENANCE)
+#: Joints of a scene's parts, in files of any name.
+URDF_SUFFIX: Final = ".urdf"
 #: Those that are read as they are, so that a name that is there is judged, whatever it stands for.
 JUDGED: Final = (LABELS, PROVENANCE)
 
@@ -40,13 +42,24 @@ class SceneFolder:
         return self.path / name
 
     def artefacts(self) -> tuple[str, ...]:
-        """The artefacts that are there, in a fixed order."""
+        """The artefacts that are there, in a fixed order; URDF files last, by name."""
         folder = str(self.path)
-        return tuple(
-            name
-            for name in ARTEFACTS
-            if (os.path.lexists if name in JUDGED else os.path.exists)(f"{folder}/{name}")
+        return (
+            *(
+                name
+                for name in ARTEFACTS
+                if (os.path.lexists if name in JUDGED else os.path.exists)(f"{folder}/{name}")
+            ),
+            *self.urdf_files(),
         )
+
+    def urdf_files(self) -> tuple[str, ...]:
+        """Names of the URDF files beside the scene that can be written into a result, sorted."""
+        try:
+            names = [path.name for path in self.path.iterdir()]
+        except OSError:
+            return ()
+        return tuple(sorted(n for n in names if n.endswith(URDF_SUFFIX) and n.isprintable()))
 
 
 def find_scene(scenes: Path, name: str) -> SceneFolder:

@@ -31,6 +31,7 @@ from legoworld.scene.folder import (
     LABELS,
     PICTURE,
     PROGRAM,
+    URDF_SUFFIX,
     SceneFolder,
 )
 from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
@@ -205,7 +206,8 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
     files, dependencies = _hashes(record.files), _hashes(record.dependencies)
     # A record that does not say was made when provenance.json was not part of it.
     covers = {*_COVERED_AT_FIRST, *record.covers}
-    _refuse_changes(files, {n: now.get(n) for n in {*now, *files} if n in covers})
+    covered = [n for n in {*now, *files} if n in covers or n.endswith(URDF_SUFFIX)]
+    _refuse_changes(files, {n: now.get(n) for n in covered})
     # What lies elsewhere is compared when the scene file was read and has said where it lies.
     near = {n: h for n, h in dependencies.items() if not leaves_scenes(n, scene)}
     _refuse_changes(near, hash_files(scene.path, near))

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from legoworld.scene.folder import BLEND, SceneFolder
 from legoworld.scene.freeze import FrozenFiles
 
 T = TypeVar("T")
+#: Raised whenever what `facts` answers changes.
+_FACTS: Final = 2
 _LOST = (WorkerCrashedError, WorkerMemoryError, WorkerTimeoutError)
 
 
@@ -59,6 +61,7 @@ class OpenedScene:
         *,
         content: dict[str, Any] | None = None,
     ) -> None:
+        self.folder = folder
         self._blend = str(folder.path.resolve() / BLEND)
         hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
         own = {name: found and found.sha256 for name, found in hashes.items()}
@@ -86,7 +89,8 @@ class OpenedScene:
 
     def facts(self, thumbnail_wh: tuple[int, int]) -> SceneFacts:
         """What the .blend holds besides geometry. Raises the verdicts of `errors`."""
-        stored = self._entry("facts", {"thumbnail_wh": thumbnail_wh}, ".npz")
+        question = {"thumbnail_wh": thumbnail_wh, "version": _FACTS}
+        stored = self._entry("facts", question, ".npz")
         if stored is not None and stored.is_file():
             with np.load(stored) as arrays:
                 values = json.loads(arrays["facts"].tobytes().decode("utf-8"))

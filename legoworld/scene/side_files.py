@@ -52,7 +52,7 @@ def read_side_file(folder: Path, name: str, kind: type[T]) -> SideFile[T] | None
     half a surrogate pair, what is not JSON (NaN, infinity, nesting beyond `NESTING_LIMIT`), and
     what is not of the type.
     """
-    data = _bytes_of(folder, name)
+    data = bytes_beside(folder, name, SIZE_LIMITS[name])
     if data is None:
         return None
     try:
@@ -68,7 +68,7 @@ def hash_side_file(folder: Path, name: str) -> tuple[str, int] | None:
     Raises as `read_side_file` does for what is not a file of the folder; the content may be
     anything.
     """
-    data = _bytes_of(folder, name)
+    data = bytes_beside(folder, name, SIZE_LIMITS[name])
     return None if data is None else (hashlib.sha256(data).hexdigest(), len(data))
 
 
@@ -82,17 +82,22 @@ def invalid(name: str, found: str) -> SideFileInvalidError | LabelsInvalidError:
             '"category": name}]}',
             next_step=f"correct {LABELS}, or delete it to use the scene's own labels",
         )
+    kind = "JSON file" if name in SIZE_LIMITS else "file"
     return SideFileInvalidError(
         f"{name} cannot be used",
         found=found,
-        expected="a JSON file of the scene folder itself"
+        expected=f"a {kind} of the scene folder itself"
         + (", as `legoworld freeze` writes it" if name == FROZEN else ""),
         next_step="freeze the scene again" if name == FROZEN else f"correct {name}, or delete it",
     )
 
 
-def _bytes_of(folder: Path, name: str) -> bytes | None:
-    limit = SIZE_LIMITS[name]
+def bytes_beside(folder: Path, name: str, limit: int) -> bytes | None:
+    """The bytes of a file of the folder itself; None when there is none.
+
+    Raises as `read_side_file` does for a link that leaves the folder, what is not a regular file,
+    and more than `limit` bytes.
+    """
     try:
         with _opened(folder, name) as descriptor:
             status = os.fstat(descriptor)

@@ -16,6 +16,7 @@ from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, SubmissionFileError
 from legoworld.evaluation.reconstruction.geometry import geometry_score
+from legoworld.evaluation.reconstruction.joints import articulation_of, not_valid
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Flags, finite_points, points_m
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
@@ -92,6 +93,7 @@ def zero_row(task: CaseTask) -> ReconstructionRow:
         diagnostics=None,
         appearance=None,
         flags=(),
+        articulation=not_valid(task.case),
     )
 
 
@@ -129,6 +131,13 @@ def _compared(
         diagnostics=score.diagnostics,
         appearance=seen[1] if seen else None,
         flags=tuple(_flags(task, surface, picture, seen, score.r)),
+        articulation=(
+            articulation_of(
+                task.case, task.row, reference, surface, task.protocol.headline.relative
+            )
+            if valid
+            else row.articulation
+        ),
     )
 
 

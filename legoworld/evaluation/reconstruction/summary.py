@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from legoworld.evaluation.bootstrap import LEVEL
+from legoworld.evaluation.reconstruction.articulation import articulation_score, summed
+from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.integrity import view_drop
 from legoworld.evaluation.reconstruction.means import (
@@ -19,7 +21,8 @@ from legoworld.evaluation.reconstruction.means import (
     means_of,
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
-from legoworld.records.base import as_json, to_record
+from legoworld.records.articulation import ArticulationSummary
+from legoworld.records.base import UNSET, UnsetType, as_json, to_record
 from legoworld.records.evaluation_summary import Evaluator, NotScored
 from legoworld.records.reconstruction_rows import COMPARED, Flag, ReconstructionRow
 from legoworld.records.reconstruction_summary import (
@@ -80,6 +83,26 @@ def summarise(
         flags=tuple(_flags(rows)),
         not_scored=tuple(_not_scored(row) for row in rows if not row.valid),
         warnings=sum(len(row.warnings) for row in rows),
+        articulation=_articulation(rows),
+    )
+
+
+def _articulation(rows: Sequence[ReconstructionRow]) -> ArticulationSummary | UnsetType:
+    """The pilot over the cases that have scored joints; UNSET where none has."""
+    found = [row.articulation for row in rows if row.articulation is not UNSET]
+    some = [one for one in found if any(j.outcome != "ignored" for j in one.joints)]
+    if not some:
+        return UNSET
+    counts, rules = summed(some), articulation_rules()
+    scores = [one.score for one in some if one.score is not None]
+    return ArticulationSummary(
+        **counts,
+        score=articulation_score(**counts),
+        cases=len(some),
+        mean_score=float(np.mean(scores)) if scores else None,
+        provisional=True,
+        card_version=rules.version,
+        card_sha256=rules.sha256,
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -11,11 +10,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.scene.blender.joints import joint_facts
 from legoworld.scene.blender.opening import open_blend
 
 #: Images with more pixels than this have no thumbnail: 256 MiB as bytes.
 _MOST_PIXELS: Final = 64 << 20
-_SHOWN_TEXT: Final = 2000
 
 
 def scene_facts(
@@ -44,7 +43,7 @@ def scene_facts(
             for t in sorted(bpy.data.texts, key=lambda t: t.name)
         ],
         "drivers": _drivers(),
-        "joints": _joints(scene),
+        "joints": joint_facts(scene),
         "images_of": _images_of_objects(),
     }
     return facts, np.stack(thumbnails) if thumbnails else empty
@@ -152,24 +151,3 @@ def _drivers() -> int:
              "shape_keys", "armatures", "curves", "scenes")  # fmt: skip
     blocks = (block for kind in kinds for block in getattr(bpy.data, kind))
     return sum(len(b.animation_data.drivers) for b in blocks if b.animation_data is not None)
-
-
-def _joints(scene: bpy.types.Scene) -> list[dict[str, Any]]:
-    return [
-        {
-            "object": thing.name,
-            "parent": thing.parent.name if thing.parent else None,
-            "text": _property_text(thing["joint"])[:_SHOWN_TEXT],
-        }
-        for thing in sorted(scene.objects, key=lambda o: o.name)
-        if "joint" in thing
-    ]
-
-
-def _property_text(value: Any) -> str:
-    """A custom property as text; groups and arrays as JSON."""
-    if hasattr(value, "to_dict"):
-        value = value.to_dict()
-    elif hasattr(value, "to_list"):
-        value = value.to_list()
-    return value if isinstance(value, str) else json.dumps(value, sort_keys=True, default=str)

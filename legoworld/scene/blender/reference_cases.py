@@ -8,6 +8,7 @@ from typing import Any, Final
 import bpy
 
 from legoworld.errors import NoCameraError, TiersNotNestedError
+from legoworld.scene.blender.joints import joint_facts
 from legoworld.scene.blender.objects import ancestors
 from legoworld.scene.blender.opening import open_blend
 from legoworld.scene.blender.programs import export_glb, pack_images
@@ -21,8 +22,8 @@ def cases_of(blend: Path) -> dict[str, Any]:
     """What a reference scene says of its cases, as JSON values.
 
     views: names of cameras; tiers: those it has, or [None]; unscored: names of owners with a false
-    `scored`; environment, theme, split: of the scene's own properties. Raises what `open_blend`
-    does, NoCameraError and TiersNotNestedError.
+    `scored`; joints: as `joint_facts` has them; environment, theme, split: of the scene's own
+    properties. Raises what `open_blend` does, NoCameraError and TiersNotNestedError.
     """
     scene = open_blend(blend).scene
     words = {key: _text(scene.get(key)) for key in ("environment", "theme", "split")}
@@ -32,6 +33,7 @@ def cases_of(blend: Path) -> dict[str, Any]:
         "views": _views(scene),
         "tiers": _Tiers(scene).names(),
         "unscored": sorted({o.name for o in owners if _is_false(o.get("scored"))}),
+        "joints": joint_facts(scene),
     }
 
 

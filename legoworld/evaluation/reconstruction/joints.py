@@ -1,0 +1,83 @@
+"""The articulation pilot of one case: its joints against the submission's, and what is there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.reconstruction.articulation import Present, counted, none_found
+from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
+from legoworld.evaluation.reconstruction.dataset import BenchCase
+from legoworld.evaluation.reconstruction.nearest import nearest_both_ways
+from legoworld.evaluation.reconstruction.points import F64, finite_points, points_m
+from legoworld.evaluation.reconstruction.reference import Reference
+from legoworld.evaluation.reconstruction.submission import Surface
+from legoworld.records.articulation import Articulation, ReferenceJoint, Vector
+from legoworld.records.base import UNSET, UnsetType
+from legoworld.records.bench_run import BenchRow
+
+
+def not_valid(case: BenchCase) -> Articulation | UnsetType:
+    """Of a submission that is not valid; UNSET where the reference has no joint."""
+    joints = case.truth.joints
+    return UNSET if joints is UNSET else none_found(joints, _names(case))
+
+
+def articulation_of(
+    case: BenchCase, row: BenchRow, reference: Reference, surface: Surface, relative: float
+) -> Articulation | UnsetType:
+    """Of a compared submission; UNSET where the reference has no joint, or none were looked for.
+
+    relative: R's tolerance, as a share of depth, by which objects and parts are there.
+    """
+    joints = case.truth.joints
+    if joints is UNSET or row.integrity is UNSET:
+        return UNSET
+    submitted = () if row.joints is UNSET else row.joints
+    present = _present(case, joints, reference, surface, relative)
+    return counted(joints, _names(case), submitted, present, articulation_rules())
+
+
+def _names(case: BenchCase) -> dict[int, str]:
+    return {scored.id: scored.name for scored in case.truth.scored}
+
+
+def _present(
+    case: BenchCase,
+    joints: tuple[ReferenceJoint, ...],
+    reference: Reference,
+    surface: Surface,
+    relative: float,
+) -> list[Present]:
+    """Recall of the reference points of each joint's object, and of those in its part's box."""
+    near, _ = nearest_both_ways(
+        reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster
+    )
+    points = points_m(reference.depth_z_m, reference.raster)
+    known = finite_points(reference.depth_z_m)
+    with np.errstate(over="ignore"):
+        tau = relative * reference.depth_z_m.astype(np.float64)
+        hits = np.sqrt(near.squared_m2) <= tau
+    place = {scored.id: k for k, scored in enumerate(case.truth.scored)}
+    found = []
+    for joint in joints:
+        if joint.object_id is None or joint.box_cam_m is None:
+            found.append(Present(object=None, part=None))
+            continue
+        of_object = known & (reference.label == place[joint.object_id])
+        low, high = _bounds(joint.box_cam_m)
+        in_box = of_object & (points >= low).all(axis=2) & (points <= high).all(axis=2)
+        found.append(Present(object=_share(hits, of_object), part=_share(hits, in_box)))
+    return found
+
+
+def _bounds(box_cam_m: tuple[Vector, Vector]) -> tuple[F64, F64]:
+    """The box's corners, moved out by what rounding of a stored depth may move a point."""
+    low, high = (np.array(corner, np.float64) for corner in box_cam_m)
+    slack = 1e-5 * float(np.abs([low, high]).max())
+    return low - slack, high + slack
+
+
+def _share(hits: NDArray[np.bool_], where: NDArray[np.bool_]) -> float | None:
+    n = int(np.count_nonzero(where))
+    return int(np.count_nonzero(hits & where)) / n if n else None
