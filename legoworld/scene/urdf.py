@@ -209,7 +209,8 @@ def _frames(root: str, moved: dict[str, _Joint]) -> dict[str, Rows]:
     below: dict[str, list[_Joint]] = {}
     for joint in moved.values():
         below.setdefault(joint.parent, []).append(joint)
-    frames, todo = {root: _IDENTITY}, [root]
+    frames: dict[str, Rows] = {root: _IDENTITY}
+    todo = [root]
     while todo:
         parent = todo.pop()
         for joint in below.get(parent, ()):
