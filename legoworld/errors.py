@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from legoworld import exit_codes
@@ -234,7 +235,7 @@ BY_CODE: dict[str, type[LegoWorldError]] = {
 }
 
 
-def from_reason(reason: dict[str, str]) -> LegoWorldError:
+def from_reason(reason: Mapping[str, str]) -> LegoWorldError:
     """The inverse of `reason()`; the error has its original type where the code is known."""
     cls = BY_CODE.get(reason["code"], LegoWorldError)
     return cls(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import structs
@@ -102,7 +102,10 @@ def run_baseline(
 
 
 def _intact(
-    earlier: Sequence[ImageRecord], images: Sequence[TrackImage], photos: dict[int, Path], run: Path
+    earlier: Sequence[ImageRecord],
+    images: Sequence[TrackImage],
+    photos: Mapping[int, Path],
+    run: Path,
 ) -> dict[int, ImageRecord]:
     """The earlier records that can be kept, by image id."""
     by_id = {record.row.image_id: record for record in earlier}
@@ -119,7 +122,7 @@ def _every_record(
     conversation: Conversation,
     images: list[TrackImage],
     todo: list[TrackImage],
-    photos: dict[int, Path],
+    photos: Mapping[int, Path],
 ) -> Iterator[ImageRecord]:
     yield from conversation.records(images, [i for i in todo if i.id in photos])
     for image in todo:
@@ -134,7 +137,7 @@ def _every_record(
 
 def _journalled(
     request: BaselineRequest,
-    done: dict[int, ImageRecord],
+    done: Mapping[int, ImageRecord],
     made: Iterator[ImageRecord],
     progress: Progress,
 ) -> dict[int, JournalledImage]:

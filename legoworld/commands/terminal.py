@@ -7,7 +7,7 @@ of them pass through these streams.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, TextIO
 
@@ -32,7 +32,7 @@ class PrintableStream:
             self._stream.write(printable(text))
         return len(text)
 
-    def writelines(self, lines: Any) -> None:
+    def writelines(self, lines: Iterable[str]) -> None:
         """Write each line as `write` does."""
         for line in lines:
             self.write(line)

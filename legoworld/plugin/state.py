@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -68,7 +69,7 @@ def scene_state(
     content_sha256: str,
     states: tuple[EntityState, ...],
     camera: str | None,
-    hashes: dict[str, str],
+    hashes: Mapping[str, str],
 ) -> SceneState:
     """A state with the placements of a snapshot, signed."""
     import msgspec

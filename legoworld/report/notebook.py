@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import cv2
@@ -68,7 +68,7 @@ def instances_text(instances: Sequence[InstanceRow]) -> str:
     return ", ".join(f"{n} x {name}" if n > 1 else name for name, n in listed) or "no instances"
 
 
-def statuses_html(title: str, by_status: dict[str, int]) -> str:
+def statuses_html(title: str, by_status: Mapping[str, int]) -> str:
     """Counts of images by status in a line."""
     listed = ", ".join(f"{n} {status}" for status, n in by_status.items())
     return f"<p><b>{html.escape(title)}</b>: {html.escape(listed)}</p>"

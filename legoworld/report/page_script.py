@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import MutableMapping
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -28,7 +29,7 @@ def page_script() -> str:
     return "".join(order.values())
 
 
-def _add(name: str, order: dict[str, str], above: tuple[str, ...]) -> None:
+def _add(name: str, order: MutableMapping[str, str], above: tuple[str, ...]) -> None:
     """A module after its imports. LegoWorldError for a circle and for other forms of import."""
     if name in order:
         return

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.records.report_page import PageCamera, PageScene
@@ -67,8 +67,8 @@ class SceneFiles:
         scene: str,
         name: str,
         sha256: str | None,
-        known: dict[str, tuple[int | None, str]],
-        add: Any,
+        known: MutableMapping[str, tuple[int | None, str]],
+        add: Callable[[Path], tuple[int | None, str]],
     ) -> tuple[int | None, str]:
         if not sha256:
             return None, f"the scene had no {name} when it was read out"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -212,7 +212,7 @@ class _Resolver:
             self._holding[shown] = frozenset(holders)
         return self._holding[shown]
 
-    def _nested(self, ids: dict[_Key, int], owners: list[_Owner]) -> dict[int, int]:
+    def _nested(self, ids: Mapping[_Key, int], owners: list[_Owner]) -> dict[int, int]:
         """Labelled instances that are cut out of another labelled one, with that one's id."""
         nested = {}
         for key, label in owners:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Final
@@ -48,7 +48,7 @@ def lower_top(found: Sequence[Stranger]) -> str | None:
     return tops.pop() if len(tops) == 1 else None
 
 
-def _meant(folder: str, by_key: dict[str, list[str]], absent: Sequence[str]) -> str | None:
+def _meant(folder: str, by_key: Mapping[str, list[str]], absent: Sequence[str]) -> str | None:
     for key in _keys(folder):
         names = set(by_key.get(key, ()))
         if len(names) == 1:

@@ -6,6 +6,7 @@ same messages with a time each.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, MutableMapping
 from typing import Any
 
 from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall
@@ -42,8 +43,8 @@ def _model_said(
     reading: Reading,
     event: dict[str, Any],
     message: dict[str, Any],
-    of_message: dict[str, Read],
-    of_call: dict[str, Read],
+    of_message: MutableMapping[str, Read],
+    of_call: MutableMapping[str, Read],
 ) -> None:
     identity = str(message.get("id") or len(reading.steps))
     step = of_message.get(identity)
@@ -64,7 +65,7 @@ def _model_said(
         _block(step, block, of_call)
 
 
-def _block(step: Read, block: Any, of_call: dict[str, Read]) -> None:
+def _block(step: Read, block: Any, of_call: MutableMapping[str, Read]) -> None:
     kind = block.get("type") if isinstance(block, dict) else None
     if kind == "text":
         step.message = "\n".join(filter(None, [str(step.message), str(block.get("text") or "")]))
@@ -87,7 +88,7 @@ def _block(step: Read, block: Any, of_call: dict[str, Read]) -> None:
 
 
 def _came_back(
-    reading: Reading, event: dict[str, Any], message: dict[str, Any], of_call: dict[str, Read]
+    reading: Reading, event: dict[str, Any], message: dict[str, Any], of_call: Mapping[str, Read]
 ) -> None:
     content = message.get("content")
     if isinstance(content, str):

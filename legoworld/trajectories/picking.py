@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -114,7 +114,7 @@ def _chosen(
 def _deliver(
     trial: RecordedTrial,
     chosen: Checkpoint | None,
-    counts: dict[str, tuple[int, int, int]],
+    counts: Mapping[str, tuple[int, int, int]],
     target: Path,
     plan: PickPlan,
     blender: BlenderProcess,
@@ -130,7 +130,7 @@ def _deliver(
         ordinal=None if chosen is None else chosen.ordinal,
         sha256=None if chosen is None else chosen.sha256,
         submitted=trial.about.finalisation.checkpoint,
-        passed=counts,
+        passed=dict(counts),
     )
     target.parent.mkdir(parents=True, exist_ok=True)
     with scratch_folder(".picking-", target.parent) as scratch:

@@ -16,6 +16,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.files import write_text
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import decode
+from legoworld.records.evaluation_summary import Interval
 from legoworld.records.trajectory_scores import AgentTable, TrajectoryFile, TrajectoryScore
 from legoworld.scene.folder import PICTURE
 from legoworld.trajectories.folder import RecordedTrial
@@ -141,7 +142,7 @@ def _tables(document: TrajectoryFile | None) -> list[dict[str, Any]]:
     return tables
 
 
-def _cell(value: float | None, interval: Any) -> str:
+def _cell(value: float | None, interval: Interval | None) -> str:
     if value is None:
         return "-"
     if interval is None or interval.low is None:

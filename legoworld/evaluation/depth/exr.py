@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -52,7 +53,7 @@ def read_exr(
     return values, name
 
 
-def _depth_channel(channels: dict[str, NDArray[Any]]) -> str | None:
+def _depth_channel(channels: Mapping[str, NDArray[Any]]) -> str | None:
     """The depth channel; None if there is none or it is ambiguous."""
     for names in _DEPTH_NAMES:
         fitting = [name for name in channels if name.rpartition(".")[2].upper() in names]

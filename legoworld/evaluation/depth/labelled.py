@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -147,7 +148,7 @@ def _array(
     )
 
 
-def _text(arrays: dict[str, NDArray[Any]], name: str, path: Path) -> str | None:
+def _text(arrays: Mapping[str, NDArray[Any]], name: str, path: Path) -> str | None:
     """A text stored as a 0-d array; None when absent or empty."""
     if name not in arrays:
         return None
@@ -171,7 +172,7 @@ def _agreed(name: str, own: str | None, other: str | None, path: Path) -> str | 
     return own if own is not None else other
 
 
-def _check_version(arrays: dict[str, NDArray[Any]], path: Path) -> None:
+def _check_version(arrays: Mapping[str, NDArray[Any]], path: Path) -> None:
     """Files without a version are of version 1 or from another program."""
     version = arrays.get("format_version")
     if version is None:
@@ -185,7 +186,7 @@ def _check_version(arrays: dict[str, NDArray[Any]], path: Path) -> None:
         )
 
 
-def _intrinsics(arrays: dict[str, NDArray[Any]], path: Path) -> Intrinsics | None:
+def _intrinsics(arrays: Mapping[str, NDArray[Any]], path: Path) -> Intrinsics | None:
     if "intrinsics_px" not in arrays:
         return None
     values = arrays["intrinsics_px"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -168,7 +168,9 @@ def _from_disparity(array: DepthArray, declared: Declaration, source: str) -> ND
     return z_m
 
 
-def _eth3d(truth: Path, image: RunImage, calibrations: dict[Path, Calibration]) -> TruthFile | None:
+def _eth3d(
+    truth: Path, image: RunImage, calibrations: MutableMapping[Path, Calibration]
+) -> TruthFile | None:
     """An image's raw depth. calibrations: those read so far, by folder; gains the image's own."""
     files = find_files(truth, image.file_name)
     if files is None:

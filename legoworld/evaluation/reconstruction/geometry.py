@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,7 +78,7 @@ def geometry_score(
 
 
 def _object_rows(
-    case: BenchCase, main: list[Score], others: dict[str, list[Score]]
+    case: BenchCase, main: list[Score], others: Mapping[str, list[Score]]
 ) -> list[ObjectRow]:
     return [
         ObjectRow(

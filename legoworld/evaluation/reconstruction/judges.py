@@ -62,7 +62,7 @@ def aspect_agreement(judgements: Sequence[Judgement]) -> AspectAgreement:
 
 
 def of_matrix(
-    matrix: Mapping[str, Mapping[str, Agreement]], swaps: dict[str, OrderSwaps]
+    matrix: Mapping[str, Mapping[str, Agreement]], swaps: Mapping[str, OrderSwaps]
 ) -> AspectAgreement:
     """Self and cross means of a matrix, builder -> judge -> agreement."""
     own = [row[builder].share for builder, row in matrix.items() if builder in row]
@@ -75,7 +75,7 @@ def of_matrix(
         cross_mean=float(np.mean(cross)) if cross else None,
         self_above_others=sum(matrix[b][b].share > float(np.mean(others[b])) for b in both),
         builders=len(both),
-        order_swaps=swaps,
+        order_swaps=dict(swaps),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, cast
 
 from legoworld.conventions import CV_FROM_BLENDER_CAMERA
@@ -74,7 +75,7 @@ def scene_camera(scene: bpy.types.Scene) -> SceneCamera:
     )
 
 
-def _refuse_broken(name: str, kind: str, numbers: dict[str, float], pose: _Pose) -> None:
+def _refuse_broken(name: str, kind: str, numbers: Mapping[str, float], pose: _Pose) -> None:
     placed = (x for row in pose for x in row)
     if not all(math.isfinite(x) for x in numbers.values()) or not all(
         abs(x) <= LARGEST_COORDINATE for x in placed

@@ -183,7 +183,7 @@ def get_viewport_screenshot(
     }
 
 
-def _pixels(render: Any, longest: int) -> tuple[int, int]:
+def _pixels(render: bpy.types.RenderSettings, longest: int) -> tuple[int, int]:
     """The scene's own aspect, at most `longest` pixels long."""
     width = render.resolution_x * render.pixel_aspect_x
     height = render.resolution_y * render.pixel_aspect_y

@@ -60,7 +60,7 @@ def scene_hashes(scene: bpy.types.Scene) -> dict[str, str]:
     }
 
 
-def described(struct: Any) -> dict[str, Any]:
+def described(struct: bpy.types.bpy_struct) -> dict[str, Any]:
     """Every setting of an RNA struct by name, nested structs included, other IDs by name.
 
     A struct that is met again on the way (a socket's node, say) is not described twice.
@@ -68,7 +68,7 @@ def described(struct: Any) -> dict[str, Any]:
     return _described(struct, set())
 
 
-def _described(struct: Any, met: set[tuple[int, str]]) -> dict[str, Any]:
+def _described(struct: bpy.types.bpy_struct, met: set[tuple[int, str]]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     node = isinstance(struct, bpy.types.Node)
     for prop in struct.bl_rna.properties:
@@ -115,7 +115,7 @@ def _pixels_sha256(image: bpy.types.Image) -> str:
     return hashlib.sha256(pixels.tobytes()).hexdigest()
 
 
-def _link(link: Any) -> list[str]:
+def _link(link: bpy.types.NodeLink) -> list[str]:
     ends = (link.from_node.name, link.from_socket.identifier, link.to_node.name)
     return [*ends, link.to_socket.identifier]
 
@@ -228,7 +228,7 @@ _FIELDS: Final[dict[str, tuple[str, int, Any]]] = {
 }
 
 
-def _attribute_bytes(attribute: Any) -> bytes:
+def _attribute_bytes(attribute: bpy.types.Attribute) -> bytes:
     known = _FIELDS.get(attribute.data_type)
     if known is None:  # texts
         return repr([item.value for item in attribute.data]).encode()
@@ -238,7 +238,7 @@ def _attribute_bytes(attribute: Any) -> bytes:
     return values.tobytes()
 
 
-def _tree(layer: Any) -> list[Any]:
+def _tree(layer: bpy.types.LayerCollection) -> list[Any]:
     collection = layer.collection
     switches = [layer.exclude, layer.holdout, layer.indirect_only, collection.hide_render]
     return [collection.name, switches, [_tree(child) for child in layer.children]]

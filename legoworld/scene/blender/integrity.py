@@ -50,7 +50,10 @@ def scene_facts(
 
 
 def _image(
-    image: Any, users: list[str], thumbnails: list[NDArray[np.uint8]], thumbnail_wh: tuple[int, int]
+    image: bpy.types.Image,
+    users: list[str],
+    thumbnails: list[NDArray[np.uint8]],
+    thumbnail_wh: tuple[int, int],
 ) -> dict[str, Any]:
     path = str(image.filepath)
     absolute = bool(path) and not path.startswith("//")
@@ -70,7 +73,7 @@ def _image(
     }
 
 
-def _thumbnail(image: Any, size_wh: tuple[int, int]) -> NDArray[np.uint8] | None:
+def _thumbnail(image: bpy.types.Image, size_wh: tuple[int, int]) -> NDArray[np.uint8] | None:
     """(H, W, 3) uint8, top row first; None where Blender has no pixels of it."""
     copied = image.copy()
     try:
@@ -88,7 +91,9 @@ def _thumbnail(image: Any, size_wh: tuple[int, int]) -> NDArray[np.uint8] | None
     return np.nan_to_num(np.clip(pixels, 0.0, 1.0) * 255.0).round().astype(np.uint8)
 
 
-def _nodes(tree: Any, seen: set[int] | None = None) -> Iterator[Any]:
+def _nodes(
+    tree: bpy.types.NodeTree | None, seen: set[int] | None = None
+) -> Iterator[bpy.types.Node]:
     """All nodes of a tree, those of its groups included, each tree once."""
     seen = set() if seen is None else seen
     if tree is None or tree.as_pointer() in seen:
@@ -99,18 +104,18 @@ def _nodes(tree: Any, seen: set[int] | None = None) -> Iterator[Any]:
         yield from _nodes(getattr(node, "node_tree", None), seen)
 
 
-def _node_kinds(tree: Any) -> list[str]:
+def _node_kinds(tree: bpy.types.NodeTree | None) -> list[str]:
     return sorted(node.bl_idname for node in _nodes(tree))
 
 
-def _compositor(scene: bpy.types.Scene) -> Any:
+def _compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     """The compositor's nodes: a group of its own since Blender 5.0."""
     if hasattr(scene, "compositing_node_group"):
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
 
 
-def _images_in(tree: Any) -> set[str]:
+def _images_in(tree: bpy.types.NodeTree | None) -> set[str]:
     images = (getattr(node, "image", None) for node in _nodes(tree))
     return {image.name for image in images if image is not None}
 

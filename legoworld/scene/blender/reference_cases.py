@@ -125,7 +125,7 @@ class _Tiers:
                 )
         return list(_TIERS)
 
-    def of(self, thing: Any) -> int:
+    def of(self, thing: bpy.types.Object) -> int:
         """An object's tier: the latest of its own, its ancestors' and its collections'."""
         own = _declared(thing)
         outer = [(_declared(owner), owner.name) for owner in self._owners(thing)[1:]]
@@ -139,14 +139,14 @@ class _Tiers:
             )
         return latest if own is None else own
 
-    def _owners(self, thing: Any) -> list[Any]:
+    def _owners(self, thing: bpy.types.Object) -> list[bpy.types.ID]:
         """The object, its ancestors, and all collections that hold one of them."""
         owners = [thing, *ancestors(thing)]
         holding = {c.name_full: c for o in owners for c in self._holding.get(o.name_full, ())}
         return [*owners, *holding.values()]
 
 
-def _declared(owner: Any) -> int | None:
+def _declared(owner: bpy.types.ID) -> int | None:
     value = owner.get("tier")
     if value is None:
         return None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import bpy
 
 from legoworld.conventions import CATEGORY_KEY
@@ -40,7 +42,7 @@ def scene_tree(
 
 
 def _collections(
-    object_index: dict[Identity, int], warnings: set[str]
+    object_index: Mapping[Identity, int], warnings: set[str]
 ) -> tuple[tuple[SceneCollection, ...], dict[Identity, list[int]]]:
     """All collections of the file, and by object those that hold it directly."""
     folders = {identity(c): c for c in bpy.data.collections}
