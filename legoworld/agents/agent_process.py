@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.agents.agent_cards import AgentCard
-from legoworld.agents.mcp_server import PLAYER, server_folder, server_python, write_configuration
+from legoworld.agents.mcp_server import (
+    PLAYER,
+    blender_server,
+    plugin_relay,
+    server_folder,
+    server_python,
+    write_configuration,
+)
 from legoworld.agents.workspaces import PROMPT, Workspace
 from legoworld.endpoint.trial_record import copy_regular
 from legoworld.workers.sandbox import Ending, Protections, Sandbox, SandboxLimits
@@ -24,11 +31,16 @@ _KEEPING: Final = ("/bin/sh", "-c", 'out=$1; shift; exec "$@" > "$out"', "sh")
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What an agent is to do. steps: what `program` plays, else None; model: None for its own."""
+    """What an agent is to do.
+
+    port: of its Blender; plugin_port: of the plugin's server, None without it; steps: what
+    `program` plays, else None; model: None for its own.
+    """
 
     card: AgentCard
     workspace: Workspace
     port: int
+    plugin_port: int | None
     steps: str | None
     model: str | None
     held: Protections
@@ -57,8 +69,10 @@ def run_agent(order: Order, scratch: Path, transcript: Path) -> Ending:
             {name: text.format_map(words) for name, text in about.variables.items()}
         )
         configuration = home / Path(about.mcp.path.format_map({**words, "home": str(home)}))
-        temporary = order.workspace.folder / "tmp"
-        write_configuration(configuration, about.mcp.format, order.port, temporary)
+        servers = [blender_server(order.port, order.workspace.folder / "tmp")]
+        if order.plugin_port is not None:
+            servers.append(plugin_relay(order.plugin_port))
+        write_configuration(configuration, about.mcp.format, servers)
         words["mcp_config"] = about.mcp.path.format_map(words)
         for name in about.needs.credentials:
             (home / name).parent.mkdir(parents=True, exist_ok=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -15,6 +15,7 @@ from legoworld.files import readable_json, write_text
 from legoworld.records.agents import McpFormat
 
 PLAYER: Final = Path(__file__).with_name("blender_mcp") / "play.py"
+RELAY: Final = PLAYER.with_name("relay.py")
 _PROGRAM: Final = "mcp-for-blender"
 
 
@@ -61,32 +62,72 @@ def server_python() -> Path:
     return python
 
 
-def write_configuration(path: Path, kind: McpFormat, port: int, temporary: Path) -> None:
-    """Write the file that tells an agent how to start the server, as the agent reads it.
+@dataclass(frozen=True, kw_only=True)
+class McpServer:
+    """An MCP server as an agent starts it. name: as the agent calls it."""
+
+    name: str
+    command: str
+    arguments: tuple[str, ...]
+    variables: dict[str, str]
+
+
+def blender_server(port: int, temporary: Path) -> McpServer:
+    """mcp-for-blender over the endpoint at a port.
 
     temporary: where the server looks for the pictures it asks for; the endpoint writes there. Its
     telemetry is off.
     """
-    command = str(server_python().with_name(_PROGRAM))
-    variables = {
-        "BLENDER_HOST": HOST,
-        "BLENDER_PORT": str(port),
-        "DISABLE_TELEMETRY": "1",
-        "TMPDIR": str(temporary),
-    }
+    return McpServer(
+        name="blender",
+        command=str(server_python().with_name(_PROGRAM)),
+        arguments=(),
+        variables={
+            "BLENDER_HOST": HOST,
+            "BLENDER_PORT": str(port),
+            "DISABLE_TELEMETRY": "1",
+            "TMPDIR": str(temporary),
+        },
+    )
+
+
+def plugin_relay(port: int) -> McpServer:
+    """The plugin's server, which runs outside of the agent's sandbox and is reached by a port."""
+    return McpServer(
+        name="legoworld",
+        command=str(server_python()),
+        arguments=(str(RELAY), HOST, str(port)),
+        variables={},
+    )
+
+
+def write_configuration(path: Path, kind: McpFormat, servers: Sequence[McpServer]) -> None:
+    """Write the file that tells an agent how to start its servers, as the agent reads it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if kind == "codex":  # https://developers.openai.com/codex/mcp; a JSON text is a TOML one
-        text = "[mcp_servers.blender]\n"
-        text += f"command = {json.dumps(command)}\nargs = []\ntool_timeout_sec = 180\n\n"
-        text += "[mcp_servers.blender.env]\n"
-        text += "".join(f"{name} = {json.dumps(value)}\n" for name, value in variables.items())
+        text = "\n".join(_codex(server) for server in servers)
     elif kind == "opencode":  # https://opencode.ai/docs/mcp-servers/
-        local = {"type": "local", "command": [command], "environment": variables, "enabled": True}
-        text = readable_json(
-            {"$schema": "https://opencode.ai/config.json", "mcp": {"blender": local}}
-        )
+        local = {
+            s.name: {
+                "type": "local",
+                "command": [s.command, *s.arguments],
+                "environment": s.variables,
+                "enabled": True,
+            }
+            for s in servers
+        }
+        text = readable_json({"$schema": "https://opencode.ai/config.json", "mcp": local})
     else:  # Claude Code's, Gemini CLI's and most others'
-        text = readable_json(
-            {"mcpServers": {"blender": {"command": command, "args": [], "env": variables}}}
-        )
+        started = {
+            s.name: {"command": s.command, "args": list(s.arguments), "env": s.variables}
+            for s in servers
+        }
+        text = readable_json({"mcpServers": started})
     write_text(path, text)
+
+
+def _codex(server: McpServer) -> str:
+    text = f"[mcp_servers.{server.name}]\ncommand = {json.dumps(server.command)}\n"
+    text += f"args = {json.dumps(list(server.arguments))}\ntool_timeout_sec = 180\n\n"
+    text += f"[mcp_servers.{server.name}.env]\n"
+    return text + "".join(f"{k} = {json.dumps(v)}\n" for k, v in server.variables.items())

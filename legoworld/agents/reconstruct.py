@@ -14,6 +14,7 @@ from legoworld.agents.trial import TrialPlan, run_trial
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.records.agents import Outcome, ReconstructionFile, Usage
 from legoworld.records.base import Record, RecordError, decode
+from legoworld.records.plugin_modules import PluginUsed
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.folder import RECONSTRUCTION
@@ -167,16 +168,23 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
             expected=f"a new folder of scenes, or one with a {RECONSTRUCTION} in each",
             next_step="pass another -o",
         ) from error
-    ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s)
-    theirs = (found.card_sha256, found.prompt_sha256, found.time_limit_s)
+    used = plan.plugin.used if plan.plugin else None
+    ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used)
+    theirs = (found.card_sha256, found.prompt_sha256, found.time_limit_s, found.plugin)
     if ours != theirs:
         raise UsageError(
             f"{target} is of another campaign",
-            found=f"{found.agent}, {found.time_limit_s:g} s, prompt {found.prompt_sha256[:8]}",
-            expected=f"{plan.card.name}, {ours[2]:g} s, prompt {ours[1][:8]}",
+            found=f"{found.agent}, {found.time_limit_s:g} s, prompt {found.prompt_sha256[:8]}, "
+            f"plugin {_modules(found.plugin)}",
+            expected=f"{plan.card.name}, {ours[2]:g} s, prompt {ours[1][:8]}, "
+            f"plugin {_modules(used)}",
             next_step="pass another -o: an agent, its prompt and its limits are one campaign's",
         )
     return None if found.status in _AGAIN else row_of(found, item.run, kept=True)
+
+
+def _modules(used: PluginUsed | None) -> str:
+    return "off" if used is None else f"{used.version} ({', '.join(used.modules)})"
 
 
 def _row(item: TrialItem, status: Outcome, reason: str) -> TrialRow:

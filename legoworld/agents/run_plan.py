@@ -6,6 +6,7 @@ from pathlib import Path
 
 from legoworld.agents.agent_cards import agent_problems, agent_version, load_agent
 from legoworld.agents.trial import TrialPlan
+from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import commission
 from legoworld.errors import UsageError
 from legoworld.workers.sandbox import Confinement, SandboxLimits, protections
@@ -22,6 +23,7 @@ def plan_run(
     time_limit_s: float | None,
     memory_bytes: int,
     sandbox: Confinement,
+    plugin: PluginOptions | None = None,
 ) -> TrialPlan:
     """The plan of a run. UsageError for an agent that cannot run here, and what it lacks."""
     card = load_agent(agent)
@@ -39,10 +41,11 @@ def plan_run(
             expected="DIR/<scene>/scene.py for each image" if programs is None else "nothing",
         )
     about = card.about
+    work = commission(track, photos, task, plugin.modules if plugin else ())
     return TrialPlan(
         card=card,
         agent_version=agent_version(card),
-        work=commission(track, photos, task),
+        work=work,
         limits=SandboxLimits(
             time_s=time_limit_s or about.time_limit_s,
             memory_bytes=memory_bytes,
@@ -52,4 +55,5 @@ def plan_run(
         blender_held=protections(sandbox, network=about.blender_network),
         programs=None if programs is None else programs.resolve(),
         model=model,
+        plugin=plan_plugin(plugin, work.track.vocabulary) if plugin else None,
     )

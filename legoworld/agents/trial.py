@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec.structs import replace
 
 from legoworld import __version__
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.agent_process import Order, run_agent
 from legoworld.agents.cutting import cut_program, saving_step
+from legoworld.agents.trial_plugin import PLUGIN, PluginPlan, calls_of, served_plugin
 from legoworld.agents.workspaces import Commission, Workspace, make_workspace
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.endpoint.finalisation import finalise
@@ -49,7 +53,7 @@ class TrialPlan:
 
     limits: of a trial's Blender and of its agent each; agent_held, blender_held: their sandboxes;
     programs: the folder `program` finds its programs in, else None; model: None for the agent's
-    own.
+    own; plugin: None for trials without it.
     """
 
     card: AgentCard
@@ -60,6 +64,7 @@ class TrialPlan:
     blender_held: Protections
     programs: Path | None
     model: str | None
+    plugin: PluginPlan | None = None
 
 
 def run_trial(
@@ -87,13 +92,18 @@ def run_trial(
         held=plan.blender_held,
     )
     transcript = made / TRIAL / _TRANSCRIPT
-    with closing(Session(trial)) as session, EndpointServer(session, 0) as server:
+    with (
+        closing(Session(trial)) as session,
+        EndpointServer(session, 0) as server,
+        _plugin(plan, image, workspace, session, made) as plugin_port,
+    ):
         session.start()
         (scratch / "agent").mkdir()
         order = Order(
             card=plan.card,
             workspace=workspace,
             port=server.port,
+            plugin_port=plugin_port,
             steps=steps,
             model=plan.model,
             held=plan.agent_held,
@@ -123,8 +133,24 @@ def run_trial(
     trajectory = with_calls(read, record.calls)
     seconds = time.monotonic() - begun
     result = _result(plan, image, ending, record, finalised, trajectory, (seconds, agent_seconds))
+    if plan.plugin is not None:
+        used = calls_of(made / TRIAL / PLUGIN)
+        result = replace(result, plugin=plan.plugin.used, plugin_calls=used)
     _write(plan, made, result, trajectory, blender)
     return result
+
+
+@contextmanager
+def _plugin(
+    plan: TrialPlan, image: TrackImage, workspace: Workspace, session: Session, made: Path
+) -> Iterator[int | None]:
+    """The port of the trial's plugin; None without it."""
+    if plan.plugin is None:
+        yield None
+        return
+    record = made / TRIAL / PLUGIN
+    with served_plugin(plan.plugin, image, workspace, session, record) as host:
+        yield host.port
 
 
 def _steps(plan: TrialPlan, image: TrackImage, workspace: Workspace) -> str | None:
@@ -155,6 +181,7 @@ def _result(
     seconds: tuple[float, float],
 ) -> ReconstructionFile:
     status, reason = _outcome(ending, record, finalised)
+    calls = [call for call in record.calls if call.by == "agent"]
     return ReconstructionFile(
         schema_version=SCHEMA_VERSION,
         legoworld=__version__,
@@ -173,8 +200,8 @@ def _result(
         time_limit_s=plan.limits.time_s,
         seconds=round(seconds[0], 3),
         agent_seconds=round(seconds[1], 3),
-        calls=len(record.calls),
-        failed_calls=sum(call.status != "success" for call in record.calls),
+        calls=len(calls),
+        failed_calls=sum(call.status != "success" for call in calls),
         checkpoints=len(record.checkpoints),
         usage=usage_of(trajectory),
         finalisation=finalised,
@@ -214,7 +241,7 @@ def _write(
         "agent": result.agent,
         "agent_version": result.agent_version,
         "model": result.model,
-        "plugin": None,
+        "plugin": result.plugin,
         "prompt_sha256": result.prompt_sha256,
         "task": plan.work.task,
         "vocabulary_sha256": plan.work.vocabulary_sha256,

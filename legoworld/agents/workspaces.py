@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,11 +15,23 @@ from legoworld.readouts.instructions import instructions
 from legoworld.readouts.instructions_text import instructions_text
 from legoworld.readouts.tasks import protocol
 from legoworld.records.base import decode
+from legoworld.records.plugin_modules import Module
 from legoworld.records.track import PRIVATE_KEYS
 from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import Track, TrackImage, load_track
 
 _PLAIN: Final = Path(__file__).with_name("prompts") / "plain.md"
+_PLUGIN: Final = _PLAIN.with_name("plugin.md")
+#: What the prompt says of each module of the plugin that is on.
+_OF_MODULES: Final[dict[Module, str]] = {
+    "evidence": "reference_evidence tells what models saw in the image: regions, depth, camera.",
+    "initialisation": "initialize and plan give a room, a camera and a construction plan.",
+    "measurement": "measure says how far the scene is from what you require of it: pass, fail or"
+    " unknown, with residuals. It is stale as soon as the scene changes.",
+    "transactions": "begin declares an edit, commit judges it, rollback undoes it. Declare every"
+    " edit of a scene that stands already.",
+    "records": "history and review show what was done and measured.",
+}
 _REFERENCE: Final = "reference"
 PUBLIC: Final = "task.json"
 PROMPT: Final = "prompt.md"
@@ -58,8 +71,13 @@ class Workspace:
     prompt: str
 
 
-def commission(track_path: Path, photos: Path, task: str | None) -> Commission:
-    """Read a track for its trials. UsageError where its task cannot be told."""
+def commission(
+    track_path: Path, photos: Path, task: str | None, plugin: Sequence[Module] = ()
+) -> Commission:
+    """Read a track for its trials. UsageError where its task cannot be told.
+
+    plugin: its modules that are on, which the prompt then tells of.
+    """
     track = load_track(track_path)
     name = task or track.made_for
     if name is None:
@@ -83,9 +101,17 @@ def commission(track_path: Path, photos: Path, task: str | None) -> Commission:
         task=name,
         schema=schema,
         vocabulary_sha256=vocabulary,
-        template=_PLAIN.read_text(encoding="utf-8"),
+        template=_template(plugin),
         photos=photos,
     )
+
+
+def _template(plugin: Sequence[Module]) -> str:
+    text = _PLAIN.read_text(encoding="utf-8")
+    if not plugin:
+        return text
+    offered = [f"- {line}\n" for module, line in _OF_MODULES.items() if module in plugin]
+    return text + "\n" + _PLUGIN.read_text(encoding="utf-8") + "".join(offered)
 
 
 def make_workspace(

@@ -8,6 +8,7 @@ from typing import Literal
 import click
 
 from legoworld.commands import options
+from legoworld.plugin.modules import MODULES
 
 _CONTEXT = {"help_option_names": ["-h", "--help"]}
 
@@ -105,7 +106,17 @@ def evidence(
     "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
     help="Folder for the record of all calls; an existing one is continued.",
 )  # fmt: skip
-def serve(photo: Path | None, evidence: Path | None, blender: str, ledger: Path) -> int:
+@click.option(
+    "--without", multiple=True, type=options.Choice(MODULES),
+    help="Leave a module of the plugin out, for ablations; repeat.",
+)  # fmt: skip
+def serve(
+    photo: Path | None,
+    evidence: Path | None,
+    blender: str,
+    ledger: Path,
+    without: tuple[str, ...],
+) -> int:
     """Serve the plugin's tools over MCP, on standard input and output.
 
     Needs the extra: pip install 'legoworld[plugin]'. The tools read saved copies of the live scene
@@ -118,7 +129,7 @@ def serve(photo: Path | None, evidence: Path | None, blender: str, ledger: Path)
     """
     from legoworld.plugin.serving import serve_plugin
 
-    serve_plugin(photo=photo, evidence=evidence, address=blender, ledger=ledger)
+    serve_plugin(photo=photo, evidence=evidence, address=blender, ledger=ledger, off=without)
     return 0
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from legoworld.commands import options
+from legoworld.plugin.modules import MODULES
 from legoworld.workers.engines import EngineName
+
+if TYPE_CHECKING:
+    from legoworld.agents.trial_plugin import PluginOptions
 
 
 @click.command("reconstruct", context_settings={"help_option_names": ["-h", "--help"]})
@@ -31,6 +35,13 @@ from legoworld.workers.engines import EngineName
 @click.option("--sandbox", type=options.Choice(["auto", "bubblewrap", "limits"]), default="auto",
               show_default=True,
               help="auto: bubblewrap where it works, limits alone elsewhere.")  # fmt: skip
+@click.option("--plugin", is_flag=True, help="Give agents the plugin's server as well.")
+@click.option("--without", multiple=True, type=options.Choice(MODULES),
+              help="Leave a module of the plugin out; repeat.")  # fmt: skip
+@click.option("--regions", multiple=True, type=click.Path(path_type=Path, exists=True),
+              help="The plugin's regions: a run or results of boxes or masks; repeat.")  # fmt: skip
+@click.option("--depth", type=options.EXISTING_FOLDER,
+              help="The plugin's depth: a run of depth, or arrays by photo name.")  # fmt: skip
 @options.engine
 @options.output_options
 def command(
@@ -47,6 +58,10 @@ def command(
     time_limit: float | None,
     memory_limit: float,
     sandbox: Literal["auto", "bubblewrap", "limits"],
+    plugin: bool,
+    without: tuple[str, ...],
+    regions: tuple[Path, ...],
+    depth: Path | None,
     engine: EngineName,
     as_json: bool,
     quiet: bool,
@@ -64,6 +79,8 @@ def command(
       legoworld reconstruct track.json --photos val2017 --agent codex -o scenes
       legoworld reconstruct track.json --photos val2017 --agent program \\
           --programs examples/coco-val2017 -o scenes --workers 2
+      legoworld reconstruct track.json --photos val2017 --agent claude --plugin \\
+          --regions sam3-run --depth da3-run -o scenes-plugin
     """
     from legoworld.agents.reconstruct import Progress, TrialRow, reconstruct
     from legoworld.agents.run_plan import plan_run
@@ -72,6 +89,7 @@ def command(
     plan = plan_run(
         track, photos=photos, agent=agent, task=task, programs=programs, model=model,
         time_limit_s=time_limit, memory_bytes=int(memory_limit * 2**30), sandbox=sandbox,
+        plugin=_plugin(plugin, without, regions, depth),
     )  # fmt: skip
     notice = options.notifier(quiet)
     for held, who in ((plan.agent_held, plan.card.name), (plan.blender_held, "Blender")):
@@ -103,3 +121,23 @@ def command(
     else:
         click.echo(f"{share(good, len(rows), 'trial', 'trials')} left a scene -> {output}")
     return 0 if good == len(rows) else 1
+
+
+def _plugin(
+    on: bool, without: tuple[str, ...], regions: tuple[Path, ...], depth: Path | None
+) -> PluginOptions | None:
+    from legoworld.agents.trial_plugin import PluginOptions
+    from legoworld.errors import UsageError
+    from legoworld.plugin.modules import modules_without
+
+    if on:
+        modules = modules_without(without)
+        return PluginOptions(modules=modules, regions=regions, depth=depth)
+    if without or regions or depth:
+        raise UsageError(
+            "an option of the plugin is given without it",
+            found="--without, --regions or --depth",
+            expected="--plugin",
+            next_step="pass --plugin, or leave them out",
+        )
+    return None

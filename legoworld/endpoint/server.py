@@ -13,7 +13,7 @@ from legoworld.endpoint.framing import FramingError, MessageSplitter
 from legoworld.endpoint.session import Session
 from legoworld.errors import LegoWorldError
 from legoworld.records.base import RecordError, canonical, decode
-from legoworld.records.endpoint import Answer, Command, Failure
+from legoworld.records.endpoint import Answer, Caller, Command, Failure
 
 HOST: Final = "127.0.0.1"
 #: Blender MCP's own.
@@ -30,12 +30,12 @@ class PortTakenError(LegoWorldError):
 class EndpointServer:
     """Listens on a port of this machine alone from its making to its closing.
 
-    port: 0 for any that is free. A client that vanishes takes nothing with it: the call it made
-    comes to its end, and its answer is dropped.
+    port: 0 for any that is free; by: whose calls come through it. A client that vanishes takes
+    nothing with it: the call it made comes to its end, and its answer is dropped.
     """
 
-    def __init__(self, session: Session, port: int) -> None:
-        self._session = session
+    def __init__(self, session: Session, port: int, by: Caller = "agent") -> None:
+        self._session, self._by = session, by
         self._clients: set[socket.socket] = set()
         self._owning = threading.Lock()
         try:
@@ -105,7 +105,7 @@ class EndpointServer:
             command = decode(Command, message)
         except RecordError as error:
             return Failure(message=f'not a command such as {{"type": "get_scene_info"}}: {error}')
-        return self._session.answer(command)
+        return self._session.answer(command, self._by)
 
 
 def _send(client: socket.socket, answer: Answer, splitter: MessageSplitter) -> None:

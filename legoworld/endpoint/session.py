@@ -18,6 +18,7 @@ from legoworld.records.endpoint import (
     Answer,
     BlenderReply,
     Call,
+    Caller,
     Checkpoint,
     Command,
     Failure,
@@ -92,8 +93,8 @@ class Session:
         """Count times from now on: those of calls, and the trial's own."""
         self._begun = time.monotonic()
 
-    def answer(self, command: Command) -> Answer:
-        """The answer to a command; a failure is an answer, too."""
+    def answer(self, command: Command, by: Caller = "agent") -> Answer:
+        """The answer to a command; a failure is an answer, too. by: who sent it."""
         known = _without_blender(command)
         if known is not None:
             return known
@@ -103,7 +104,7 @@ class Session:
             if self._left_s() <= 0:
                 over = f"the trial's {self._trial.limits.time_s:g} s are over"
                 return Failure(message=f"{over}; no further call is possible")
-            return self._answered(command)
+            return self._answered(command, by)
 
     def keep_last_save(self) -> None:
         """Keep what the agent saved in the workspace after its last call, by other means."""
@@ -116,7 +117,7 @@ class Session:
         if live is not None:
             live.close()
 
-    def _answered(self, command: Command) -> Answer:
+    def _answered(self, command: Command, by: Caller) -> Answer:
         number, at_s = len(self._record.calls) + 1, self._at_s()
         params = command.params or {}
         seconds, left = 0.0, None
@@ -149,6 +150,7 @@ class Session:
                 status=status,
                 said=one_line(_said(answer), 400),
                 checkpoint=None if left is None else left.ordinal,
+                by=by,
             )
         )
         return answer

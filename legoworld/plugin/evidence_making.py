@@ -55,7 +55,8 @@ class Detection(Record, frozen=True, kw_only=True):
 class Given:
     """What a user brings. regions: a JSON file of outlines, or of results; depth: an array.
 
-    image_id: of the photo in a results file; vocabulary: of its category ids.
+    image_id: of the photo in a results file; vocabulary: of its category ids; all_images: the
+    results are of a whole track, where a photo without any is no mistake.
     """
 
     photo: Path
@@ -65,6 +66,7 @@ class Given:
     depth: Path | None
     depth_space: DepthSpace
     hfov_deg: float | None
+    all_images: bool = False
 
 
 def make_evidence(given: Given, output: Path) -> EvidenceFile:
@@ -137,6 +139,8 @@ def _of_results(
     image_id = given.image_id
     if image_id is None and len(images) == 1:
         image_id = next(iter(images))
+    if given.all_images and image_id not in images:
+        return
     if image_id is None or image_id not in images:
         raise EvidenceInvalidError(
             f"{source} is about other images",

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from legoworld.errors import UsageError
 from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.modules import MODULES, tools_off
 from legoworld.plugin.server_answers import Json, answer, told, typed
 from legoworld.plugin.server_initialisation import add_initialisation
 from legoworld.records.base import as_json
 from legoworld.records.plugin_ledger import Declaration
+from legoworld.records.plugin_modules import Module
 from legoworld.records.plugin_requirements import Requirement
 
 if TYPE_CHECKING:
@@ -23,9 +28,15 @@ are pass, fail or unknown; unknown is never pass. A report is stale as soon as t
 """
 
 
-def plugin_server(case: Case, evidence: Evidence | None) -> MCPServer[Any]:
-    """A server over a case; every answer carries scene_signature and ledger_seq."""
+def plugin_server(
+    case: Case, evidence: Evidence | None, modules: Sequence[Module] = MODULES
+) -> MCPServer[Any]:
+    """A server over a case; every answer carries scene_signature and ledger_seq.
+
+    modules: those that are on; tools of the others are not offered.
+    """
     from mcp.server import MCPServer
+    from mcp.server.mcpserver.exceptions import ToolError
 
     from legoworld import __version__
 
@@ -57,6 +68,12 @@ def plugin_server(case: Case, evidence: Evidence | None) -> MCPServer[Any]:
         requirements: list[Json] | None = None,
     ) -> Json:
         """Declare an edit: what it may change, how, what stays, what has to hold after it."""
+        if requirements and "measurement" not in modules:
+            raise UsageError(
+                "requirements cannot be measured in this run",
+                found=f"{len(requirements)} requirements; the module `measurement` is off",
+                expected="a declaration without requirements",
+            )
         declaration = typed(
             Declaration,
             {
@@ -105,6 +122,9 @@ def plugin_server(case: Case, evidence: Evidence | None) -> MCPServer[Any]:
         return answer(case, entries=shown)
 
     add_initialisation(server, case, evidence)
+    for name in tools_off(modules):
+        with contextlib.suppress(ToolError):
+            server.remove_tool(name)
     return server
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from legoworld.errors import InstallationError, UsageError
@@ -10,18 +11,15 @@ from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.evidence import read_evidence
 from legoworld.plugin.evidence_making import photo_alone
 from legoworld.plugin.live import LiveBlender
+from legoworld.plugin.modules import modules_without
 from legoworld.records.plugin_ledger import TransactionLimits
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
 
-def serve_plugin(*, photo: Path | None, evidence: Path | None, address: str, ledger: Path) -> None:
-    """Serve until standard input ends. InstallationError without the extra.
-
-    photo: EvidenceInvalidError where the evidence is of another one. It may stand alone: then there
-    are no regions, no depth and no camera.
-    """
+def require_server() -> None:
+    """InstallationError without the extra that the server needs."""
     try:
-        from legoworld.plugin.server import plugin_server
+        import mcp.server  # noqa: F401
     except ImportError as error:
         raise InstallationError(
             "the plugin's server needs a package that is not installed",
@@ -30,14 +28,33 @@ def serve_plugin(*, photo: Path | None, evidence: Path | None, address: str, led
             next_step="pip install 'legoworld[plugin]'",
         ) from error
 
+
+def serve_plugin(
+    *,
+    photo: Path | None,
+    evidence: Path | None,
+    address: str,
+    ledger: Path,
+    off: Sequence[str] = (),
+) -> None:
+    """Serve until standard input ends. InstallationError without the extra.
+
+    photo: EvidenceInvalidError where the evidence is of another one. It may stand alone: then there
+    are no regions, no depth and no camera. off: names of modules to leave out.
+    """
+    require_server()
+    from legoworld.plugin.server import plugin_server
+
+    modules = modules_without(off)
     known = None
-    if evidence is not None:
+    if "evidence" in modules and evidence is not None:
         known = read_evidence(evidence, photo)
-    elif photo is not None:
+    elif "evidence" in modules and photo is not None:
         known = photo_alone(photo)
     with BlenderProcess(Limits()) as reader:
         live = LiveBlender(BlenderConnection(parsed_address(address)), reader, ledger / STATES)
-        plugin_server(Case(ledger, live, known, TransactionLimits()), known).run("stdio")
+        case = Case(ledger, live, known, TransactionLimits())
+        plugin_server(case, known, modules).run("stdio")
 
 
 def parsed_address(text: str) -> Address:

@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from legoworld.records.base import Record
 from legoworld.records.execution import Protected
+from legoworld.records.plugin_modules import PluginUsed
 
 TranscriptFormat = Literal["atif", "codex", "claude", "gemini", "opencode"]
 McpFormat = Literal["mcp_servers", "codex", "opencode"]
@@ -71,8 +72,13 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
 
 
 class RecordedStep(Record, frozen=True, kw_only=True):
-    """One call that `program` makes. must_succeed: nothing is played after its failure."""
+    """One call that `program` makes.
 
+    server: the MCP server whose tool it is, `legoworld` being the plugin's; must_succeed: nothing
+    is played after its failure.
+    """
+
+    server: Literal["blender", "legoworld"] = "blender"
     tool: str
     arguments: dict[str, Any]
     must_succeed: bool = False
@@ -104,12 +110,23 @@ class Finalisation(Record, frozen=True, kw_only=True):
     warnings: tuple[str, ...] = ()
 
 
+class PluginCalls(Record, frozen=True, kw_only=True):
+    """How a trial used its plugin. calls, failed: of its tools; left_open: a transaction was."""
+
+    calls: int
+    failed: int
+    transactions: int
+    committed: int
+    rolled_back: int
+    left_open: bool
+
+
 class ReconstructionFile(Record, frozen=True, kw_only=True):
     """reconstruction.json of a scene folder: how its trial went.
 
     ended: how the agent's process did; seconds: wall time of the trial; agent_seconds: of its
-    agent; calls, checkpoints: their numbers; agent_sandbox, blender_sandbox: what each was kept
-    from.
+    agent; calls, checkpoints: their numbers, the plugin's left out; plugin, plugin_calls: null
+    without it; agent_sandbox, blender_sandbox: what each was kept from.
     """
 
     schema_version: int
@@ -134,6 +151,8 @@ class ReconstructionFile(Record, frozen=True, kw_only=True):
     checkpoints: int
     usage: Usage
     finalisation: Finalisation
+    plugin: PluginUsed | None = None
+    plugin_calls: PluginCalls | None = None
     agent_sandbox: Protected
     blender_sandbox: Protected
     warnings: tuple[str, ...] = ()

@@ -8,6 +8,7 @@ from legoworld.records.base import Record
 
 #: A JSON object of a client's: keys and values are whatever it sent.
 Parameters = dict[str, Any]
+Caller = Literal["agent", "plugin"]
 
 
 class Command(Record, frozen=True, kw_only=True):
@@ -83,7 +84,8 @@ class Call(Record, frozen=True, kw_only=True):
     """One command that a client sent, and how it ended.
 
     number: from 1; code: of execute_code, else null; seconds: what Blender took; checkpoint: the
-    ordinal of the last one that the call left, null where it changed nothing.
+    ordinal of the last one that the call left, null where it changed nothing; by: who made it, the
+    agent or the plugin that measures for it.
     """
 
     number: int
@@ -94,3 +96,4 @@ class Call(Record, frozen=True, kw_only=True):
     status: Literal["success", "error", "crashed", "timeout"]
     said: str
     checkpoint: int | None
+    by: Caller = "agent"

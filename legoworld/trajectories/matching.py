@@ -18,7 +18,7 @@ def with_calls(trajectory: AtifTrajectory, calls: Sequence[Call]) -> AtifTraject
     A step's call of code is the first call of the same code that no step before has. Calls that the
     MCP server made on its own (a scene's summary is code, too) belong to no step.
     """
-    waiting = [call for call in calls if call.code is not None]
+    waiting = [call for call in calls if call.code is not None and call.by == "agent"]
     steps = []
     for step in trajectory.steps:
         made: list[Call] = []

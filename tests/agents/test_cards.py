@@ -11,7 +11,12 @@ from agents.tracks import server_or_skip
 
 from legoworld import cli
 from legoworld.agents.agent_cards import agent_cards, agent_problems, load_agent, read_agent_card
-from legoworld.agents.mcp_server import write_configuration
+from legoworld.agents.mcp_server import (
+    RELAY,
+    blender_server,
+    plugin_relay,
+    write_configuration,
+)
 from legoworld.errors import CatalogError, UsageError
 
 CARDS = agent_cards()
@@ -57,17 +62,22 @@ def test_a_card_that_lacks_something_is_refused_with_its_name(tmp_path):
 @pytest.mark.parametrize("kind", ["mcp_servers", "codex", "opencode"])
 def test_each_configuration_file_says_the_same_server(tmp_path, kind):
     server_or_skip()
-    write_configuration(tmp_path / "file", kind, 9900, tmp_path / "a 'b\" c")
+    servers = [blender_server(9900, tmp_path / "a 'b\" c"), plugin_relay(9901)]
+    write_configuration(tmp_path / "file", kind, servers)
     text = (tmp_path / "file").read_text()
     if kind == "codex":
-        server = tomllib.loads(text)["mcp_servers"]["blender"]
-        command, variables = [server["command"]], server["env"]
-    elif kind == "opencode":
-        server = json.loads(text)["mcp"]["blender"]
-        command, variables = server["command"], server["environment"]
+        found = tomllib.loads(text)["mcp_servers"]
     else:
-        server = json.loads(text)["mcpServers"]["blender"]
-        command, variables = [server["command"]], server["env"]
+        found = json.loads(text)["mcp" if kind == "opencode" else "mcpServers"]
+    commands, environments = [], []
+    for name in ("blender", "legoworld"):
+        server = found[name]
+        whole = kind == "opencode"
+        commands.append(server["command"] if whole else [server["command"], *server["args"]])
+        environments.append(server["environment" if whole else "env"])
+    command, variables = commands[0], environments[0]
+    assert commands[1][1:] == [str(RELAY), "127.0.0.1", "9901"]
+    assert environments[1] == {}
     assert command[0].endswith("/mcp-for-blender")
     assert variables == {
         "BLENDER_HOST": "127.0.0.1",

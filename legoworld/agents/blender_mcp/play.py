@@ -9,17 +9,19 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import importlib
 import json
 import os
 import sys
+from collections.abc import AsyncIterator
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 
 def main() -> int:
-    """Play --steps through the server that --mcp-config names; exit code 1 where a step failed."""
+    """Play --steps through the servers that --mcp-config names; exit code 1 where a step failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mcp-config", type=Path, required=True)
     parser.add_argument("--steps", type=Path, required=True)
@@ -27,9 +29,9 @@ def main() -> int:
     parser.add_argument("--prompt", type=Path, required=True)
     given = parser.parse_args()
     lines = given.steps.read_text(encoding="utf-8").splitlines()
-    server = json.loads(given.mcp_config.read_text(encoding="utf-8"))["mcpServers"]["blender"]
+    servers = json.loads(given.mcp_config.read_text(encoding="utf-8"))["mcpServers"]
     transcript = Transcript(given.transcript, given.prompt.read_text(encoding="utf-8"))
-    return asyncio.run(_play(server, [json.loads(line) for line in lines if line], transcript))
+    return asyncio.run(_play(servers, [json.loads(line) for line in lines if line], transcript))
 
 
 class Transcript:
@@ -42,7 +44,7 @@ class Transcript:
         self._add({"source": "user", "message": prompt})
 
     def begun(self, tools: list[str]) -> None:
-        """The tools that the server offers."""
+        """The tools that the servers offer."""
         self._agent["tool_definitions"] = [
             {"type": "function", "function": {"name": name}} for name in tools
         ]
@@ -79,7 +81,30 @@ class Transcript:
         unfinished.replace(self._path)
 
 
-async def _play(server: dict[str, Any], steps: list[Any], transcript: Transcript) -> int:
+async def _play(servers: dict[str, Any], steps: list[Any], transcript: Transcript) -> int:
+    async with contextlib.AsyncExitStack() as stack:
+        sessions, tools = {}, []
+        for name, server in sorted(servers.items()):
+            sessions[name] = await stack.enter_async_context(_session(server))
+            tools += [tool.name for tool in (await sessions[name].list_tools()).tools]
+        transcript.begun(tools)
+        for step in steps:
+            session = sessions[step.get("server", "blender")]
+            answer = await session.call_tool(step["tool"], step["arguments"])
+            texts = [part.text for part in answer.content if part.type == "text"]
+            images = sum(part.type == "image" for part in answer.content)
+            said = "\n".join(texts)
+            # The server's own word for code that raised; it is no protocol error.
+            failed = bool(answer.isError) or said.startswith("Error executing code")
+            transcript.played(step, said, failed=failed, images=images)
+            if failed and step.get("must_succeed"):
+                return 1
+    return 0
+
+
+@contextlib.asynccontextmanager
+async def _session(server: dict[str, Any]) -> AsyncIterator[Any]:
+    """A client's session with a server that is started for it."""
     mcp = importlib.import_module("mcp")
     stdio = importlib.import_module("mcp.client.stdio")
     how = mcp.StdioServerParameters(
@@ -91,18 +116,7 @@ async def _play(server: dict[str, Any], steps: list[Any], transcript: Transcript
             mcp.ClientSession(read, write) as session,
         ):
             await session.initialize()
-            transcript.begun([tool.name for tool in (await session.list_tools()).tools])
-            for step in steps:
-                answer = await session.call_tool(step["tool"], step["arguments"])
-                texts = [part.text for part in answer.content if part.type == "text"]
-                images = sum(part.type == "image" for part in answer.content)
-                said = "\n".join(texts)
-                # The server's own word for code that raised; it is no protocol error.
-                failed = bool(answer.isError) or said.startswith("Error executing code")
-                transcript.played(step, said, failed=failed, images=images)
-                if failed and step.get("must_succeed"):
-                    return 1
-    return 0
+            yield session
 
 
 if __name__ == "__main__":

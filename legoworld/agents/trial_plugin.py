@@ -1,0 +1,136 @@
+"""The plugin beside one trial: evidence of its photo, made before the agent begins; its server."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from legoworld import __version__
+from legoworld.agents.plugin_host import PluginHost
+from legoworld.agents.workspaces import Workspace
+from legoworld.endpoint.server import HOST, EndpointServer
+from legoworld.endpoint.session import Session
+from legoworld.errors import UsageError
+from legoworld.plugin.evidence_making import Given, make_evidence
+from legoworld.plugin.evidence_runs import depth_of, regions_file
+from legoworld.plugin.ledger import read_ledger
+from legoworld.plugin.modules import MODULES
+from legoworld.plugin.serving import require_server
+from legoworld.records.agents import PluginCalls
+from legoworld.records.plugin_modules import Module, PluginUsed
+from legoworld.tracks.track import TrackImage
+from legoworld.tracks.vocabulary import Vocabulary
+
+PLUGIN: Final = "plugin"
+_EVIDENCE: Final = "evidence"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PluginOptions:
+    """What a run's plugin is asked to be.
+
+    modules: those that are on; regions: results over the track's image ids, files or run folders;
+    depth: a run folder or a folder of arrays by the photos' names, None without.
+    """
+
+    modules: tuple[Module, ...]
+    regions: tuple[Path, ...]
+    depth: Path | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PluginPlan:
+    """What every trial's plugin is given. vocabulary: of the track's category ids."""
+
+    options: PluginOptions
+    vocabulary: Vocabulary | None
+
+    @property
+    def used(self) -> PluginUsed:
+        """As provenance.json has it."""
+        return PluginUsed(version=__version__, modules=self.options.modules)
+
+
+def plan_plugin(options: PluginOptions, vocabulary: Vocabulary | None) -> PluginPlan:
+    """The plan, checked before the first trial.
+
+    InstallationError without the extra, EvidenceInvalidError for evidence made with ground truth,
+    UsageError for evidence whose module is off.
+    """
+    require_server()
+    if (options.regions or options.depth) and "evidence" not in options.modules:
+        raise UsageError(
+            "evidence is given and the plugin's module `evidence` is off",
+            found="--regions or --depth",
+            expected="neither of them",
+        )
+    return PluginPlan(
+        options=PluginOptions(
+            modules=options.modules,
+            regions=tuple(regions_file(path) for path in options.regions),
+            depth=options.depth,
+        ),
+        vocabulary=vocabulary,
+    )
+
+
+@contextmanager
+def served_plugin(
+    plan: PluginPlan, image: TrackImage, workspace: Workspace, session: Session, record: Path
+) -> Iterator[PluginHost]:
+    """A trial's plugin, with evidence of its photo; nothing of it is in the agent's workspace.
+
+    record: a folder to make; it keeps the ledger, the states and the evidence.
+    """
+    record.mkdir()
+    with EndpointServer(session, 0, by="plugin") as blender:
+        command = [
+            *(sys.executable, "-m", "legoworld", "plugin", "serve"),
+            *("--ledger", str(record), "--blender", f"{HOST}:{blender.port}"),
+            *(word for m in _off(plan.options.modules) for word in ("--without", m)),
+        ]
+        if "evidence" in plan.options.modules:
+            _make_evidence(plan, image, workspace, record / _EVIDENCE)
+            command += ["--evidence", str(record / _EVIDENCE), "--photo", str(workspace.image)]
+        with PluginHost(command, record / "server.log") as host:
+            yield host
+
+
+def calls_of(record: Path) -> PluginCalls:
+    """How a trial used its plugin, read off the ledger."""
+    entries = read_ledger(record)
+    good = [entry.tool for entry in entries if entry.error is None]
+    accepted = [e for e in entries if e.tool == "commit" and e.error is None and e.phase == "idle"]
+    return PluginCalls(
+        calls=len(entries),
+        failed=len(entries) - len(good),
+        transactions=good.count("begin"),
+        committed=len(accepted),
+        rolled_back=good.count("rollback"),
+        left_open=bool(entries) and entries[-1].phase == "open",
+    )
+
+
+def _make_evidence(plan: PluginPlan, image: TrackImage, workspace: Workspace, into: Path) -> None:
+    depth = None if plan.options.depth is None else depth_of(plan.options.depth, image.file_name)
+    make_evidence(
+        Given(
+            photo=workspace.image,
+            regions=plan.options.regions,
+            image_id=image.id,
+            vocabulary=plan.vocabulary,
+            depth=depth[0] if depth else None,
+            depth_space=depth[1] if depth else "depth",
+            hfov_deg=image.hfov_deg,
+            all_images=True,
+        ),
+        into,
+    )
+
+
+def _off(modules: tuple[Module, ...]) -> list[Module]:
+    return [module for module in MODULES if module not in modules]
