@@ -35,7 +35,8 @@ class EndpointServer:
     """
 
     def __init__(self, session: Session, port: int, by: Caller = "agent") -> None:
-        self._session, self._by = session, by
+        self._session = session
+        self._by: Caller = by
         self._clients: set[socket.socket] = set()
         self._owning = threading.Lock()
         try:

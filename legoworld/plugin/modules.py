@@ -36,7 +36,7 @@ def modules_without(off: Iterable[str]) -> tuple[Module, ...]:
             found=", ".join(unknown),
             expected=", ".join(MODULES),
         )
-    on = tuple(module for module in MODULES if module not in left)
+    on: tuple[Module, ...] = tuple(module for module in MODULES if module not in left)
     if not on:
         raise UsageError(
             "every module of the plugin is off",
