@@ -57,7 +57,7 @@ def test_nothing_is_required_where_nothing_is_measured(tmp_path):
     _, said = offered(tmp_path, modules_without(["measurement"]), "begin", declared)
     assert said is not None
     assert said.is_error
-    assert "`measurement` is off" in said.content[0].text
+    assert "`measurement` is off" in str(said.content[0])
 
 
 @pytest.mark.parametrize("off", [["beauty"], list(MODULES)])
