@@ -46,13 +46,15 @@ def command(
     """Write one HTML page of evaluations and comparisons (FOLDERS): numbers, errors, every photo.
 
     The page opens from disk and needs no network. It shows ground truth: keep it private. Above 500
-    views or 64 MiB its pictures are in a folder beside it. An existing page is overwritten.
+    views or 64 MiB its pictures are in a folder beside it. An existing page is overwritten. References
+    and renders of LEGO-Bench are found through its evaluations.
 
     \b
     Examples:
       legoworld report evals/coco --photos photos -o report.html
       legoworld report evals/coco evals/lvis evals/depth --photos photos -o report.html
       legoworld report comparisons/coco --photos photos --scenes scenes -o report.html
+      legoworld report evals/agent-1 evals/agent-2 -o bench.html
     """
     from legoworld.report.document import page_document
     from legoworld.report.page_file import write_page

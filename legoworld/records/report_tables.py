@@ -6,6 +6,7 @@ from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.comparison import Better, Comparison, Dropped, Images, Level, PairCoverage
 from legoworld.records.evaluation_summary import Evaluator, Ties
 from legoworld.records.evidence import Input
+from legoworld.records.report_bench import BenchTables
 from legoworld.records.report_page import Facts, PhotoRow
 from legoworld.records.report_summary import FirstScreen, Plots
 
@@ -203,3 +204,4 @@ class PageSection(Record, frozen=True, kw_only=True):
     names: dict[str, str] | UnsetType = UNSET
     images: tuple[PhotoRow, ...] = ()
     plots: Plots = Plots()
+    bench: BenchTables | None = None

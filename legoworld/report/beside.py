@@ -11,7 +11,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path, write_text
 
 #: The names of the files that lie there.
-_OURS: Final = ("view-*.js", "photo-*.webp", "render-*.webp", "scene-*.js")
+_OURS: Final = ("view-*.js", "photo-*.webp", "render-*.webp", "overlay-*.webp", "scene-*.js")
 
 
 def refuse_others(path: Path, mark: str) -> None:

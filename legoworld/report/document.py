@@ -8,6 +8,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from legoworld.records.report_tables import PageSection, SideHead, SideNotes
+from legoworld.report.bench_section import bench_section
 from legoworld.report.depth_section import depth_section
 from legoworld.report.detection_section import detection_section
 from legoworld.report.first_screen import first_screen
@@ -17,7 +18,9 @@ from legoworld.report.scene_files import SceneFiles
 from legoworld.report.sources import Section
 from legoworld.report.tables import comparison_tables, coverage_notes, coverage_rows
 
-_TITLES = {"coco": "COCO boxes", "coco-masks": "COCO masks", "lvis": "LVIS masks", "eth3d": "Depth"}
+_TITLES = {"coco": "COCO boxes", "coco-masks": "COCO masks", "lvis": "LVIS masks", "eth3d": "Depth",
+           "bench": "LEGO-Bench"}  # fmt: skip
+_FILLED_BY = {"eth3d": depth_section, "bench": bench_section}
 
 
 def page_document(
@@ -33,7 +36,7 @@ def page_document(
     for section in sections:
         made = _section_tables(section)
         if section.sides:
-            fill = depth_section if section.task == "eth3d" else detection_section
+            fill = _FILLED_BY.get(section.task, detection_section)
             made = fill(section, made, document, places)
         document.sections.append(made)
     return document

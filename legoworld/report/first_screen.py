@@ -9,6 +9,7 @@ from typing import Final
 from legoworld.comparison.verdict import headline_rows, noun, standing, verdict_sentence
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.evaluation_rows import DetectionRow, ScoredDepthRow
+from legoworld.records.reconstruction_rows import COMPARED, ReconstructionRow
 from legoworld.records.report_summary import (
     Cost,
     CoverageBar,
@@ -97,6 +98,10 @@ def _coverage(side: Evaluated) -> CoverageBar:
             empty = row.scored and row.n_predictions == 0
             status = "scored without predictions" if empty else row.status
             parts["empty" if empty else "scored" if row.scored else "failed", status] += 1
+        elif isinstance(row, ReconstructionRow):
+            compared = row.status == COMPARED
+            sort = "scored" if compared and row.valid else "empty" if compared else "failed"
+            parts[sort, "not valid" if sort == "empty" else row.status] += 1
         else:
             parts["scored" if isinstance(row, ScoredDepthRow) else "failed", row.status] += 1
     order = ("scored", "empty", "failed")

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from legoworld.records.report_bench import BenchPageView
 from legoworld.records.report_page import DepthPageView, DetectionPageView
 from legoworld.records.report_tables import PageSection
 from legoworld.report.photos import page_photo
@@ -18,14 +19,27 @@ from legoworld.workers.processors import usable_cores
 class PageDocument:
     """Everything a page shows. views: of every photo of every section; photos: each file once.
 
+    overlays: lossless pictures of a bench's outcomes.
     A view's "photo" is a position in photos, or None with "said" saying why; likewise of the
     renders and scenes of its sides in `scenes`.
     """
 
     sections: list[PageSection] = field(default_factory=list)
-    views: list[DetectionPageView | DepthPageView] = field(default_factory=list)
+    views: list[DetectionPageView | DepthPageView | BenchPageView] = field(default_factory=list)
     photos: list[bytes] = field(default_factory=list)
+    overlays: list[bytes] = field(default_factory=list)
     scenes: SceneFiles = field(default_factory=lambda: SceneFiles(folders=()))
+
+    @property
+    def pictures(self) -> dict[str, list[bytes]]:
+        """Every WebP of the page by its kind."""
+        return {"photo": self.photos, "render": self.scenes.renders, "overlay": self.overlays}
+
+    @property
+    def in_3d(self) -> bool:
+        """Whether something is shown in 3D: a scene, or points."""
+        points = any(isinstance(v, BenchPageView) and v.raster for v in self.views)
+        return bool(self.scenes.glbs) or points
 
 
 @dataclass(kw_only=True)

@@ -34,7 +34,7 @@ MARK: Final = "<!doctype html>\n<!-- legoworld report -->"
 THREE: Final = "three.bundle.js"
 #: What the scripts know of a section.
 _FOR_SCRIPTS: Final = ("key", "task", "title", "sides", "first", "plots", "categories", "errors",
-                       "images", "names")  # fmt: skip
+                       "images", "names", "bench")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,7 @@ def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -
     """Write the page. LegoWorldError where another file or folder is in the way."""
     refuse_others(path, MARK)
     views = [script_json(view) for view in document.views]
-    pictures = [*document.photos, *document.scenes.renders]
+    pictures = [p for kind in document.pictures.values() for p in kind]
     n_bytes = sum(map(len, views)) + sum(len(p) * 4 // 3 for p in pictures)
     beside = Beside(
         folder=f"{path.stem}_files",
@@ -76,9 +76,7 @@ def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -
         write_beside(
             folder,
             views=views if beside.pictures else (),
-            pictures={"photo": document.photos, "render": document.scenes.renders}
-            if beside.pictures
-            else {},
+            pictures=document.pictures if beside.pictures else {},
             scenes=document.scenes.glbs if beside.scenes else (),
         )
     text = page_text(document, views, beside=beside, commands=commands)
@@ -93,10 +91,11 @@ def page_text(
 ) -> str:
     """The HTML, with views, photos, renders and scenes in it or beside it."""
     script = page_script()
-    three = (SCRIPTS / THREE).read_text(encoding="utf-8") if document.scenes.glbs else ""
+    three = (SCRIPTS / THREE).read_text(encoding="utf-8") if document.in_3d else ""
     style = (SCRIPTS / "report.css").read_text(encoding="utf-8")
-    texts = {} if beside.pictures else _texts("photo", document.photos)
-    texts |= {} if beside.pictures else _texts("render", document.scenes.renders)
+    texts: dict[str, str] = {}
+    for kind, pictures in () if beside.pictures else document.pictures.items():
+        texts |= _texts(kind, pictures)
     texts |= {} if beside.scenes else _texts("scene", document.scenes.glbs)
     return (
         _environment()

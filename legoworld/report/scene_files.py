@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from legoworld.files import names_a_file, sha256_of_file
+from legoworld.records.base import UNSET
 from legoworld.records.report_page import PageCamera, PageScene
 from legoworld.records.run_file import ImageSource
 from legoworld.records.run_rows import RunRow
@@ -60,6 +61,38 @@ class SceneFiles:
             glb=glb,
             glb_said=glb_said,
             camera=_camera(scene, row),
+        )
+
+    def bench_scene(
+        self, scene: ImageSource | None, row: RunRow, render: Path | str
+    ) -> PageScene | None:
+        """What the page shows of a submission: the evaluator's own render, and its scene.glb.
+
+        render: the file, whose hash is known to be the run's, or why there is none. None where
+        neither render nor scene is known.
+        """
+        at, said = (None, render) if isinstance(render, str) else self._add_render(render)
+        glb, glb_said = None, "no --scenes was given"
+        if self.folders and scene is not None:
+            sha256 = (scene.files or {}).get(GLB)
+            glb, glb_said = self._file(scene.scene or "", GLB, sha256, self._glb_of, self._add_glb)
+        camera = None if row.camera is UNSET else row.camera
+        return PageScene(
+            render=at,
+            render_said=said,
+            glb=glb,
+            glb_said=glb_said,
+            camera=PageCamera(
+                world_from_cam=camera.world_from_cam[:3],
+                fx=camera.fx,
+                fy=camera.fy,
+                cx=camera.cx,
+                cy=camera.cy,
+                orthographic=camera.type == "ORTHO",
+                size_wh=row.size_wh,
+            )
+            if camera and row.size_wh
+            else None,
         )
 
     def _file(

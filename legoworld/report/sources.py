@@ -19,7 +19,7 @@ from legoworld.records.folders.evaluation_reading import SUMMARY, read_evidence
 _UNNAMED: Final = "baseline"
 
 #: The order of the sections of a page.
-_TASKS: Final = ("coco", "coco-masks", "lvis", "eth3d")
+_TASKS: Final = ("coco", "coco-masks", "lvis", "eth3d", "bench")
 
 
 class ReportInputError(LegoWorldError):
@@ -102,7 +102,10 @@ def _truth_of(side: Evaluated) -> str:
 def _section(task: str, sides: Sequence[Evaluated], comparison: Comparison | None) -> Section:
     """Scenes first; two of one name are told apart by their folders."""
     ordered = sorted(sides, key=lambda s: not s.is_scene)
-    labels = [s.name for s in ordered]
+    labels, folders = [s.name for s in ordered], [s.folder.name for s in ordered]
+    if ordered[0].task == "bench" and comparison is None and len(set(folders)) == len(folders) > 1:
+        labels = folders
+        ordered = [replace(s, name=s.folder.name) for s in ordered]
     named = [
         s if labels.count(s.name) == 1 else replace(s, name=f"{s.name} ({s.folder.name})")
         for s in ordered

@@ -22,6 +22,7 @@ from legoworld.records.report_tables import (
     NumberCell,
     NumberRow,
 )
+from legoworld.report.bench_tables import bench_notes
 
 #: What stands where no specialist's number is.
 NO_SPECIALIST: Final = "no specialist was run"
@@ -87,7 +88,8 @@ def _attempted_cell(every: AllAttempted, policy: str) -> NumberCell:
 def coverage_rows(sides: Sequence[Evaluated]) -> list[CountRow]:
     """Attempted, scored, with truth, and every status, a side a column."""
     coverages = [side.summary.coverage for side in sides]
-    names = ["attempted", "scored", "with_truth", "scored_with_truth", "scored_without_predictions"]
+    names = ["attempted", "scored", "valid", "with_truth", "scored_with_truth"]
+    names += ["scored_without_predictions"]
     rows = [
         CountRow(name=name.replace("_", " "), cells=tuple(getattr(c, name, "-") for c in coverages))
         for name in names
@@ -101,6 +103,8 @@ def coverage_rows(sides: Sequence[Evaluated]) -> list[CountRow]:
 
 def coverage_notes(side: Evaluated) -> list[str]:
     """The evaluation's own sentences about its counts."""
+    if side.task == "bench":
+        return bench_notes(side)
     if side.task != "eth3d":
         return notes(side.detection)
     summary = side.depth

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from evaluation.depth.folders import plane, write_arrays, write_run
+from report.bench_pages import bench_dataset, bench_evaluation, troubled
 from report.chromium import Browser, browser
 from report.pages import embedded, evaluated, page_of, write_photos
 
@@ -17,12 +18,13 @@ from legoworld.evaluation.depth.evaluate import evaluate_depth
 AXE = Path(__file__).parents[2] / "tools" / "page" / "node_modules" / "axe-core" / "axe.min.js"
 ADDRESSES = ["#/coco", "#/coco?tab=photos", "#/coco?tab=plots", "#/coco?tab=numbers",
              "#/coco?tab=repeat", "#/coco/13", "#/coco/10", "#/eth3d", "#/eth3d?tab=plots",
-             "#/eth3d/1"]  # fmt: skip
+             "#/eth3d/1", "#/bench", "#/bench?tab=photos", "#/bench?tab=plots",
+             "#/bench?tab=numbers", "#/bench/2", "#/bench/4"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A comparison of boxes with a failed image, and depth, with photos."""
+    """A comparison of boxes with a failed image, depth, and a bench, with photos."""
     folder = tmp_path_factory.mktemp("page")
     sides = [
         evaluated(folder, "coco", statuses={10: "failed"}),
@@ -33,8 +35,10 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     truth = {"a.png": plane((80, 60))}
     run = write_run(folder / "run", {"a.png": 1.5 * truth["a.png"]})  # type: ignore[dict-item]
     evaluate_depth(run, write_arrays(folder / "truth", truth), folder / "depth", draws=5)
+    dataset = bench_dataset(folder)
+    bench = bench_evaluation(folder, dataset, "mine", troubled(dataset))
     photos = write_photos(folder / "photos", "coco")
-    return page_of(folder / "report.html", compared, folder / "depth", photos=photos)
+    return page_of(folder / "report.html", compared, folder / "depth", bench, photos=photos)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +74,7 @@ def test_axe_finds_nothing(chrome: Browser, page: Path, axe: str, width: int, sc
 def test_the_tab_key_reaches_every_control(chrome: Browser, page: Path) -> None:
     """What can be clicked can be reached, and shows that it is."""
     chrome.resize(1400)
-    for address in ("#/coco", "#/coco?tab=photos", "#/coco/13"):
+    for address in ("#/coco", "#/coco?tab=photos", "#/coco/13", "#/bench/4"):
         chrome.open(page, address)
         chrome.js("document.activeElement.blur()")
         wanted = chrome.js(
@@ -194,3 +198,57 @@ def test_the_curve_s_area_is_ap50(page: Path) -> None:
         folder = page.parent / f"eval-coco-{curve['label']}"
         ap50 = json.loads((folder / "summary.json").read_text())["metrics"]["AP50"]
         assert sum(curve["precision"]) / 101 == pytest.approx(ap50, abs=1e-4)
+
+
+def test_a_case_shows_every_picture_and_its_points_in_3d(chrome: Browser, page: Path) -> None:
+    chrome.resize(1400)
+    chrome.open(page, "#/bench/4")
+    panes = "Array.from(document.querySelectorAll('.pane figcaption'), f => f.textContent)"
+    assert chrome.js(panes) == [
+        "reference",
+        "render",
+        "hit and miss",
+        "error of A",
+        "surfaces in 3D",
+    ]
+    chrome.until("document.querySelector('.scene3d[data-ready]')")
+    coloured = """(() => { const c = document.querySelector('.scene3d canvas');
+        const small = document.createElement('canvas'); small.width = 48; small.height = 27;
+        const d = small.getContext('2d'); d.drawImage(c, 0, 0, 48, 27);
+        const p = d.getImageData(0, 0, 48, 27).data; const seen = { blue: 0, yellow: 0 };
+        for (let i = 0; i < p.length; i += 4) {
+          if (p[i + 2] > p[i] + 60) { seen.blue += 1; }
+          if (p[i] > 100 && p[i + 1] > 100 && p[i + 2] < 90) { seen.yellow += 1; } }
+        return seen; })()"""
+    seen = chrome.js(coloured)
+    assert seen["blue"] > 20, "hit"
+    assert seen["yellow"] > 20, "missed"
+    chrome.js("document.querySelector('.scene3d .switches button').click()")
+    assert chrome.js(coloured)["yellow"] == 0, "missed points are the reference's"
+
+
+def test_a_case_s_row_lights_its_outline_and_a_check_is_spelt_out(
+    chrome: Browser, page: Path
+) -> None:
+    chrome.open(page, "#/bench/4")
+    chrome.js("document.querySelector('.objects button.pick').focus()")
+    item = chrome.js("document.activeElement.dataset.items")
+    lit = f"document.querySelectorAll('.shape.s-object.hot[data-items=\"{item}\"]').length"
+    assert chrome.js(lit) == 4, "in every picture"
+    chrome.open(page, "#/bench/2")
+    text = chrome.js("document.querySelector('.lists').textContent")
+    assert "validity, 1 of 5 checks failed" in text
+    assert "export it again" in text
+
+
+def test_cases_are_listed_by_tier_and_flag(chrome: Browser, page: Path) -> None:
+    cards = "document.querySelectorAll('[data-section=bench] [data-gallery] a.card')"
+    shown = f"Array.from({cards}, a => a.dataset.image)"
+    chrome.open(page, "#/bench?tab=photos&sort=file")
+    everything = chrome.js(shown)
+    chrome.open(page, "#/bench?tab=photos&sort=file&tier=hard")
+    hard = chrome.js(shown)
+    assert len(everything) == 8
+    assert hard == ["2", "4", "6", "8"]
+    chrome.open(page, "#/bench?tab=photos&status=failed")
+    assert chrome.js(shown) == ["1"]

@@ -19,6 +19,101 @@ interface Answer {
   scene: PageScene | null;
 }
 
+/** One submission. */
+interface BenchAnswer {
+  label: string;
+  status: string;
+  facts: Array<[string, string]>;
+  tables: Array<FactTable>;
+  advice: Array<Advice>;
+  scene: PageScene | null;
+  objects: Array<ObjectScore>;
+  checks: Array<CheckLine>;
+  hit_picture: number | null;
+  error_picture: number | null;
+  why_no_picture: string;
+  points: BenchPoints | null;
+}
+
+/** One side of a case in the list. flags: kinds, each once. */
+interface BenchCell {
+  status: string;
+  advice: string;
+  findings: number;
+  valid: boolean;
+  R: number | null;
+  A: number | null;
+  S: number | null;
+  flags: Array<"appearance_without_geometry" | "camera_facing_planes" | "compositor_nodes" | "drivers" | "picture_in_scene" | "picture_in_world" | "text_blocks" | "view_drop">;
+}
+
+/** A scored object where the reference shows it, in raster pixels. n: its name. */
+interface BenchObject {
+  c: number;
+  box: Array<number>;
+  rle: string;
+  polygons: Array<Array<number>>;
+  n: string;
+}
+
+/** A case. size_wh: of the scoring raster, which everything is drawn in. */
+interface BenchPageView {
+  section: string;
+  id: number;
+  file_name: string;
+  size_wh: [number, number];
+  photo: number | null;
+  said: string;
+  sides: Array<BenchAnswer>;
+  objects: Array<BenchObject>;
+  raster: BenchRaster | null;
+}
+
+/** One side's points. submitted: base64 of uint16 depth codes. */
+interface BenchPoints {
+  submitted: string;
+  reference_outcome: string;
+  submitted_outcome: string;
+}
+
+/** The pixel grid of the drawn points: every `step`-th pixel of the scoring raster each way. */
+interface BenchRaster {
+  size_wh: [number, number];
+  step: number;
+  n_raster: number;
+  fx: number;
+  fy: number;
+  cx: number;
+  cy: number;
+  z0_m: number;
+  depth_step: number;
+  reference: string;
+}
+
+/** What only a bench's section has. */
+interface BenchTables {
+  board: Leaderboard;
+  losses: Array<SideLosses>;
+  flags: Array<FlaggedCase>;
+  tiers: Array<TierBar>;
+  outcomes: Array<Outcome>;
+  errors: Array<Outcome>;
+  delta: number;
+  tolerance: number;
+}
+
+/** A case in the list, with what it can be filtered by. tier: "" where it has none. */
+interface CaseLine {
+  id: number;
+  file_name: string;
+  view: number;
+  n_truth: number;
+  cells: Array<PhotoCell>;
+  categories: Array<number>;
+  family: string;
+  tier: string;
+}
+
 /** One side's numbers of a category. */
 interface CategoryCell {
   ap: number | null;
@@ -37,6 +132,15 @@ interface CategoryLine {
   n_truth: number;
   n_images: number;
   cells: Array<CategoryCell | null>;
+}
+
+/** A validity check, as the readout recorded it. */
+interface CheckLine {
+  name: string;
+  ok: boolean;
+  found: string;
+  expected: string;
+  next_step: string;
 }
 
 /** Errors of one kind in one category, of one side. name, category: what lists their photos. */
@@ -175,6 +279,12 @@ interface ErrorCounts {
   reached: number;
 }
 
+/** What computed the official numbers. */
+interface Evaluator {
+  name: string;
+  version: string;
+}
+
 /** A small table of texts. */
 interface FactTable {
   title: string;
@@ -190,6 +300,17 @@ interface FirstScreen {
   coverage: Array<CoverageBar>;
 }
 
+/** An integrity flag of a side's case. */
+interface FlaggedCase {
+  label: string;
+  image_id: number;
+  file_name: string;
+  kind: "appearance_without_geometry" | "camera_facing_planes" | "compositor_nodes" | "drivers" | "picture_in_scene" | "picture_in_world" | "text_blocks" | "view_drop";
+  what: string;
+  measured: number;
+  threshold: number;
+}
+
 /** A metric: a span of each side, and of the difference to each other side. */
 interface ForestRow {
   name: string;
@@ -198,12 +319,77 @@ interface ForestRow {
   differences: Array<Span | null>;
 }
 
+/** The percentile interval of bootstrap samples; low and high are None when none is defined. */
+interface Interval {
+  low: number | null;
+  high: number | null;
+  level: number;
+  unit: string;
+  draws: number;
+  undefined_draws: number;
+  bootstrap_mean: number | null;
+}
+
 /** IoU of predictions with the ground truth of their category that they are about. */
 interface IouHistogram {
   label: string;
   edges: Array<number>;
   tp: Array<number>;
   low: Array<number>;
+}
+
+/** Rows by falling S over all attempted; evidence_sha256: of each evaluation, by its name. */
+interface Leaderboard {
+  schema_version: number;
+  task: string;
+  evaluator: Evaluator;
+  draws: number;
+  seed: number;
+  rows: Array<LeaderboardRow>;
+  evidence_sha256: Record<string, string>;
+}
+
+/** Cases of one kind of group (all, split, environment, theme or tier) and its name. */
+interface LeaderboardGroup {
+  kind: string;
+  name: string;
+  cases: number;
+  metrics: Record<string, Repeated>;
+}
+
+/** One agent and model. evaluations: names of the folders of its runs. */
+interface LeaderboardRow {
+  agent: string;
+  model: string;
+  evaluations: Array<string>;
+  groups: Array<LeaderboardGroup>;
+}
+
+/** Objects of a category and what they cost R. lost: of R's mean over all attempted cases. */
+interface Loss {
+  category: number;
+  name: string;
+  objects: number;
+  mean_f1: number;
+  lost: number;
+}
+
+/** One side's object. at: F at the other tolerances, by name; eligible: whether R counts it. */
+interface ObjectScore {
+  f1: number;
+  precision: number;
+  recall: number;
+  eligible: boolean;
+  n_reference: number;
+  n_submitted: number;
+  at: Record<string, number>;
+}
+
+/** A colour of a picture and what it stands for. colour: #rrggbb. */
+interface Outcome {
+  name: string;
+  text: string;
+  colour: string;
 }
 
 /** The camera a scene was read out with. world_from_cam: 3 x 4, z up, the camera's z forward. */
@@ -238,6 +424,7 @@ interface PageSection {
   names: Record<string, string>;
   images: Array<PhotoRow>;
   plots: Plots;
+  bench: BenchTables | null;
 }
 
 /** One side of a photo in the list. advice: the first finding; findings: how many are bad. */
@@ -275,6 +462,16 @@ interface PrecisionRecall {
   draws: number;
 }
 
+/** A metric over repeated runs: their mean, and standard deviation with ddof = 1. */
+interface Repeated {
+  mean: number | null;
+  sd: number | null;
+  runs: Array<number | null>;
+  n: Array<number>;
+  over: "attempted" | "valid";
+  interval: Interval | null;
+}
+
 /** What costs a side most, the most first. n: all its errors. */
 interface SideCosts {
   label: string;
@@ -289,12 +486,30 @@ interface SideHead {
   used_truth: boolean;
 }
 
+/** What costs a side's R most. lost: all that is missing to 1; not_valid: by V = 0. */
+interface SideLosses {
+  label: string;
+  lost: number;
+  not_valid: number;
+  most: Array<Loss>;
+}
+
 /** A number and the ends of its interval, None where it has none. over: its denominators. */
 interface Span {
   value: number | null;
   low: number | null;
   high: number | null;
   over: string;
+}
+
+/** One agent's metric by tier. values, sds: in the order of `tiers`; None where undefined. */
+interface TierBar {
+  label: string;
+  metric: string;
+  tiers: Array<string>;
+  cases: Array<number>;
+  values: Array<number | null>;
+  sds: Array<number | null>;
 }
 
 /** One sentence with its denominators. standing: of the first side named. */

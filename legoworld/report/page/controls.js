@@ -79,6 +79,12 @@ function fillChoices(section) {
   choice("kind", DATA.kinds.map((k) => [k, k]));
   choice("cat", Object.keys(section.names).sort((a, b) => section.names[a] < section.names[b] ? -1 : 1)
     .map((id) => [id, section.names[id]]));
+  if (section.bench) {
+    const tiers = section.images.map((/** @type {any} */ row) => row.tier).filter(Boolean);
+    choice("tier", ["easy", "medium", "hard"].filter((t) => tiers.includes(t)).map((t) => [t, t]));
+    const flags = new Set(section.images.flatMap((row) => row.cells.flatMap((/** @type {any} */ c) => c.flags)));
+    choice("flag", Array.from(flags).sort().map((f) => [f, f.replaceAll("_", " ")]));
+  }
   choice("wins", [...section.sides.map((s, k) => [String(k), s.label]), ["tie", "neither"]]);
   choice("sort", orders(section).map(([name, title]) => [name, title]));
 }

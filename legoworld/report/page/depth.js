@@ -20,7 +20,7 @@ function colorAt(map, share) {
 }
 
 /* Float64Array of metres, NaN where there is none. */
-function depths(codes, depth) {
+export function depths(codes, depth) {
   const bytes = atob(codes);
   const z = new Float64Array(bytes.length / 2);
   for (let i = 0; i < z.length; i += 1) {

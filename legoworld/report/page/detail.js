@@ -1,5 +1,6 @@
 /* One photo: its panes with one zoom, what is wrong, what to do, and what the run recorded. */
 
+import { benchChecks, benchItems, benchLegends, benchObjects, benchPanes } from "./bench.js";
 import { depthPanes } from "./depth.js";
 import { button, el, markScrollers } from "./elements.js";
 import { findingsOf, objectsOf, recordOf, scoreLine } from "./findings.js";
@@ -13,7 +14,8 @@ import { sceneChoices } from "./scene3d.js";
 import { DATA, LEFT_BEHIND, withView } from "./views.js";
 
 const USUAL_LAYERS = ["truth", "tp", "fp", "fn", "names"];
-const LAYER_KEYS = ["truth", "tp", "fp", "fn", "other", "names"];
+const LAYER_KEYS = ["truth", "tp", "fp", "fn", "other", "object", "names"];
+const OUTLINED = ["truth", "tp", "fp", "fn", "other"];
 
 /* What keys act on while a photo is open. */
 let OPEN = null;
@@ -48,7 +50,7 @@ export function showDetail(section, place) {
 function detailOf(section, view, row, place) {
   const many = view.sides.length > 1;
   const root = el("div", { class: "photo" });
-  const items = view.truths ? drawnItems(view, section.names) : [];
+  const items = section.bench ? benchItems(view, section.names) : view.truths ? drawnItems(view, section.names) : [];
   const picked = el("p", { class: "picked", "aria-live": "polite" }, [HINT]);
   const links = linkItems(root, items, (lit, pinned) => {
     picked.textContent = lit.length ? lit.slice(0, 3).map(describe).join("; ") +
@@ -60,14 +62,18 @@ function detailOf(section, view, row, place) {
   OPEN = { links, frames: stage.frames, close: stage.close, ready: () => { stage.frames.resized(); markScrollers(root); } };
   const scores = row ? row.cells.map((c, k) => scoreLine(c, row.n_truth, many ? view.sides[k].label : "")) : [];
   const findings = view.sides.flatMap((s, k) => findingsOf(s, k, items, many, section.sides[k]));
-  if (section.sides.every((s) => s.scene)) {
+  if (!section.bench && section.sides.every((s) => s.scene)) {
     findings.push(el("p", { class: "sub" }, ["no specialist was run"]));
   }
-  const objects = view.truths ? view.sides.flatMap((s, k) => [
-    many ? el("h3", {}, [s.label + ": objects"]) : el("h3", {}, ["Objects"]), ...objectsOf(view, items, k)]) : [];
+  const objects = view.sides.flatMap((s, k) => {
+    const list = section.bench ? benchObjects(view, items, k) : view.truths ? objectsOf(view, items, k) : [];
+    const title = many ? s.label + ": " + (section.bench ? "scored objects" : "objects") : section.bench ? "Scored objects" : "Objects";
+    return [list.length ? el("h3", {}, [title]) : null, ...list, section.bench ? benchChecks(s) : null];
+  });
   root.append(el("div", { class: "look" }, [stage.node, picked]),
     el("div", { class: "said" }, [...scores, ...findings]),
-    el("div", { class: "lists" }, [...objects, ...view.sides.map(recordOf)]));
+    el("div", { class: "lists" + (section.bench ? " wide" : "") }, [...objects, ...view.sides.map((s) =>
+      recordOf(s, section.bench ? "numbers, cameras, hashes" : "camera, sizes, hashes"))]));
   return [topBar(view), view.said ? el("p", { class: "note" }, [view.said]) : "", root];
 }
 
@@ -103,7 +109,8 @@ function topBar(view) {
  */
 function stageOf(section, view, items, links, place) {
   const grid = el("div", { class: "panes" });
-  const shown = new Set(place.show ? place.show.split(".") : USUAL_LAYERS);
+  const usualLayers = section.bench ? ["object"] : USUAL_LAYERS;
+  const shown = new Set(place.show ? place.show.split(".") : usualLayers);
   const readout = view.depth ? el("p", { class: "readout", "aria-live": "polite" }, ["Point at a pixel."]) : null;
   const frames = linkedFrames(view.size_wh, (x, y, /** @type {any} */ target) => {
     const node = target.closest("[data-items]");
@@ -111,9 +118,10 @@ function stageOf(section, view, items, links, place) {
   }, (x, y) => { if (depth) { depth.point(x, y); } });
   const depth = view.depth ? depthPanes(view, frames, readout) : null;
   const scenes = sceneChoices(view, items, links);
-  const choices = [...(depth ? depth.choices : paneChoices(view, items, frames)), ...scenes];
+  const panes = depth ? depth.choices : section.bench ? benchPanes(section, view, items, frames) : paneChoices(view, items, frames);
+  const choices = [...panes, ...scenes];
   const open = new Map();
-  const usual = choices.filter((c) => !c.why && (depth ? c.usual !== false : /^(side|slide|scene)/.test(c.key)))
+  const usual = choices.filter((c) => !c.why && (section.bench ? c.usual && c.key.slice(0, 5) !== "scene" : depth ? c.usual !== false : /^(side|slide|scene)/.test(c.key)))
     .map((c) => c.key);
   const wanted = place.panes ? place.panes.split(".") : usual;
   function set(choice, on) {
@@ -135,34 +143,42 @@ function stageOf(section, view, items, links, place) {
     noteInAddress({ panes: keys.join(".") === usual.join(".") ? "" : keys.join(".") });
   }));
   choices.filter((c) => !c.why && wanted.includes(c.key)).forEach((c) => set(c, true));
-  const paint = () => LAYER_KEYS.forEach((key) => grid.classList.toggle("no-" + key, !shown.has(key)));
+  const layerKeys = LAYER_KEYS.filter((key) => key === "names" || (key === "object") === Boolean(section.bench));
+  const paint = () => layerKeys.forEach((key) => grid.classList.toggle("no-" + key, !shown.has(key)));
   paint();
-  const layers = view.depth ? [] : [layerSwitches(items, shown, (key, on) => {
+  const layers = view.depth ? [] : [layerSwitches(items, shown, section.bench ? ["object"] : OUTLINED, (key, on) => {
     if (on) { shown.add(key); } else { shown.delete(key); }
     paint();
-    const keys = LAYER_KEYS.filter((k) => shown.has(k));
-    noteInAddress({ show: keys.join(".") === USUAL_LAYERS.join(".") ? "" : keys.join(".") });
+    const keys = layerKeys.filter((k) => shown.has(k));
+    noteInAddress({ show: keys.join(".") === usualLayers.join(".") ? "" : keys.join(".") || "none" });
   })];
   const zoom = el("div", { class: "zoom", role: "group", "aria-label": "zoom of all panes" }, [
     button("\u2212", () => frames.smaller(), { "aria-label": "smaller" }),
     button("+", () => frames.larger(), { "aria-label": "larger" }), button("fit", () => frames.fit())]);
-  const bar = el("div", { class: "stage-bar" }, [
-    el("div", { class: "switches", role: "group", "aria-label": "panes" }, switches), zoom]);
+  const bar = el("div", { class: "stage-bar" }, [el("div", { class: "switch-rows", role: "group", "aria-label": "panes" },
+    switchRows(choices, switches)), zoom]);
   const whys = choices.filter((c) => c.why).map((c) => el("li", {}, [c.title + ": " + c.why]));
-  const node = el("div", { class: "stage" }, [bar, readout, grid, ...layers, depth ? depth.legends : null,
+  const node = el("div", { class: "stage" }, [bar, readout, grid, ...layers, depth ? depth.legends : section.bench ? benchLegends(section.bench) : null,
     whys.length ? el("details", { class: "whys" }, [
       el("summary", {}, [whys.length === 1 ? "1 pane is not there" : whys.length + " panes are not there"]),
       el("ul", {}, whys)]) : null]);
   return { node, frames, close: () => choices.forEach((c) => { if (c.close && open.has(c.key)) { c.close(); } }) };
 }
 
+/* Switches of one submission in a row of their own. */
+function switchRows(choices, switches) {
+  const groups = Array.from(new Set(choices.map((c) => c.group || "")));
+  return groups.map((group) => el("div", { class: "switches" }, [
+    group ? el("span", { class: "who" }, [group]) : null, ...switches.filter((_, i) => (choices[i].group || "") === group)]));
+}
+
 function paneSwitch(choice, on, change) {
-  const made = button(choice.title, () => {
+  const made = button(choice.short || choice.title, () => {
     const next = made.getAttribute("aria-pressed") !== "true";
     made.setAttribute("aria-pressed", String(next));
     change(next);
   }, { "aria-pressed": String(on && !choice.why), "data-pane": choice.key, disabled: Boolean(choice.why),
-    title: choice.why || null });
+    "aria-label": choice.short ? choice.title : null, title: choice.why || null });
   return made;
 }
 

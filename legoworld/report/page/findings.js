@@ -11,7 +11,10 @@ export function scoreLine(cell, n_truth, label) {
   const parts = [];
   if (label) { parts.push(el("b", { class: "who" }, [label]), " "); }
   if (cell.status !== "ok") { parts.push(el("span", { class: "flag" }, [cell.status]), " "); }
-  if (cell.tp !== undefined) {
+  if (cell.valid !== undefined) {
+    const numbers = ["S", "R", "A"].flatMap((name) => [name + " ", el("b", {}, [fixed(cell[name])]), name === "A" ? "" : ", "]);
+    parts.push(...numbers, cell.valid ? ", valid" : el("span", { class: "flag" }, [", not valid"]));
+  } else if (cell.tp !== undefined) {
     parts.push(cell.tp + " of " + counted(n_truth, "object", "objects") + " detected, ",
       counted(cell.fp, "false positive", "false positives") + ", " + cell.fn + " missed; quality ",
       el("b", {}, [fixed(cell.quality)]));
@@ -36,7 +39,7 @@ export function findingsOf(side, k, items, many, about) {
   if (side.advice.every((a) => a.level === "note")) {
     list.unshift(el("li", {}, ["nothing to complain about"]));
   }
-  const title = about.scene ? "What to do next" : "Findings";
+  const title = about.scene && !side.checks ? "What to do next" : "Findings";
   return [el("h3", {}, [many ? side.label + ": " + title.toLowerCase() : title]),
     el("ul", { class: "advice" }, list),
     rest.length ? el("details", {}, [el("summary", {}, [rest.length + " more"]),
@@ -89,11 +92,11 @@ function tally(rows) {
 }
 
 /* What the run recorded: camera, sizes, hashes, and labels that led to nothing. */
-export function recordOf(side) {
+export function recordOf(side, what) {
   const pairs = side.facts.flatMap((f) => [el("dt", {}, [f[0]]), el("dd", {}, [f[1]])]);
   const tables = side.tables.map((t) => el("details", {}, [
     el("summary", {}, [t.title + " (" + t.rows.length + ")"]), table(t.head, t.rows, t.title)]));
   return el("div", {}, [...tables, el("details", {}, [
-    el("summary", {}, [side.label + ": camera, sizes, hashes"]), el("dl", { class: "facts" }, pairs)])]);
+    el("summary", {}, [side.label + ": " + what]), el("dl", { class: "facts" }, pairs)])]);
 }
 

@@ -8,7 +8,9 @@ import { pictureUrl, sectionElement, sectionOf, withView } from "./views.js";
 
 const CARD_WIDTH = 208;
 const GAP = 12;
-const CAPTION = 74;
+const CAPTION = 42;
+const MARK = 16;
+const MOST_MARKS = 3;
 const BEYOND = 500;
 
 /** What a section's photos are, sorted and filtered as the address says.
@@ -18,6 +20,7 @@ const LISTED = { key: "", rows: [] };
 function quality(row, k) {
   const cell = /** @type {any} */ (row.cells[k]);
   if (!cell) { return null; }
+  if (cell.valid !== undefined) { return cell.S === null ? cell.R : cell.S; }
   if (cell.quality !== undefined) { return cell.quality; }
   return cell.abs_rel ? -cell.abs_rel.error_1 : null;
 }
@@ -48,7 +51,9 @@ export function orders(section) {
     const of = many ? " of " + side.label : "";
     if (k) { found.push(["q" + k, "worst" + of, (r) => quality(r, k)]); }
     found.push(["-q" + k, "best" + of, (r) => quality(r, k)]);
-    if (depth) {
+    if (section.bench) {
+      found.push(["r" + k, "lowest R" + of, (r) => cell(r, k).R], ["a" + k, "lowest A" + of, (r) => cell(r, k).A]);
+    } else if (depth) {
       found.push(["-hole" + k, "most holes" + of, (r) => cell(r, k).holes]);
     } else {
       found.push(["-fn" + k, "most missed" + of, (r) => cell(r, k).fn]);
@@ -86,6 +91,9 @@ function keeps(row, place, q) {
   if (q && !row.file_name.toLowerCase().includes(q)) { return false; }
   if (place.status && !row.cells.some((c) => c.status === place.status)) { return false; }
   if (place.wins && winner(row) !== place.wins) { return false; }
+  const one = /** @type {any} */ (row);
+  if (place.tier && one.tier !== place.tier) { return false; }
+  if (place.flag && !one.cells.some((c) => c.flags && c.flags.includes(place.flag))) { return false; }
   const cat = place.cat ? Number(place.cat) : null;
   if (place.kind) {
     return row.cells.some((/** @type {any} */ c) => (c.errors || []).some((e) => e[0] === place.kind && (cat === null || e[1] === cat)));
@@ -117,7 +125,7 @@ export function step(by) {
 export function card(section, row, attributes) {
   const picture = el("span", { class: "thumb" });
   const many = section.sides.length > 1;
-  const marks = row.cells.map((cell, k) => markOf(cell, many ? section.sides[k].label : ""));
+  const marks = row.cells.slice(0, MOST_MARKS).map((cell, k) => markOf(cell, many ? section.sides[k].label : ""));
   const first = row.cells[0];
   const said = first.status === "ok" ? first.advice : first.status + (first.advice ? ": " + first.advice : "");
   const made = el("a", Object.assign({ class: "card", href: "#/" + section.key + "/" + row.id,
@@ -152,7 +160,10 @@ function drawSome() {
 function markOf(cell, label) {
   const parts = label ? [el("span", { class: "mark-side" }, [label])] : [];
   if (cell.status !== "ok") { return el("span", { class: "mark" }, [...parts, el("b", { class: "flag" }, [cell.status])]); }
-  if (cell.quality === undefined) {
+  if (cell.valid !== undefined) {
+    parts.push(el("b", { title: "S" }, [fixed(cell.S, 2)]), ...["R", "A"].map((name) => el("span", { class: "mark-n" }, [name + " " + fixed(cell[name], 2)])));
+    if (!cell.valid) { parts.push(el("b", { class: "flag" }, ["not valid"])); }
+  } else if (cell.quality === undefined) {
     parts.push(el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1) : "-"]), " AbsRel");
   } else {
     parts.push(el("b", { title: "quality" }, [fixed(cell.quality, 2)]),
@@ -170,12 +181,14 @@ function count(layer, n) {
 function thumbnail(section, view) {
   const [w, h] = view.size_wh;
   const url = pictureUrl("photo", view.photo);
-  const ground = url ? svg("image", { href: url, width: w, height: h, preserveAspectRatio: "none" })
+  const over = section.bench ? pictureUrl("overlay", view.sides[0].hit_picture) : null;
+  const ground = url ? svg("image", { href: url, width: w, height: h, preserveAspectRatio: "none", class: over ? "faded" : null })
     : svg("rect", { class: "no-photo", width: w, height: h });
   const items = view.truths ? drawnItems(view, section.names).filter((i) => i.side === 0) : [];
   const shapes = inDrawingOrder(items).filter((i) => i.layer !== "other" && areaOf(i) > 0).map((item) =>
     svg("path", { class: "thumb-line s-" + item.layer, d: shapePath(item.shape, view.size_wh) }));
-  return svg("svg", { viewBox: "0 0 " + w + " " + h, "aria-hidden": "true" }, [ground, ...shapes]);
+  return svg("svg", { viewBox: "0 0 " + w + " " + h, "aria-hidden": "true" }, [ground,
+    over ? svg("image", { href: over, width: w, height: h, preserveAspectRatio: "none" }) : null, ...shapes]);
 }
 
 /* The gallery of a section: cards placed by hand in a box as high as all of them. */
@@ -191,7 +204,7 @@ export function gallery(section, place) {
     box.replaceChildren();
   }
   const count = sectionElement(section.key).querySelector("[data-count=photos]");
-  count.textContent = rows.length + " of " + section.images.length + " photos";
+  count.textContent = rows.length + " of " + section.images.length + (section.bench ? " cases" : " photos");
   layout();
 }
 
@@ -199,7 +212,7 @@ function geometry(box) {
   const width = box.clientWidth;
   const columns = Math.max(Math.floor((width + GAP) / (CARD_WIDTH + GAP)), Math.min(2, LISTED.rows.length || 1));
   const wide = (width - GAP * (columns - 1)) / columns;
-  return { columns, wide, high: Math.round(wide * 0.72) + CAPTION };
+  return { columns, wide, high: Math.round(wide * 0.72) + CAPTION + MARK * Math.min(sectionOf(LISTED.key).sides.length, MOST_MARKS) };
 }
 
 /* Adds the cards that came near the window and takes away those that left it. */

@@ -1,10 +1,10 @@
 /* What became of every prediction and every annotated object, in the field's words. */
 
 export const WORDS = { tp: "true positive", fp: "false positive", fn: "missed", other: "not counted",
-  truth: "ground truth" };
+  truth: "ground truth", object: "scored objects" };
 export const PLURALS = { tp: "true positives", fp: "false positives", fn: "missed",
   other: "not counted", truth: "ground truth" };
-export const SIGNS = { tp: "", fp: "\u2715 ", fn: "? ", other: "\u00b7 ", truth: "" };
+export const SIGNS = { tp: "", fp: "\u2715 ", fn: "? ", other: "\u00b7 ", truth: "", object: "" };
 export const LAYERS = ["truth", "tp", "fp", "fn", "other"];
 
 /** @typedef {{id: number, layer: string, side: number, shape: Drawn, name: string, t: number|null,
@@ -58,7 +58,7 @@ export function areaOf(item) { return item.shape.box[2] * item.shape.box[3]; }
 
 /* In the order they are drawn: what is above can be pointed at. */
 export function inDrawingOrder(items) {
-  const order = ["truth", "other", "tp", "fn", "fp"];
+  const order = ["truth", "other", "object", "tp", "fn", "fp"];
   return items.slice().sort((a, b) =>
     order.indexOf(a.layer) - order.indexOf(b.layer) || areaOf(b) - areaOf(a));
 }

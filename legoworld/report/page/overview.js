@@ -3,6 +3,7 @@
 import { plotFigure } from "./chart.js";
 import { counted, el, fixed, svg } from "./elements.js";
 import { card } from "./gallery.js";
+import { tierFigures } from "./tiers.js";
 import { sectionElement } from "./views.js";
 
 const SHEET = 12;
@@ -16,8 +17,9 @@ export function overview(section) {
   DRAWN.add(section.key);
   const root = sectionElement(section.key);
   const forest = root.querySelector("[data-forest]");
+  if (section.bench) { root.querySelector("[data-tiers]").append(...tierFigures(section)); }
   if (section.first.forest.length) { forest.append(forestFigure(section)); }
-  root.querySelector("[data-coverage]").append(...section.first.coverage.map(coverageBar));
+  root.querySelector("[data-coverage]").append(...section.first.coverage.map((bar) => coverageBar(bar, Boolean(section.bench))));
   const sheet = root.querySelector("[data-sheet]");
   if (sheet) { sheet.append(...section.images.slice(0, SHEET).map((row) => card(section, row, {}))); }
 }
@@ -33,8 +35,9 @@ function forestFigure(section) {
   const labels = labelsOf(section);
   const many = rows.some((r) => r.differences.some(Boolean));
   const pairs = rows.reduce((n, r) => Math.max(n, r.differences.length), 0);
-  const width = many ? 700 : 520;
-  const values = { left: NAMES, right: many ? 430 : width - 66 };
+  const names = section.bench ? 30 : NAMES;
+  const width = many ? 700 : section.bench ? 420 : 520;
+  const values = { left: names, right: many ? 430 : width - 66 };
   const differences = { left: 494, right: width - 18 };
   const high = rows.length * LINE + 46;
   const lines = rows.flatMap((row, i) => rowMarks(row, 22 + i * LINE + LINE / 2, values, many ? differences : null, reach(rows)));
@@ -106,11 +109,11 @@ function interval(span, y, place, kind) {
 }
 
 /* All attempted images of a side as one bar. */
-function coverageBar(bar) {
+function coverageBar(bar, cases) {
   const parts = bar.parts.filter((p) => p.n);
   const said = parts.map((p) => p.n + " " + p.name).join(", ");
   return el("div", { class: "coverage" }, [
-    el("div", { class: "coverage-head" }, [el("b", {}, [bar.label]), " " + counted(bar.attempted, "image", "images") + " attempted: " + said]),
+    el("div", { class: "coverage-head" }, [el("b", {}, [bar.label]), " " + counted(bar.attempted, cases ? "case" : "image", cases ? "cases" : "images") + " attempted: " + said]),
     el("div", { class: "coverage-bar", role: "img", "aria-label": bar.label + ": " + said }, parts.map((p) =>
       el("span", { class: "c-" + p.sort, style: "flex-grow:" + p.n, title: p.n + " " + p.name })))]);
 }

@@ -29,7 +29,7 @@ export function outlines(items, side, size) {
 
 /* Names that do not cover each other: what is missed first, then what is false. */
 function tags(items, size) {
-  const order = ["fn", "fp", "tp", "other"];
+  const order = ["fn", "fp", "tp", "object", "other"];
   const taken = [];
   const unit = size[0] / 480;
   return items.filter((item) => item.layer !== "truth").sort((a, b) =>
@@ -98,8 +98,8 @@ function slider(photo, render, size, frames) {
 }
 
 /* Which outlines are drawn: a switch for each sort, with a sample of its line. */
-export function layerSwitches(items, shown, toggle) {
-  const sorts = ["truth", "tp", "fp", "fn", "other"].filter((layer) =>
+export function layerSwitches(items, shown, layers, toggle) {
+  const sorts = layers.filter((layer) =>
     layer !== "other" || items.some((item) => item.layer === layer));
   const boxes = sorts.map((layer) => switchOf(layer, WORDS[layer], layer, shown, toggle));
   boxes.push(switchOf("names", "names", null, shown, toggle));

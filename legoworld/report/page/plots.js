@@ -1,5 +1,6 @@
 /* Curves, bars and histograms of a section. */
 
+import { casesPlot } from "./cases_plot.js";
 import { chart, csvOf, pathOf, plotFigure, roundTicks, save, svgText } from "./chart.js";
 import { button, el, fixed, svg } from "./elements.js";
 import { sectionElement } from "./views.js";
@@ -19,7 +20,8 @@ export function plots(section) {
     ...section.errors.length ? [errorKinds(section)] : [],
     ...found.iou.length ? [iouHistogram(section)] : [],
     ...section.categories.length ? [categoryBars(section)] : [],
-    ...found.depth_error.length ? [depthError(section)] : []);
+    ...found.depth_error.length ? [depthError(section)] : [],
+    ...section.bench ? [casesPlot(section)] : []);
   if (!host.childElementCount) { host.append(el("p", { class: "sub" }, ["No plots: the evaluations are not here."])); }
 }
 

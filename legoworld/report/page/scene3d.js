@@ -1,6 +1,7 @@
 /* The scene itself: scene.glb from the photo's camera, free to orbit, coloured by outcome. */
 
 import { button, el } from "./elements.js";
+import { orbitCanvas, orbitStage, pinholeEye, rendererOn } from "./orbit.js";
 import { WORDS } from "./outcomes.js";
 import { LEFT_BEHIND, withScene } from "./views.js";
 
@@ -14,7 +15,7 @@ export function sceneChoices(view, items, links) {
     const { glb, glb_said, camera } = side.scene;
     const why = glb === null ? glb_said : camera ? "" : "the run recorded no camera";
     let shown = null;
-    return [{ key: "scene" + k, title: "scene in 3D" + (several ? " of " + side.label : ""), why, usual: true,
+    return [{ group: view.objects && several ? side.label : "", key: "scene" + k, short: view.objects ? "scene in 3D" : undefined, title: "scene in 3D" + (several ? " of " + side.label : ""), why, usual: true,
       make: () => {
         const host = el("div", { class: "scene3d" }, [el("p", { class: "wait" }, ["loading the scene"])]);
         host.style.setProperty("aspect-ratio", view.size_wh.join(" / "));
@@ -32,8 +33,7 @@ export function sceneChoices(view, items, links) {
 
 async function openScene(host, text, camera, items, links) {
   const three = window.legoworldThree();
-  const canvas = el("canvas", { tabindex: 0, "aria-label": "the scene in 3D: drag or use the arrow keys to orbit, " +
-    "wheel or + and - to come nearer, 0 for the photo's camera" });
+  const canvas = orbitCanvas("the scene in 3D");
   const renderer = rendererOn(three, canvas);
   const gltf = await parsed(three, text);
   const world = new three.Scene();
@@ -44,62 +44,22 @@ async function openScene(host, text, camera, items, links) {
   eye.add(sun);
   world.add(eye);
   const bodies = bodiesOf(gltf.scene, items);
-  const start = { position: eye.position.clone(), quaternion: eye.quaternion.clone(), target: ahead(three, eye, gltf.scene) };
-  // Turns the camera to the origin at once: `home` turns it back.
-  const controls = new three.OrbitControls(eye, canvas);
-  controls.enableDamping = false;
-  const state = { plain: false, lit: new Set(), free: false };
-  function draw() {
-    paint(three, bodies, state);
-    renderer.render(world, eye);
-  }
-  function home() {
-    controls.target.copy(start.target);
-    eye.position.copy(start.position);
-    eye.quaternion.copy(start.quaternion);
-    state.free = false;
-    draw();
-  }
-  controls.addEventListener("change", () => { state.free = true; draw(); });
-  controls.addEventListener("start", () => { host.classList.add("orbited"); });
-  const size = () => {
-    const box = host.getBoundingClientRect();
-    renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-    renderer.setSize(Math.max(box.width, 1), Math.max(box.width * camera.size_wh[1] / camera.size_wh[0], 1), false);
-    draw();
-  };
-  const watcher = new ResizeObserver(size);
+  const state = { plain: !items.length, lit: new Set() };
+  const stage = orbitStage(three, { host, renderer, eye, world, target: ahead(three, eye, gltf.scene),
+    size_wh: camera.size_wh, before: () => paint(three, bodies, state) });
   const colours = button("materials", () => {
     state.plain = !state.plain;
     colours.textContent = state.plain ? "outcomes" : "materials";
-    draw();
+    stage.draw();
   });
-  const back = button("photo's camera", home);
-  const key = el("span", { class: "scene-key" }, ["tp", "fp"].map((layer) => el("span", {}, [
+  const back = button("photo's camera", stage.home);
+  const key = el("span", { class: "scene-key", hidden: !items.length }, ["tp", "fp"].map((layer) => el("span", {}, [
     el("span", { class: "key k-" + layer }), " " + WORDS[layer] + " "])));
-  canvas.addEventListener("keydown", (event) => { if (orbitKey(three, eye, controls, event.key, home)) { event.preventDefault(); } });
   pickable(three, canvas, eye, bodies, links);
-  links.listen((lit) => { state.lit = lit; draw(); });
+  links.listen((lit) => { state.lit = lit; stage.draw(); });
   host.replaceChildren(canvas, el("div", { class: "scene-bar" }, [key, items.length ? colours : null, back]));
-  if (!items.length) { state.plain = true; key.hidden = true; }
-  home();
-  watcher.observe(host);
-  host.dataset.ready = "yes";
-  return { close() {
-    watcher.disconnect();
-    controls.dispose();
-    world.traverse((node) => { if (node.geometry) { node.geometry.dispose(); } });
-    renderer.dispose();
-    renderer.forceContextLoss();
-  } };
-}
-
-function rendererOn(three, canvas) {
-  try {
-    return new three.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
-  } catch {
-    throw new Error("this browser gives no WebGL");
-  }
+  stage.begin();
+  return stage;
 }
 
 function parsed(three, text) {
@@ -150,11 +110,7 @@ function cameraOf(three, camera, scene) {
     eye = new three.OrthographicCamera(-camera.cx / camera.fx, (w - camera.cx) / camera.fx,
       camera.cy / camera.fy, -(h - camera.cy) / camera.fy, near, far);
   } else {
-    eye = new three.PerspectiveCamera(2 * Math.atan(h / 2 / camera.fy) * 180 / Math.PI, w / h, near, far);
-    eye.updateProjectionMatrix();
-    eye.projectionMatrix.set(2 * camera.fx / w, 0, 1 - 2 * camera.cx / w, 0, 0, 2 * camera.fy / h,
-      2 * camera.cy / h - 1, 0, 0, 0, -(far + near) / (far - near), -2 * far * near / (far - near), 0, 0, -1, 0);
-    eye.projectionMatrixInverse.copy(eye.projectionMatrix).invert();
+    eye = pinholeEye(three, camera, near, far);
   }
   eye.position.set(...at);
   eye.quaternion.setFromRotationMatrix(new three.Matrix4().makeBasis(
@@ -232,22 +188,4 @@ function pickable(three, canvas, eye, bodies, links) {
     const ids = at(event);
     if (ids.length) { links.pin(ids); } else { links.release(); }
   });
-}
-
-/* Arrow keys orbit by steps, + and - come nearer, 0 goes home. */
-function orbitKey(three, eye, controls, key, home) {
-  const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-  const offset = eye.position.clone().sub(controls.target);
-  if (key === "0") { home(); return true; }
-  if (key === "+" || key === "=") { offset.multiplyScalar(0.85); }
-  else if (key === "-") { offset.multiplyScalar(1.18); }
-  else if (turns[key]) {
-    const around = new three.Spherical().setFromVector3(offset);
-    around.theta += turns[key][0] * 0.12;
-    around.phi = Math.min(Math.max(around.phi + turns[key][1] * 0.12, 0.05), 3.09);
-    offset.setFromSpherical(around);
-  } else { return false; }
-  eye.position.copy(controls.target).add(offset);
-  controls.update();
-  return true;
 }

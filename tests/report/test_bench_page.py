@@ -1,0 +1,266 @@
+"""The bench's section: its pictures are the score's own, and troubles are said."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from evaluation.reconstruction.datasets import Dataset, Submission
+from report.bench_pages import bench_dataset, bench_evaluation, troubled
+from report.pages import HOSTILE, Tables, document_of, embedded, page_of, written
+
+from legoworld import cli
+from legoworld.records.report_bench import BenchPageView
+from legoworld.report.bench_case import BOTH, EXTRA, HIT, MISSED, NOTHING, OUTSIDE
+from legoworld.report.bench_pictures import OUTCOMES, drawn_points, error_steps
+from legoworld.report.depth_images import NO_DEPTH
+from legoworld.report.page_content import PageDocument
+
+NAMES = [o.name for o in OUTCOMES]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bench")
+
+
+@pytest.fixture(scope="module")
+def dataset(folder: Path) -> Dataset:
+    return bench_dataset(folder)
+
+
+@pytest.fixture(scope="module")
+def evaluations(folder: Path, dataset: Dataset) -> list[Path]:
+    """A troubled submission, and one a little too far away in one case."""
+    far = {3: Submission(depth_z_m=dataset.cases[3].depth_z_m * 1.04)}
+    return [
+        bench_evaluation(folder, dataset, "one", troubled(dataset)),
+        bench_evaluation(folder, dataset, "two", far),
+    ]
+
+
+@pytest.fixture(scope="module")
+def document(evaluations: list[Path]) -> PageDocument:
+    return document_of(*evaluations)
+
+
+def view_of(document: PageDocument, image_id: int) -> BenchPageView:
+    (found,) = [v for v in document.views if v.id == image_id]
+    assert isinstance(found, BenchPageView)
+    return found
+
+
+def outcomes_of(document: PageDocument, at: int | None) -> np.ndarray:
+    """The outcome of each pixel, read back from the picture's colours."""
+    assert at is not None
+    picture = cv2.imdecode(np.frombuffer(document.overlays[at], np.uint8), cv2.IMREAD_UNCHANGED)
+    found = np.zeros(picture.shape[:2], int)
+    for code, outcome in enumerate(OUTCOMES):
+        same = (picture[..., 2::-1] == list(bytes.fromhex(outcome.colour[1:]))).all(-1)
+        found[same & (picture[..., 3] > 0)] = code
+    return found
+
+
+def rows_of(evaluation: Path) -> dict[int, Any]:
+    lines = (evaluation / "per_image.jsonl").read_bytes().splitlines()
+    return {row["image_id"]: row for row in map(json.loads, lines)}
+
+
+def test_the_picture_of_r_has_the_score_s_own_counts(
+    document: PageDocument, dataset: Dataset, evaluations: list[Path]
+) -> None:
+    for side, evaluation in enumerate(evaluations):
+        for image_id, row in rows_of(evaluation).items():
+            answer = view_of(document, image_id).sides[side]
+            if row["status"] != "ok":
+                assert answer.hit_picture is None
+                continue
+            codes = outcomes_of(document, answer.hit_picture)
+            instance = dataset.cases[image_id].instance
+            for scored in row["objects"]:
+                mine = codes[instance == scored["id"]]
+                missed = np.isin(mine, (MISSED, BOTH)).sum()
+                extra = np.isin(mine, (EXTRA, BOTH)).sum()
+                assert missed == scored["n_reference"] - round(
+                    scored["recall"] * scored["n_reference"]
+                )
+                assert extra == scored["n_submitted"] - round(
+                    scored["precision"] * scored["n_submitted"]
+                )
+            assert set(codes[instance <= 0].tolist()) <= {NOTHING, OUTSIDE}
+
+
+def test_the_picture_of_a_counts_a_s_pixels(
+    document: PageDocument, evaluations: list[Path]
+) -> None:
+    row = rows_of(evaluations[0])[5]
+    picture = document.overlays[view_of(document, 5).sides[0].error_picture or 0]
+    colours = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    within = list(bytes.fromhex(error_steps(30)[0].colour[1:]))
+    assert (colours == within).all(-1).sum() == row["appearance"]["n_hits"]
+    assert 0 < row["appearance"]["n_hits"] < colours.shape[0] * colours.shape[1]
+
+
+def test_points_lie_on_the_rays_of_the_pixels_they_are_of(
+    document: PageDocument, dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    view = view_of(document, 4)
+    assert view.raster is not None
+    assert view.raster.step == 1
+    depth = dataset.cases[4].depth_z_m
+    codes = np.frombuffer(base64.b64decode(view.raster.reference), "<u2").reshape(depth.shape)
+    known = np.isfinite(depth)
+    assert np.array_equal(codes != NO_DEPTH, known)
+    z = view.raster.z0_m * np.exp(view.raster.depth_step * codes[known])
+    assert np.abs(z / depth[known] - 1).max() <= view.raster.depth_step / 2 * (1 + 1e-6) + 1e-6
+    outcome = base64.b64decode(view.sides[0].points.reference_outcome)  # type: ignore[union-attr]
+    scored = dataset.cases[4].instance.ravel() > 0
+    assert {NAMES[o] for o in np.frombuffer(outcome, np.uint8)[scored]} == {"hit", "missed"}
+    _thinned_rays(dataset, monkeypatch)
+
+
+def _thinned_rays(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every third pixel each way, and its ray is that of the pixel it is."""
+    from evaluation.reconstruction.datasets import small_raster
+
+    from legoworld.evaluation.reconstruction.reference import Reference
+
+    raster, case = small_raster(), dataset.cases[4]
+    reference = Reference(
+        raster=raster, depth_z_m=case.depth_z_m, label=case.instance, sampled=True
+    )
+    monkeypatch.setattr("legoworld.report.bench_pictures.MOST_POINTS", 150)
+    grid, _ = drawn_points(reference, [])
+    assert grid.step == 3
+    assert grid.size_wh == (16, 9)
+    rows, columns = np.mgrid[0:9, 0:16]
+    x = (columns + 0.5 - grid.cx) / grid.fx
+    assert np.allclose(x, (3 * columns + 1.5 - raster.cx) / raster.fx)
+    y = (rows + 0.5 - grid.cy) / grid.fy
+    assert np.allclose(y, (3 * rows + 1.5 - raster.cy) / raster.fy)
+
+
+def test_checks_flags_objects_and_camera_are_findings(
+    document: PageDocument, evaluations: list[Path]
+) -> None:
+    failed, invalid, shifted = (view_of(document, i).sides[0] for i in (1, 2, 4))
+    assert failed.advice[0].what.startswith("no output (failed)")
+    assert failed.why_no_picture == "it was not compared: failed"
+    first = invalid.advice[0]
+    assert first.what == f"not valid, scene.glb: empty {HOSTILE}; expected a mesh"
+    assert first.do == "export it again"
+    assert [c.ok for c in invalid.checks] == [True, True, True, False, True]
+    said = " ".join(a.what for a in shifted.advice)
+    assert "its field of view is off by +5.0 degrees" in said
+    worst = min(rows_of(evaluations[0])[4]["objects"], key=lambda o: o["f1"])
+    (finding,) = [a for a in shifted.advice if a.what.startswith(f"{worst['name']}:")]
+    assert view_of(document, 4).objects[finding.truths[0]].n == worst["name"]
+
+
+def test_the_leaderboard_losses_and_tiers(document: PageDocument, evaluations: list[Path]) -> None:
+    (section,) = document.sections
+    assert section.bench is not None
+    assert [row.agent for row in section.bench.board.rows] == ["two", "one"]
+    summary = json.loads((evaluations[0] / "summary.json").read_text())
+    loss = section.bench.losses[0]
+    assert loss.lost == pytest.approx(1 - summary["metrics"]["R"]["value"])
+    assert loss.not_valid == pytest.approx(2 / 8)
+    assert loss.lost == pytest.approx(loss.not_valid + sum(c.lost for c in loss.most))
+    bars = {(b.label, b.metric): b for b in section.bench.tiers}
+    assert bars["one", "S"].tiers == ("easy", "hard")
+    assert bars["one", "S"].values[0] == pytest.approx(
+        summary["groups"]["tier"]["easy"]["metrics"]["S"]["value"]
+    )
+    assert [p.name for p in section.first.coverage[0].parts] == ["scored", "not valid", "failed"]
+    assert section.first.verdicts[0].sentence.startswith("Highest S of 2: two, 1.000")
+
+
+def test_the_tables_hold_both_averages_and_every_denominator(
+    tmp_path: Path, evaluations: list[Path]
+) -> None:
+    page = page_of(tmp_path / "r.html", *evaluations)
+    summary = json.loads((evaluations[0] / "summary.json").read_text())["metrics"]
+    cells = Tables(page).row("S valid")
+    assert cells[:3] == [f"{summary['S_valid']['value']:.4f}", cells[1], "6 cases, valid"]
+    text = page.read_text(encoding="utf-8")
+    tables = text.split('id="data"')[0]
+    assert "<img" not in tables
+    assert "no specialist was run" not in tables
+    assert {o["name"] for o in embedded(page, "data")[0]["sections"][0]["bench"]["outcomes"]} == {
+        *NAMES
+    }
+
+
+def test_the_same_again_is_the_same_bytes(
+    tmp_path: Path, evaluations: list[Path], document: PageDocument
+) -> None:
+    first = written(document, tmp_path / "a" / "r.html")
+    second = written(document_of(*evaluations), tmp_path / "b" / "r.html")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_comparison_brings_its_evaluations(tmp_path: Path, evaluations: list[Path]) -> None:
+    out = tmp_path / "compared"
+    assert cli.run(["compare", *map(str, evaluations), "-o", str(out), "--draws", "20"]) == 0
+    (section,) = document_of(out).sections
+    assert section.comparison is not None
+    assert [s.label for s in section.sides] == ["scene (one)", "scene (two)"]
+    assert section.first.forest[0].differences[0] is not None
+
+
+class TestWhatIsNotThere:
+    """Numbers stay; pictures say why they are not there."""
+
+    @pytest.fixture
+    def moved(self, tmp_path: Path, folder: Path, evaluations: list[Path]) -> Path:
+        for name in ("bench", "run-one", "one"):
+            shutil.copytree(folder / name, tmp_path / name)
+        assert evaluations
+        return tmp_path
+
+    def said(self, moved: Path) -> tuple[BenchPageView, str]:
+        view = view_of(document_of(moved / "one"), 5)
+        return view, view.sides[0].why_no_picture
+
+    def test_the_run(self, moved: Path) -> None:
+        shutil.rmtree(moved / "run-one")
+        view, why = self.said(moved)
+        assert why == "its run is not where the evaluation found it, so there are no pictures"
+        assert view.sides[0].objects
+        assert view.raster is None
+
+    def test_the_private_half(self, moved: Path) -> None:
+        shutil.rmtree(moved / "bench" / "private")
+        view, why = self.said(moved)
+        assert why.startswith("the private half of its dataset is not where")
+        assert view.photo is None
+
+    def test_a_reference_that_changed(self, moved: Path) -> None:
+        (moved / "bench" / "private" / "raster" / "room1__easy__view_00.npz").write_bytes(b"x")
+        view, why = self.said(moved)
+        assert why
+        assert view.raster is None
+        assert view.sides[0].hit_picture is None
+
+    def test_a_surface_that_changed(self, moved: Path) -> None:
+        (moved / "run-one" / "surface" / "room1__easy__view_00.npz").write_bytes(b"x")
+        view, why = self.said(moved)
+        assert why == "surface/room1__easy__view_00.npz is not the one the run wrote"
+        assert view.sides[0].error_picture is not None
+
+    def test_a_render_that_changed(self, moved: Path) -> None:
+        (moved / "run-one" / "render" / "room1__easy__view_00.png").write_bytes(b"x")
+        view, why = self.said(moved)
+        assert why == "its render is not the one the run wrote"
+        assert view.sides[0].hit_picture is not None
+
+
+def test_nothing_is_hit_where_nothing_stands(document: PageDocument) -> None:
+    codes = outcomes_of(document, view_of(document, 4).sides[0].hit_picture)
+    assert (codes[:3] != HIT).all()
