@@ -345,10 +345,10 @@ def test_evaluations_of_different_truths_are_different_sections(tmp_path: Path) 
 def test_a_task_that_no_page_shows_is_refused_in_a_line(
     both: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    folder = tmp_path / "evals" / "bench"
+    folder = tmp_path / "evals" / "dance"
     folder.mkdir(parents=True)
-    (folder / "summary.json").write_text('{"schema_version": 1, "task": "bench", "cases": []}')
-    (folder / "evidence.json").write_text('{"kind": "evaluation", "task": "bench"}')
-    with pytest.raises(ReportInputError, match=r"bench cannot be shown in a report"):
+    (folder / "summary.json").write_text('{"schema_version": 1, "task": "dance", "cases": []}')
+    (folder / "evidence.json").write_text('{"kind": "evaluation", "task": "dance"}')
+    with pytest.raises(ReportInputError, match=r"dance cannot be shown in a report"):
         read_sources([both[0], folder])
     assert cli.run(["report", str(folder), "-o", str(tmp_path / "r.html")]) == 2
