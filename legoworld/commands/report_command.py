@@ -46,8 +46,8 @@ def command(
     """Write one HTML page of evaluations and comparisons (FOLDERS): numbers, errors, every photo.
 
     The page opens from disk and needs no network. It shows ground truth: keep it private. Above 500
-    views or 64 MiB its pictures are in a folder beside it. An existing page is overwritten. Pictures
-    of LEGO-Bench are found through its evaluations.
+    views or 64 MiB its pictures are in a folder beside it. An existing page is overwritten.
+    Pictures of LEGO-Bench are found through its evaluations.
 
     \b
     Examples:
