@@ -53,7 +53,7 @@ def tried(folder: Path, codes: list[str], *, time_limit_s: float = PATIENTLY_S) 
     make_track(folder, ["one"], task="bench")
     steps_file(folder / "programs" / "one.steps.jsonl", codes)
     made = plan(folder, time_limit_s=time_limit_s)
-    made = replace(made, limits=replace(made.limits, disk_bytes=100 << 20, processes=50))
+    made = replace(made, limits=replace(made.limits, disk_bytes=100 << 20, processes=100))
     (row,) = run(made, folder / "scenes")
     return Tried(row=row, scenes=folder / "scenes")
 

@@ -169,7 +169,7 @@ def court(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Court]:
     with (
         (folder / "judge.log").open("wb") as log,
         Judge(log) as judge,
-        BlenderProcess(Limits(time_s=60)) as blender,
+        BlenderProcess(Limits(time_s=600)) as blender,
     ):
         yield Court(scenes=scenes, judge=judge, blender=blender)
 

@@ -131,16 +131,16 @@ def test_a_reader_reads_what_comes_and_keeps_its_workers(tmp_path):
 def test_a_reader_closed_from_another_thread_ends_what_it_does(tmp_path, monkeypatch):
     started, go = threading.Event(), threading.Event()
     monkeypatch.setattr(
-        "legoworld.api.reader.find_scene", lambda *_: (started.set(), go.wait(30))[1]
+        "legoworld.api.reader.find_scene", lambda *_: (started.set(), go.wait(300))[1]
     )
     reader = legoworld.Reader(workers=1, cache=False)
     readings: list[legoworld.Reading] = []
     thread = threading.Thread(target=lambda: readings.extend(reader.read([COFFEE])))
     thread.start()
-    started.wait(30)
+    started.wait(300)
     go.set()
     reader.close()
-    thread.join(30)
+    thread.join(300)
     assert not thread.is_alive()
 
 

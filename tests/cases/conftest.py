@@ -31,7 +31,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cases]:
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         yield Cases(
             folder=folder / "scenes", blender=blender, cache=SnapshotCache(folder / "cache")
         )

@@ -58,7 +58,7 @@ def test_row_36_many_scenes_in_a_row_grow_no_worker_and_a_new_worker_changes_not
 ):
     paths = [cases.folder / name / "scene.blend" for name in NAMES]
     answers: dict[Path, set[str]] = {path: set() for path in paths}
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
 
         def read_all() -> int:
             """Reads every scene; the number of the process that did."""

@@ -8,6 +8,15 @@ from typing import Any
 
 import pytest
 
+#: A busy machine is no lost one: its processes may take minutes to begin, and its heart to beat.
+_PATIENT = {
+    "RAY_worker_register_timeout_seconds": "600",
+    "RAY_health_check_initial_delay_ms": "600000",
+    "RAY_health_check_timeout_ms": "600000",
+    "RAY_memory_monitor_refresh_ms": "0",  # what else fills this machine is not for it to end
+}
+_NODE = {"num_cpus": 1, "object_store_memory": 80 << 20}  # /dev/shm may be small
+
 
 @pytest.fixture(scope="session")
 def two_nodes() -> Iterator[Any]:
@@ -16,10 +25,12 @@ def two_nodes() -> Iterator[Any]:
     cluster_utils = pytest.importorskip("ray.cluster_utils")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # actors import the tests
+        for name, value in _PATIENT.items():
+            patch.setenv(name, value)
         cluster = cluster_utils.Cluster(
-            initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
+            initialize_head=True, head_node_args={**_NODE, "include_dashboard": False}
         )
-        cluster.add_node(num_cpus=1)
+        cluster.add_node(**_NODE)
         cluster.wait_for_nodes()
         patch.setenv("RAY_ADDRESS", cluster.address)
         yield cluster

@@ -155,7 +155,7 @@ def test_code_that_cannot_be_stopped_is_ended_with_its_blender(tmp_path, monkeyp
 )
 def test_a_limit_is_an_answer(tmp_path, code, said):
     limits = SandboxLimits(
-        time_s=600, memory_bytes=1 << 30, disk_bytes=100 << 20, output_bytes=4 << 20, processes=20
+        time_s=600, memory_bytes=1 << 30, disk_bytes=100 << 20, output_bytes=4 << 20, processes=50
     )
     with served(tmp_path, limits=limits) as endpoint:
         client = endpoint.client()

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from endpoint.clients import served
+from waiting import until
 
 pytestmark = pytest.mark.blender
 
@@ -191,7 +192,8 @@ def test_a_client_that_vanishes_takes_nothing_with_it(endpoint, client):
     half = endpoint.client()
     half.line.sendall(b'{"type": "execute_code", "params": {"code": "pri')
     half.line.close()
-    while not endpoint.session._busy.locked():
-        pass
+    calls = endpoint.session.record.calls
+    before = len(calls)
+    until(lambda: endpoint.session._busy.locked() or len(calls) > before, "the call")
     other.line.close()
     assert client.run("print(bpy.context.scene['late'])") == "3\n"

@@ -55,7 +55,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
     shutil.copytree(scenes / "fluid_a", scenes / "fluid_b")
     output = tmp_path_factory.mktemp("run") / "coco"
     code = cli.run(["readout", str(scenes), "--task", "coco", "-q", "-o", str(output),
-                    "--workers", "1", "--no-cache", "--time-limit", "60"])  # fmt: skip
+                    "--workers", "1", "--no-cache", "--time-limit", "600"])  # fmt: skip
     assert code == 1
     return output
 

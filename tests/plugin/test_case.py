@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import socket
 
 import pytest
 from endpoint.clients import served
@@ -166,13 +167,15 @@ def test_a_case_goes_on_from_its_ledger(tmp_path, case, blender_code, blender):
 
 
 def test_a_dead_blender_is_an_error_and_no_edit(tmp_path, blender):
-    connection = BlenderConnection(Address(port=9), time_s=5)
-    case = reopened(tmp_path, connection, blender)
-    with pytest.raises(BlenderUnreachableError):
-        case.begin(MOVE_CUP)
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))  # nobody listens, and nobody else can
+        port = bound.getsockname()[1]
+        case = reopened(tmp_path, BlenderConnection(Address(port=port)), blender)
+        with pytest.raises(BlenderUnreachableError):
+            case.begin(MOVE_CUP)
     (entry,) = read_ledger(tmp_path)
     assert (entry.phase, entry.answer) == ("idle", None)
-    assert "127.0.0.1:9" in entry.error
+    assert f"127.0.0.1:{port}" in entry.error
 
 
 def test_a_ledger_that_was_changed_is_refused(tmp_path, case):

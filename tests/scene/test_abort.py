@@ -34,7 +34,7 @@ def test_an_abort_never_signals_a_number_that_was_reaped(monkeypatch):
     monkeypatch.setattr(child_process.os, "killpg", killpg)
     aborting = threading.Thread(target=blender.abort)
     aborting.start()
-    assert seen.wait(30)
+    assert seen.wait(300)
     blender.close()
     closed.set()
     aborting.join()

@@ -47,7 +47,7 @@ def test_materials_of_equal_rules_are_named_each_by_its_own_name(build_scenes, t
     build_scenes(PROGRAM, tmp_path)
     folder = SceneFolder(path=tmp_path / "scene", name="scene")
     files = checked_artefacts(folder, require_frozen=False)
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         read = read_scene(folder, source="blend", blender=blender, cache=None, files=files)
     assert read.snapshot.warnings == tuple(
         f"material '{name}': alpha comes from an attribute of every edge; its surface is taken as "

@@ -78,7 +78,7 @@ def scenes(build_scenes, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def blender() -> Iterator[BlenderProcess]:
-    with BlenderProcess(Limits(time_s=60)) as process:
+    with BlenderProcess(Limits(time_s=600)) as process:
         yield process
 
 

@@ -36,9 +36,9 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_content_hash_depends_on_the_content_only(scenes):
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         found = {name: snapshot_of(scenes / name, blender) for name in NAMES}
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         again = {name: snapshot_of(scenes / name, blender) for name in reversed(NAMES)}
     files = {(scenes / name / "scene.blend").read_bytes() for name in NAMES}
     assert len(files) > 1, "the files themselves differ"

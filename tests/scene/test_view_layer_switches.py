@@ -39,7 +39,7 @@ def snapshots(build_scenes, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 def read(place: Path) -> Snapshot:
     folder = SceneFolder(path=place, name=place.name)
     files = checked_artefacts(folder, require_frozen=False)
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         return read_scene(folder, source="blend", blender=blender, cache=None, files=files).snapshot
 
 

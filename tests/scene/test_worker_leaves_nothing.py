@@ -30,7 +30,7 @@ def names(folder: Path) -> list[str]:
 
 
 def test_a_served_process_leaves_nothing(temporary: Path):
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         assert blender.request({"kind": "version"})["blender"].startswith("5.")
         assert any(name.startswith("blender_") for name in names(temporary))
     assert names(temporary) == []
@@ -46,7 +46,7 @@ def test_a_process_that_ran_out_of_time_leaves_nothing(temporary: Path):
 
 
 def test_an_aborted_process_leaves_nothing(temporary: Path):
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         blender.request({"kind": "version"})
         blender.abort()
         with pytest.raises(LegoWorldError):
@@ -67,7 +67,7 @@ def test_an_abort_while_the_process_is_started_ends_it(temporary: Path, monkeypa
 
     popen = subprocess.Popen
     monkeypatch.setattr("legoworld.workers.child_process.subprocess.Popen", started)
-    with BlenderProcess(Limits(time_s=60)) as blender:
+    with BlenderProcess(Limits(time_s=600)) as blender:
         with pytest.raises(WorkerCrashedError):
             blender.request({"kind": "version"})
         assert made[0].poll() is not None
