@@ -19,6 +19,8 @@ from legoworld.agents.mcp_server import (
     server_python,
     write_configuration,
 )
+from legoworld.agents.stopping import Stop
+from legoworld.agents.unfinished import Unfinished
 from legoworld.agents.workspaces import PROMPT, Workspace
 from legoworld.endpoint.trial_record import copy_regular
 from legoworld.workers.sandbox import Ending, Protections, Sandbox, SandboxLimits
@@ -34,7 +36,8 @@ class Order:
     """What an agent is to do.
 
     port: of its Blender; plugin_port: of the plugin's server, None without it; steps: what
-    `program` plays, else None; model: None for its own.
+    `program` plays, else None; model: None for its own; continues: whether a part of the trial is
+    made already.
     """
 
     card: AgentCard
@@ -45,14 +48,17 @@ class Order:
     model: str | None
     held: Protections
     limits: SandboxLimits
+    continues: bool
+    unfinished: Unfinished
 
 
-def run_agent(order: Order, scratch: Path, transcript: Path) -> Ending:
+def run_agent(order: Order, stop: Stop) -> Ending:
     """Run an agent to its end or its time's, and copy its transcript, as far as it came.
 
-    scratch: an empty folder, removed by the keeper should legoworld be killed.
+    Should legoworld be killed, the keeper removes the agent's folder; of a trial that continues
+    its home alone, where its login is.
     """
-    about = order.card.about
+    about, scratch = order.card.about, order.unfinished.agent
     home = scratch / "sandbox" / "home"
     (scratch / "sandbox").mkdir()
     variables = _given(order)
@@ -60,9 +66,10 @@ def run_agent(order: Order, scratch: Path, transcript: Path) -> Ending:
         scratch / "sandbox",
         order.limits,
         order.held,
-        owner=scratch,
+        owner=home if order.unfinished.stays else scratch,
         workspace=order.workspace.folder,
         variables=variables,
+        lease=order.unfinished.lease,
     ) as sandbox:
         words = _words(order, str(sandbox.seen("home")), str(sandbox.seen("output")))
         sandbox.add_variables(
@@ -80,14 +87,33 @@ def run_agent(order: Order, scratch: Path, transcript: Path) -> Ending:
         output = scratch / "sandbox" / "output"
         if order.steps is not None:
             (output / _STEPS).write_text(order.steps, encoding="utf-8")
-        command = [word.format_map(words) for word in about.command]
+        _open_session(order, home, output, str(sandbox.seen("output")))
+        chosen = about.continue_command if order.continues else ()
+        command = [word.format_map(words) for word in chosen or about.command]
         program = shutil.which(command[0]) or command[0]
         shown = [server_folder(), PLAYER.parent, *_installed(program)]
         kept = str(sandbox.seen("output") / _STDOUT)
         sandbox.start([*_KEEPING, kept, program, *command[1:]], shown)
-        ending = sandbox.wait()
-        copy_regular(output / (about.transcript.path or _STDOUT), transcript)
+        with stop.ends(sandbox.stop):
+            ending = sandbox.wait()
+        copy_regular(output / output_name(order.card), order.unfinished.transcripts()[-1])
     return ending
+
+
+def output_name(card: AgentCard) -> str:
+    """The file that an agent's transcript is in, in the folder of its output."""
+    return card.about.transcript.path or _STDOUT
+
+
+def _open_session(order: Order, home: Path, output: Path, seen: str) -> None:
+    """Let the agent find, and keep, what it continues from: outside of its home, which goes."""
+    session = output / "session"
+    if order.unfinished.session.is_dir():
+        order.unfinished.session.rename(session)
+    for name in order.card.about.session_folders:
+        (session / name).mkdir(parents=True, exist_ok=True)
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
+        (home / name).symlink_to(f"{seen}/session/{name}")
 
 
 def _words(order: Order, home: str, output: str) -> dict[str, str]:
@@ -101,7 +127,7 @@ def _words(order: Order, home: str, output: str) -> dict[str, str]:
         "workspace": str(workspace.folder),
         "home": home,
         "steps": f"{output}/{_STEPS}",
-        "transcript": f"{output}/{order.card.about.transcript.path or _STDOUT}",
+        "transcript": f"{output}/{output_name(order.card)}",
         "mcp_python": str(server_python()),
         "player": str(PLAYER),
     }

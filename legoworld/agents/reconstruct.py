@@ -10,18 +10,25 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from legoworld.agents.trial import TrialPlan, run_trial
+from legoworld.agents.recorded_steps import may_continue
+from legoworld.agents.stopping import Stop
+from legoworld.agents.trial import run_trial
+from legoworld.agents.trial_plan import TrialPlan
+from legoworld.agents.unfinished import (
+    begun_before,
+    finished,
+    remove_finished,
+    unfinished_trial,
+)
 from legoworld.errors import LegoWorldError, UsageError
-from legoworld.records.agents import Outcome, ReconstructionFile, Usage
+from legoworld.records.agents import BegunTrial, Outcome, ReconstructionFile, Usage
 from legoworld.records.base import Record, RecordError, decode
 from legoworld.records.plugin_modules import PluginUsed
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.folder import RECONSTRUCTION
 from legoworld.workers.engines import ENGINES, EngineName, Job, machine_lost
-from legoworld.workers.scratch import scratch_folder
 
-_SCRATCH: Final = ".reconstructing-"
 #: A trial that says nothing of its photo is made again by the next run.
 _AGAIN: Final[tuple[Outcome, ...]] = ("agent_failed",)
 
@@ -98,6 +105,7 @@ class _Trials:
 
     def __init__(self, plan: TrialPlan) -> None:
         self._plan = plan
+        self._stop = Stop()
         self._blender = BlenderProcess(Limits(memory_bytes=plan.limits.memory_bytes))
 
     def do(self, item: TrialItem) -> TrialRow:
@@ -111,18 +119,19 @@ class _Trials:
 
     def _made(self, item: TrialItem) -> TrialRow:
         target = item.scenes / item.image.scene
-        item.scenes.mkdir(parents=True, exist_ok=True)
-        with scratch_folder(_SCRATCH, item.scenes) as scratch:
-            made = scratch / "made"
-            made.mkdir()
-            result = run_trial(self._plan, item.image, made, scratch, self._blender)
+        stays = may_continue(self._plan, item.image)
+        with unfinished_trial(item.scenes, item.image, stays=stays) as unfinished:
+            self._stop.check()
+            result = run_trial(self._plan, item.image, unfinished, self._blender, self._stop)
             if target.exists():  # of an agent that failed, which is tried again
                 shutil.rmtree(target)
             target.parent.mkdir(parents=True, exist_ok=True)
-            made.rename(target)
+            unfinished.made.rename(target)
+            finished(unfinished)
         return row_of(result, item.run)
 
     def abort(self) -> None:
+        self._stop.now()
         self._blender.abort()
 
     def close(self) -> None:
@@ -157,6 +166,9 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
     """
     target = item.scenes / item.image.scene
     if not target.exists():
+        begun = begun_before(item.scenes, item.image)
+        if begun is not None:
+            _refuse_other_campaign(begun, plan, target)
         return None
     path = target / RECONSTRUCTION
     try:
@@ -168,19 +180,29 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
             expected=f"a new folder of scenes, or one with a {RECONSTRUCTION} in each",
             next_step="pass another -o",
         ) from error
+    _refuse_other_campaign(found, plan, target)
+    if found.status in _AGAIN:
+        return None
+    remove_finished(item.scenes, item.image)
+    return row_of(found, item.run, kept=True)
+
+
+def _refuse_other_campaign(
+    found: ReconstructionFile | BegunTrial, plan: TrialPlan, target: Path
+) -> None:
     used = plan.plugin.used if plan.plugin else None
+    theirs_used = found.plugin if isinstance(found, ReconstructionFile) else None
     ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used)
-    theirs = (found.card_sha256, found.prompt_sha256, found.time_limit_s, found.plugin)
+    theirs = (found.card_sha256, found.prompt_sha256, found.time_limit_s, theirs_used)
     if ours != theirs:
         raise UsageError(
             f"{target} is of another campaign",
             found=f"{found.agent}, {found.time_limit_s:g} s, prompt {found.prompt_sha256[:8]}, "
-            f"plugin {_modules(found.plugin)}",
+            f"plugin {_modules(theirs_used)}",
             expected=f"{plan.card.name}, {ours[2]:g} s, prompt {ours[1][:8]}, "
             f"plugin {_modules(used)}",
             next_step="pass another -o: an agent, its prompt and its limits are one campaign's",
         )
-    return None if found.status in _AGAIN else row_of(found, item.run, kept=True)
 
 
 def _modules(used: PluginUsed | None) -> str:

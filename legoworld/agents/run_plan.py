@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from legoworld.agents.agent_cards import agent_problems, agent_version, load_agent
-from legoworld.agents.trial import TrialPlan
+from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import commission
 from legoworld.errors import UsageError

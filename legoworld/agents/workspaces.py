@@ -121,12 +121,32 @@ def make_workspace(
 
     Public metadata is the image's entry in the track, which holds no annotation.
     """
+    made = workspace_of(work, image, folder, time_limit_s=time_limit_s)
+    photo = find_photo(work.photos, image)
+    if made is None or photo is None:
+        return None
+    shutil.copyfile(photo, made.image)
+    public = {
+        "image": {**_public(work, image), "file_name": made.image.name},
+        "image_sha256": sha256_of_file(made.image),
+        "task": work.task,
+        "categories": work.categories,
+    }
+    write_text(folder / PUBLIC, readable_json(public))
+    write_text(folder / PROMPT, made.prompt)
+    (folder / "tmp").mkdir()
+    return made
+
+
+def workspace_of(
+    work: Commission, image: TrackImage, folder: Path, *, time_limit_s: float
+) -> Workspace | None:
+    """The workspace of one image in a folder, made or not; None where its photo is not there."""
     photo = find_photo(work.photos, image)
     if photo is None:
         return None
     copy = folder / f"{_REFERENCE}{photo.suffix.lower()}"
-    shutil.copyfile(photo, copy)
-    entry = {k: v for k, v in work.entries[image.id].items() if k not in PRIVATE_KEYS}
+    entry = _public(work, image)
     fov = entry.get("hfov_deg")
     prompt = work.template.format(
         image_name=copy.name,
@@ -137,16 +157,11 @@ def make_workspace(
         minutes=f"{time_limit_s / 60:g}",
     )
     prompt += _categories(work) if work.task == BENCH else f"\n{work.schema}"
-    public = {
-        "image": {**entry, "file_name": copy.name},
-        "image_sha256": sha256_of_file(copy),
-        "task": work.task,
-        "categories": work.categories,
-    }
-    write_text(folder / PUBLIC, readable_json(public))
-    write_text(folder / PROMPT, prompt)
-    (folder / "tmp").mkdir()
     return Workspace(folder=folder, image=copy, prompt=prompt)
+
+
+def _public(work: Commission, image: TrackImage) -> dict[str, Any]:
+    return {k: v for k, v in work.entries[image.id].items() if k not in PRIVATE_KEYS}
 
 
 def _categories(work: Commission) -> str:

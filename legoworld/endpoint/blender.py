@@ -50,7 +50,8 @@ class LiveBlender:
 
     workspace: the folder it can write to under its own name. blend: the file it opens, None for
     Blender's start-up scene; one from outside of the workspace becomes `workspace/scene.blend`, so
-    that the original is never written. Requests come from one thread at a time.
+    that the original is never written. lease: see `Sandbox`. Requests come from one thread at a
+    time.
     """
 
     def __init__(
@@ -61,12 +62,15 @@ class LiveBlender:
         *,
         blend: Path | None = None,
         inputs: Sequence[Path] = (),
+        lease: int | None = None,
     ) -> None:
         self._limits = limits
         self._folder = ScratchFolder("legoworld-endpoint-")
         scratch = self._folder.path / "sandbox"
         scratch.mkdir()
-        self._sandbox = Sandbox(scratch, limits, held, owner=self._folder.path, workspace=workspace)
+        self._sandbox = Sandbox(
+            scratch, limits, held, owner=self._folder.path, workspace=workspace, lease=lease
+        )
         self._ending: Ending | None = None
         self._watch: threading.Thread | None = None
         self._line: socket.socket | None = None

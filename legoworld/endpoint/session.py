@@ -49,7 +49,7 @@ class Trial:
 
     workspace: the folder Blender can write to; record: where calls and checkpoints are kept, which
     it cannot write to; limits: of the whole trial; inputs: what Blender can read besides; blend:
-    the scene to begin with.
+    the scene to begin with; lease: a descriptor that Blender's keeper holds until all has ended.
     """
 
     workspace: Path
@@ -59,6 +59,7 @@ class Trial:
     inputs: Sequence[Path] = ()
     blend: Path | None = None
     call_time_s: float = CALL_TIME_S
+    lease: int | None = None
 
 
 class Session:
@@ -77,7 +78,8 @@ class Session:
         self._begun = time.monotonic() - (rows[-1].at_s + rows[-1].seconds if rows else 0.0)
         #: Of the open scene's file: a save of an unchanged scene has the same bytes.
         self._live_sha256 = ""
-        self._saved: tuple[int, ...] | None = self._saved_stamp()
+        #: Of the file that was looked at last; a continued trial looks at what is there once more.
+        self._saved: tuple[int, ...] | None = None if rows else self._saved_stamp()
 
     @property
     def record(self) -> TrialRecord:
@@ -89,9 +91,9 @@ class Session:
         with self._busy:
             self._blender()
 
-    def restart_clock(self) -> None:
-        """Count times from now on: those of calls, and the trial's own."""
-        self._begun = time.monotonic()
+    def restart_clock(self, used_s: float = 0.0) -> None:
+        """Count times from now on: those of calls, and the trial's own, of which some is used."""
+        self._begun = time.monotonic() - used_s
 
     def answer(self, command: Command, by: Caller = "agent") -> Answer:
         """The answer to a command; a failure is an answer, too. by: who sent it."""
@@ -196,6 +198,7 @@ class Session:
                 self._trial.held,
                 blend=self._to_open(),
                 inputs=self._trial.inputs,
+                lease=self._trial.lease,
             )
             if (found := self._saved_copy()) is not None:
                 found[0].unlink()
@@ -250,7 +253,10 @@ class Session:
         copy = self._record.incoming() / _COPY
         if not copy_regular(self._trial.workspace / BLEND, copy):
             return None
-        sha256 = sha256_of_file(copy)
+        sha256, last = sha256_of_file(copy), self._record.last("saved")
+        if last is not None and last.sha256 == sha256:
+            copy.unlink()
+            return None
         return self._record.take(copy, sha256, kind="saved", call=call, at_s=self._at_s())
 
     def _saved_stamp(self) -> tuple[int, ...] | None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
+from legoworld.files import atomic_path
 from legoworld.records.base import Record, RecordError, canonical, decode
 from legoworld.records.endpoint import Call, Checkpoint
 
@@ -45,7 +46,7 @@ class TrialRecord:
     ) -> Checkpoint:
         """Move a file with this hash into the store, as the next checkpoint."""
         row = Checkpoint(
-            ordinal=len(self.checkpoints) + 1,
+            ordinal=max((c.ordinal for c in self.checkpoints), default=0) + 1,
             sha256=sha256,
             bytes=file.stat().st_size,
             call=call,
@@ -60,6 +61,18 @@ class TrialRecord:
     def incoming(self) -> Path:
         """A folder to move files into before `take`, on the same file system as the store."""
         return self._store
+
+    def drop_unanswered(self) -> None:
+        """Forget the open scene after a call that has no row: its client had no answer.
+
+        Whoever repeats that call finds the scene as the last answered one left it.
+        """
+        answered = len(self.calls)
+        kept = [c for c in self.checkpoints if c.kind == "saved" or c.call <= answered]
+        if len(kept) != len(self.checkpoints):
+            with atomic_path(self.folder / CHECKPOINTS) as unfinished:
+                write_rows(unfinished, kept)
+            self.checkpoints = kept
 
     def note(self, call: Call) -> None:
         """Keep a call's row."""

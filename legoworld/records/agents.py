@@ -48,8 +48,12 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     command: with {image}, {prompt}, {prompt_file}, {workspace}, {home}, {mcp_config}, {steps},
     {transcript}, {mcp_python} and {player} replaced; version_command: prints the agent's version;
     network: whether the agent's own process has one; blender_network: whether the code in Blender
-    has; run: whether it was ever run here; checked: against what its flags were checked; resume:
-    what a half-built trial does; variables: set in its environment, with the same placeholders.
+    has; run: whether it was ever run here; checked: against what its flags were checked; variables:
+    set in its environment, with the same placeholders.
+
+    resume: what becomes of a trial that legoworld was killed in; continue_command: what continues
+    it, without one `command`; session_folders: below the agent's home, where it keeps what it
+    continues from.
     """
 
     name: Annotated[str, Meta(pattern="^[a-z][a-z0-9-]*$")]
@@ -63,7 +67,9 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     network: bool
     blender_network: bool = False
     model_variable: str | None = None
-    resume: Literal["restart"] = "restart"
+    resume: Literal["restart", "continue"] = "restart"
+    continue_command: tuple[str, ...] = ()
+    session_folders: tuple[str, ...] = ()
     time_limit_s: Annotated[float, Meta(gt=0)]
     mcp: AgentMcp
     transcript: AgentTranscript
@@ -126,7 +132,8 @@ class ReconstructionFile(Record, frozen=True, kw_only=True):
 
     ended: how the agent's process did; seconds: wall time of the trial; agent_seconds: of its
     agent; calls, checkpoints: their numbers, the plugin's left out; plugin, plugin_calls: null
-    without it; agent_sandbox, blender_sandbox: what each was kept from.
+    without it; agent_sandbox, blender_sandbox: what each was kept from; continued: how often the
+    trial was continued after legoworld had been killed.
     """
 
     schema_version: int
@@ -156,3 +163,30 @@ class ReconstructionFile(Record, frozen=True, kw_only=True):
     agent_sandbox: Protected
     blender_sandbox: Protected
     warnings: tuple[str, ...] = ()
+    continued: int = 0
+
+
+class BegunTrial(Record, frozen=True, kw_only=True):
+    """begun.json of an unfinished trial: whose it is.
+
+    parts: for each start of its agent, how many calls had been answered before.
+    """
+
+    scene: str
+    agent: str
+    card_sha256: str
+    prompt_sha256: str
+    time_limit_s: float
+    parts: tuple[int, ...]
+
+
+class EndedAgent(Record, frozen=True, kw_only=True):
+    """ended.json of an unfinished trial: its agent has ended, and what is left is the runtime's.
+
+    over: the limit it was ended for, null where it ended itself, with `code`.
+    """
+
+    code: int | None
+    over: Literal["time", "memory", "disk", "output", "processes"] | None
+    last_output: str
+    seconds: float

@@ -161,7 +161,8 @@ class Sandbox:
     are looked for in `scratch/output`. owner: the folder that the keeper removes should legoworld
     be killed. workspace: a folder that stays, which the program can write to as well and starts in;
     it counts towards the disk limit. variables: of its environment, besides the usual ones. The
-    time limit begins here.
+    time limit begins here. lease: a descriptor whose lock the keeper holds, too, so that it is free
+    when everything has ended, even where legoworld was killed.
     """
 
     def __init__(
@@ -173,9 +174,11 @@ class Sandbox:
         owner: Path,
         workspace: Path | None = None,
         variables: Mapping[str, str] | None = None,
+        lease: int | None = None,
     ) -> None:
         self.scratch = scratch.resolve()
         self._owner = owner.resolve()
+        self._lease = lease
         self._limits = limits
         self._confined = held.bubblewrap is not None
         self._network = held.network
@@ -239,7 +242,7 @@ class Sandbox:
             self._keeper = ChildProcess(
                 [sys.executable, "-I", "-S", str(_KEEPER), json.dumps(order)],
                 self._environment(),
-                kept=(write_output,),
+                kept=(write_output, *(() if self._lease is None else (self._lease,))),
             )
         finally:
             os.close(write_output)

@@ -13,7 +13,7 @@ import pytest
 from legoworld.agents.mcp_server import server_problems
 from legoworld.agents.reconstruct import Progress, TrialRow, reconstruct
 from legoworld.agents.run_plan import plan_run
-from legoworld.agents.trial import TrialPlan
+from legoworld.agents.trial_plan import TrialPlan
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts

@@ -1,0 +1,31 @@
+"""What all trials of a run share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from legoworld.agents.agent_cards import AgentCard
+from legoworld.agents.trial_plugin import PluginPlan
+from legoworld.agents.workspaces import Commission
+from legoworld.workers.sandbox import Protections, SandboxLimits
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialPlan:
+    """The plan of a run.
+
+    limits: of a trial's Blender and of its agent each; agent_held, blender_held: their sandboxes;
+    programs: the folder `program` finds its programs in, else None; model: None for the agent's
+    own; plugin: None for trials without it.
+    """
+
+    card: AgentCard
+    agent_version: str | None
+    work: Commission
+    limits: SandboxLimits
+    agent_held: Protections
+    blender_held: Protections
+    programs: Path | None
+    model: str | None
+    plugin: PluginPlan | None = None

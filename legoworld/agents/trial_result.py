@@ -1,0 +1,131 @@
+"""What a trial was, in its scene folder's files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from msgspec.structs import replace
+
+from legoworld import __version__
+from legoworld.agents.trial_plan import TrialPlan
+from legoworld.agents.trial_plugin import PLUGIN, calls_of
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.endpoint.trial_record import TrialRecord
+from legoworld.errors import one_line
+from legoworld.files import write_text
+from legoworld.records.agents import EndedAgent, Finalisation, Outcome, ReconstructionFile
+from legoworld.records.atif import AtifTrajectory
+from legoworld.records.base import readable
+from legoworld.running.freeze_run import freeze_scene
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.folder import PROVENANCE, SceneFolder
+from legoworld.tracks.track import TrackImage
+from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, TRIAL
+from legoworld.trajectories.transcripts import usage_of
+
+_SAID_AT_END: Final = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialOutcome:
+    """What came of a trial. seconds: wall time of this part; continued: after how many kills."""
+
+    ended: EndedAgent
+    record: TrialRecord
+    finalised: Finalisation
+    trajectory: AtifTrajectory
+    seconds: float
+    continued: int
+
+
+def write_result(
+    plan: TrialPlan, image: TrackImage, made: Path, outcome: TrialOutcome, blender: BlenderProcess
+) -> ReconstructionFile:
+    """Write the files that say how a scene folder came to be; frozen last."""
+    result = _result(plan, image, outcome)
+    if plan.plugin is not None:
+        used = calls_of(made / TRIAL / PLUGIN)
+        result = replace(result, plugin=plan.plugin.used, plugin_calls=used)
+    write_text(made / TRAJECTORY, readable(outcome.trajectory))
+    write_text(made / PROVENANCE, readable(_provenance(plan, result)))
+    write_text(made / RECONSTRUCTION, readable(result))
+    if result.finalisation.source != "none":
+        freeze_scene(SceneFolder(path=made, name=result.scene), blender=blender, cache=None)
+    return result
+
+
+def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> ReconstructionFile:
+    ended, record, trajectory = outcome.ended, outcome.record, outcome.trajectory
+    status, reason = _status(outcome)
+    calls = [call for call in record.calls if call.by == "agent"]
+    return ReconstructionFile(
+        schema_version=SCHEMA_VERSION,
+        legoworld=__version__,
+        image_id=image.id,
+        file_name=image.file_name,
+        scene=image.scene,
+        agent=plan.card.name,
+        agent_version=plan.agent_version,
+        card_sha256=plan.card.sha256,
+        model=plan.model or _model(trajectory),
+        prompt_sha256=plan.work.prompt_sha256,
+        status=status,
+        reason=reason,
+        ended=ended.over or "itself",
+        exit_code=ended.code,
+        time_limit_s=plan.limits.time_s,
+        seconds=round(outcome.seconds, 3),
+        agent_seconds=round(ended.seconds, 3),
+        calls=len(calls),
+        failed_calls=sum(call.status != "success" for call in calls),
+        checkpoints=len(record.checkpoints),
+        usage=usage_of(trajectory),
+        finalisation=outcome.finalised,
+        agent_sandbox=plan.agent_held.record(),
+        blender_sandbox=plan.blender_held.record(),
+        continued=outcome.continued,
+    )
+
+
+def _status(outcome: TrialOutcome) -> tuple[Outcome, str]:
+    """The status of a trial: a scene counts, however its agent ended."""
+    ending, record, finalised = outcome.ended, outcome.record, outcome.finalised
+    how = f"exit code {ending.code}" if ending.over is None else f"ended at its {ending.over} limit"
+    last = one_line(ending.last_output[-_SAID_AT_END:], _SAID_AT_END)
+    if finalised.source != "none":
+        return "ok", "" if ending.code == 0 else f"the agent: {how}"
+    if not record.calls and ending.over is None and ending.code != 0:
+        return "agent_failed", f"it called Blender never and ended with {how}; {last}"
+    if not record.checkpoints:
+        return "no_scene", f"no call changed the scene; the agent: {how}"
+    return "no_scene", f"no scene could be exported: {'; '.join(finalised.refused)}"
+
+
+def _model(trajectory: AtifTrajectory) -> str | None:
+    name = trajectory.agent.model_name
+    return name if isinstance(name, str) else None
+
+
+def _provenance(plan: TrialPlan, result: ReconstructionFile) -> dict[str, object]:
+    return {
+        "agent": result.agent,
+        "agent_version": result.agent_version,
+        "model": result.model,
+        "plugin": result.plugin,
+        "prompt_sha256": result.prompt_sha256,
+        "task": plan.work.task,
+        "vocabulary_sha256": plan.work.vocabulary_sha256,
+        "camera_given": _camera_given(plan.work.entries[result.image_id].get("hfov_deg")),
+        "metric_feedback": False,
+        "limits": {"time_s": result.time_limit_s, "memory_bytes": plan.limits.memory_bytes},
+        "ended": result.ended,
+        "usage": result.usage,
+        "finalisation": result.finalisation.source,
+        "continued": result.continued,
+    }
+
+
+def _camera_given(hfov_deg: object) -> dict[str, object] | None:
+    return None if hfov_deg is None else {"hfov_deg": hfov_deg}

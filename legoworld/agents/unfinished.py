@@ -1,0 +1,223 @@
+"""The folder of an unfinished trial: begun, continued after a kill, and moved to its scene.
+
+begun.json      whose trial it is; there once the workspace is whole
+ended.json      there once the agent has ended
+workspace/      what the agent and its Blender write to
+made/           the scene folder as far as it is made; made/trial holds calls and checkpoints
+agent/          of the agent's process; its login is removed when legoworld is killed
+session/        what the agent continues from
+"""
+
+from __future__ import annotations
+
+import fcntl
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeVar
+
+from legoworld.agents.trial_plan import TrialPlan
+from legoworld.endpoint.trial_record import copy_regular
+from legoworld.errors import LegoWorldError
+from legoworld.files import write_text
+from legoworld.records.agents import BegunTrial, EndedAgent
+from legoworld.records.base import RecordError, decode, readable
+from legoworld.tracks.track import TrackImage
+from legoworld.trajectories.folder import TRIAL
+from legoworld.workers.removal import remove_folder
+from legoworld.workers.scratch import scratch_folder
+
+_SCRATCH: Final = ".reconstructing-"
+_UNFINISHED: Final = ".unfinished-"
+_TRANSCRIPT: Final = "transcript"
+_LOCK: Final = "lock"
+#: A killed run's processes are ended within moments; another run's are not.
+_FREE_WITHIN_S: Final = 30.0
+_LOOK_EVERY_S: Final = 0.1
+_File = TypeVar("_File", BegunTrial, EndedAgent)
+
+
+class TrialHeldError(LegoWorldError):
+    """Another run builds the same trial."""
+
+    code = "trial_held"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unfinished:
+    """The folder. stays: whether it outlives a killed legoworld; lease: its lock's descriptor."""
+
+    folder: Path
+    stays: bool
+    lease: int | None = None
+
+    @property
+    def made(self) -> Path:
+        """The scene folder to be."""
+        return self.folder / "made"
+
+    @property
+    def workspace(self) -> Path:
+        """The agent's workspace."""
+        return self.folder / "workspace"
+
+    @property
+    def agent(self) -> Path:
+        """The folder of the agent's process."""
+        return self.folder / "agent"
+
+    @property
+    def session(self) -> Path:
+        """What the agent continues from."""
+        return self.folder / "session"
+
+    def begun(self) -> BegunTrial | None:
+        """What was begun here before; None in a new folder."""
+        return _read(self.folder / "begun.json", BegunTrial)
+
+    def ended(self) -> EndedAgent | None:
+        """How the agent ended; None where it has not."""
+        return _read(self.folder / "ended.json", EndedAgent)
+
+    def note_begun(self, begun: BegunTrial) -> None:
+        """Keep whose trial it is."""
+        write_text(self.folder / "begun.json", readable(begun))
+
+    def note_ended(self, ended: EndedAgent) -> None:
+        """Keep how the agent ended."""
+        write_text(self.folder / "ended.json", readable(ended))
+
+    def clear(self) -> None:
+        """Remove everything: what is here was not begun."""
+        for path in self.folder.iterdir():
+            if path.name != _LOCK and not path.name.startswith(".owner"):
+                _remove(path)
+        for path in (self.workspace, self.made):
+            path.mkdir()
+
+    def keep_trial_alone(self) -> None:
+        """Remove what an ended finalisation has made; calls, checkpoints and transcripts stay."""
+        for path in self.made.iterdir():
+            if path.name != TRIAL:
+                _remove(path)
+
+    def transcripts(self) -> list[Path]:
+        """The transcripts of the agent's parts, in order, the last without a number."""
+        trial = self.made / TRIAL
+        earlier = [trial / f"{_TRANSCRIPT}-{n}" for n in range(1, self._parts())]
+        return [*earlier, trial / _TRANSCRIPT]
+
+    def put_part_aside(self, wrote: str) -> None:
+        """Keep what a killed part of the agent wrote, and what it continues from.
+
+        wrote: its transcript's name in the folder of its output.
+        """
+        trial, output = self.made / TRIAL, self.agent / "sandbox" / "output"
+        trial.mkdir(exist_ok=True)
+        whole = trial / _TRANSCRIPT
+        copy_regular(output / wrote, whole)
+        if whole.is_file():
+            whole.replace(trial / f"{_TRANSCRIPT}-{self._parts()}")
+        session = output / "session"
+        if session.is_dir() and not session.is_symlink():
+            remove_folder(self.session)
+            session.rename(self.session)
+        remove_folder(self.agent)
+
+    def _parts(self) -> int:
+        begun = self.begun()
+        return 1 if begun is None else len(begun.parts)
+
+
+@contextmanager
+def unfinished_trial(scenes: Path, image: TrackImage, *, stays: bool) -> Iterator[Unfinished]:
+    """The folder of one trial below its scenes. TrialHeldError where another run has it.
+
+    At the end of the block it is removed, but for a trial that stays and is not `finished`.
+    """
+    scenes.mkdir(parents=True, exist_ok=True)
+    if not stays:
+        with scratch_folder(_SCRATCH, scenes) as scratch:
+            yield Unfinished(folder=scratch, stays=False)
+        return
+    folder = unfinished_folder(scenes, image)
+    folder.mkdir(exist_ok=True)
+    with (folder / _LOCK).open("ab") as lock:
+        _hold(lock.fileno(), image)
+        unfinished = Unfinished(folder=folder, stays=True, lease=lock.fileno())
+        try:
+            yield unfinished
+        finally:
+            if unfinished.begun() is None:
+                remove_folder(folder)
+
+
+def unfinished_folder(scenes: Path, image: TrackImage) -> Path:
+    """Where a trial that stays is built."""
+    return scenes / f"{_UNFINISHED}{image.id}"
+
+
+def finished(unfinished: Unfinished) -> None:
+    """Say that the scene folder was moved to its place: what is left can go."""
+    (unfinished.folder / "begun.json").unlink(missing_ok=True)
+
+
+def remove_finished(scenes: Path, image: TrackImage) -> None:
+    """Remove what a kill has left of a trial after its scene folder was moved to its place."""
+    if unfinished_folder(scenes, image).is_dir():
+        # Another run that has it removes it itself.
+        with suppress(TrialHeldError), unfinished_trial(scenes, image, stays=True) as unfinished:
+            finished(unfinished)
+
+
+def begun_before(scenes: Path, image: TrackImage) -> BegunTrial | None:
+    """The trial that a killed run has begun; None where there is none."""
+    return Unfinished(folder=unfinished_folder(scenes, image), stays=True).begun()
+
+
+def identity(plan: TrialPlan, image: TrackImage, parts: tuple[int, ...]) -> BegunTrial:
+    """Whose trial this is."""
+    return BegunTrial(
+        scene=image.scene,
+        agent=plan.card.name,
+        card_sha256=plan.card.sha256,
+        prompt_sha256=plan.work.prompt_sha256,
+        time_limit_s=plan.limits.time_s,
+        parts=parts,
+    )
+
+
+def _hold(descriptor: int, image: TrackImage) -> None:
+    deadline = time.monotonic() + _FREE_WITHIN_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            if time.monotonic() > deadline:
+                raise TrialHeldError(
+                    f"another run builds {image.scene}",
+                    found="its folder is locked",
+                    expected="one run at a time in a folder of scenes",
+                    next_step="wait for the other run, or end it",
+                ) from error
+            time.sleep(_LOOK_EVERY_S)
+        except OSError:
+            return  # a file system without locks
+        else:
+            return
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        remove_folder(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _read(path: Path, kind: type[_File]) -> _File | None:
+    try:
+        return decode(kind, path.read_bytes())
+    except (OSError, RecordError):
+        return None
