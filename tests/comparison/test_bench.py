@@ -9,7 +9,8 @@ from evaluation.reconstruction.datasets import Submission, write_dataset, write_
 
 from legoworld import cli
 from legoworld.comparison.compatibility import IncomparableError
-from legoworld.comparison.leaderboard import leaderboard, read_entries
+from legoworld.comparison.formats import markdown
+from legoworld.comparison.leaderboard import leaderboard, read_entries, wide_table
 from legoworld.comparison.making import make_comparison
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import UsageError
@@ -144,6 +145,19 @@ class TestTable:
         assert any(line.startswith("agent a,m,2,tier,easy,S_valid,valid,1.0,0.0") for line in lines)
         assert cli.run([*words, "--draws", "50"]) == 2
         assert cli.run([*words, "--draws", "50", "--overwrite"]) == 0
+
+    def test_a_single_family_has_no_interval_and_no_note_of_one(self, tmp_path):
+        dataset = write_dataset(tmp_path / "dataset", families=1, tiers=("easy", None))
+        evaluate_bench(write_run(tmp_path / "run", dataset), dataset.private, tmp_path / "eval",
+                       draws=10)  # fmt: skip
+        board = leaderboard(read_entries([tmp_path / "eval"]), draws=10)
+        groups = board.rows[0].groups
+        assert groups[0].metrics["S"].interval is None
+        assert "of families" not in markdown(wide_table(board))
+        # "unstated" is a group beside another one, and none where it is all there is.
+        kinds = {(g.kind, g.name) for g in groups}
+        assert {("tier", "easy"), ("tier", "unstated")} <= kinds
+        assert ("theme", "unstated") not in kinds
 
     def test_another_task_is_refused(self, tmp_path):
         scene, _ = depth_scene_and_baseline(tmp_path)

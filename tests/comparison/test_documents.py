@@ -49,6 +49,32 @@ def read(folder, name):
     return json.loads((folder / name).read_text())
 
 
+def test_a_number_that_is_not_defined_has_no_interval(made):
+    (pair,) = read(made / "coco", "comparison.json")["pairs"]
+    measured = [row[side] for row in pair["rows"] for side in ("scene", "baseline")]
+    undefined = [one for one in measured if one["value"] is None]
+    assert undefined  # no annotation here is large
+    assert [one["interval"] for one in undefined] == [None] * len(undefined)
+
+
+def test_another_comparison_s_folder_is_refused_before_anything_is_computed(
+    made, tmp_path, monkeypatch
+):
+    evaluations = scene_and_baseline(tmp_path / "c", "coco", seed=8)
+    monkeypatch.setattr("legoworld.comparison.making.compare", lambda *_: pytest.fail("computed"))
+    with pytest.raises(LegoWorldError, match="another"):
+        compared(evaluations, made / "eth3d", draws=5, seed=3)
+
+
+def test_other_versions_of_a_package_are_noted(tmp_path):
+    scene, baseline = scene_and_baseline(tmp_path, "coco")
+    change_json(baseline / "evidence.json", lambda e: e["versions"].update(numpy="0.1"))
+    document = compared([scene, baseline], tmp_path / "made", draws=5)
+    version = read(scene, "evidence.json")["versions"]["numpy"]
+    note = f"Evaluated with other versions of numpy: scene {version}, specialist 0.1."
+    assert [n for n in document["notes"] if "other versions" in n] == [note]
+
+
 @pytest.mark.parametrize("task", ["coco", "eth3d"])
 def test_the_keys_of_a_comparison(task, made):
     document = read(made / task, "comparison.json")

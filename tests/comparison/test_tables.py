@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from legoworld.comparison.folder import rendered_tables
+from legoworld.comparison.formats import Table, latex
 from legoworld.records.comparison import (
     Comparison,
     ComparisonRow,
@@ -174,3 +175,11 @@ def test_several_methods_are_rows_and_joined_comparisons_show_their_headlines():
         "- Joined.",
     ]
     assert len(rendered_tables(joined)["table.csv"].splitlines()) == 4
+
+
+def test_every_character_that_latex_reads_is_escaped():
+    table = Table(header=["a\\b_c%d&e"], rows=[["#$ {} ~ ^ ↑ ↓"], ["two\nlines"]])
+    _, _, _, header, _, cells, lines, *_ = latex(table).splitlines()
+    assert header == r"a\textbackslash{}b\_c\%d\&e \\"
+    assert cells == r"\#\$ \{\} \textasciitilde{} \textasciicircum{} $\uparrow$ $\downarrow$ \\"
+    assert lines == r"two lines \\"
