@@ -28,7 +28,8 @@ from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
 from legoworld.records.labels import LabelsFile
 from legoworld.records.plugin_evidence import EvidenceFile, Outlines
-from legoworld.records.plugin_ledger import Declaration, Entry
+from legoworld.records.plugin_install import InstalledFile
+from legoworld.records.plugin_ledger import Declaration, Entry, HookMark
 from legoworld.records.plugin_requirements import Report
 from legoworld.records.plugin_room import ConstructionPlan, Room
 from legoworld.records.plugin_state import SceneState
@@ -72,6 +73,8 @@ FORMATS: dict[str, Any] = {
     "instances": InstancesFile,
     "labels": LabelsFile,
     "plugin-evidence": EvidenceFile,
+    "plugin-hooks": HookMark,
+    "plugin-install": InstalledFile,
     "plugin-ledger": Entry,
     "plugin-outlines": Outlines,
     "plugin-plan": ConstructionPlan,

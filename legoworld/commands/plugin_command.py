@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Literal
 
@@ -153,4 +154,116 @@ def replay(ledger: Path) -> int:
     ]  # fmt: skip
     click.echo(options.table(("seq", "tool", "transaction", "then", "scene"), rows))
     click.echo(f"{len(entries)} entries, the chain is whole")
+    return 0
+
+
+@command.command("hook", context_settings=_CONTEXT)
+@click.option(
+    "--dialect", required=True, type=options.Choice(["claude", "codex", "cursor"]),
+    help="Whose events and answers: Claude Code's, Codex's or Cursor's.",
+)  # fmt: skip
+@click.option(
+    "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
+    help="Folder of the case, as for `plugin serve`.",
+)  # fmt: skip
+@click.option(
+    "--require-transaction", is_flag=True,
+    help="Refuse tools that change the scene while no transaction is open.",
+)  # fmt: skip
+def hook(
+    dialect: Literal["claude", "codex", "cursor"], ledger: Path, require_transaction: bool
+) -> int:
+    """Answer one event of a coding agent's hooks: JSON on standard input, JSON on standard output.
+
+    A stop is blocked while a transaction is open, the last report is stale or does not pass, or no
+    render of the scene was reviewed; at most 8 times in a row. Exit code 2 blocks, too.
+
+    \b
+    Examples:
+      legoworld plugin hook --dialect claude --ledger case-1 < event.json
+      legoworld plugin hook --dialect cursor --require-transaction < event.json
+    """
+    from legoworld.plugin.hooks import HookRules, hook_answer
+
+    rules = HookRules(dialect=dialect, ledger=ledger, require_transaction=require_transaction)
+    click.echo(hook_answer(rules, sys.stdin.buffer.read()))
+    return 0
+
+
+@command.command("install", context_settings=_CONTEXT)
+@click.option(
+    "--for", "dialect", required=True, type=options.Choice(["claude", "codex", "cursor"]),
+    help="Claude Code, Codex or Cursor.",
+)  # fmt: skip
+@click.option(
+    "--project", default=Path(), show_default=True, type=options.EXISTING_FOLDER,
+    help="Folder whose settings are changed.",
+)  # fmt: skip
+@click.option("--photo", type=options.EXISTING_FILE, help="For `plugin serve`.")
+@click.option("--evidence", type=options.EXISTING_FOLDER, help="For `plugin serve`.")
+@click.option(
+    "--blender", default="127.0.0.1:9876", show_default=True, help="For `plugin serve`: HOST:PORT."
+)
+@click.option(
+    "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
+    help="Folder of the case.",
+)  # fmt: skip
+@click.option(
+    "--require-transaction", is_flag=True,
+    help="Refuse tools that change the scene while no transaction is open.",
+)  # fmt: skip
+@click.option("--write", is_flag=True, help="Write the settings; without it they are printed.")
+@click.option("--undo", is_flag=True, help="Take out what was written, and nothing else.")
+def install(
+    dialect: Literal["claude", "codex", "cursor"],
+    project: Path,
+    photo: Path | None,
+    evidence: Path | None,
+    blender: str,
+    ledger: Path,
+    require_transaction: bool,
+    write: bool,
+    undo: bool,
+) -> int:
+    """Connect a coding agent: the MCP server, the hooks and the skill in a project's settings.
+
+    Other settings keep every byte. Writing again replaces what was written.
+
+    \b
+    Examples:
+      legoworld plugin install --for claude --photo room.jpg --evidence evidence
+      legoworld plugin install --for codex --ledger case-1 --write
+      legoworld plugin install --for cursor --undo
+    """
+    from legoworld.plugin import installing
+
+    if undo:
+        changes = installing.uninstall(dialect, project)
+        installing.write(project, changes)
+        for change in changes:
+            click.echo(f"{'removed' if change.after is None else 'restored'} {change.path}")
+        if not changes:
+            click.echo("nothing is installed here")
+        return 0
+    serve_words = ["--blender", blender, "--ledger", str(ledger.resolve())]
+    for name, path in (("--photo", photo), ("--evidence", evidence)):
+        serve_words += [] if path is None else [name, str(path.resolve())]
+    changes = installing.install(
+        installing.Wanted(
+            dialect=dialect,
+            project=project,
+            ledger=ledger.resolve(),
+            serve=tuple(serve_words),
+            require_transaction=require_transaction,
+        )
+    )
+    if write:
+        installing.write(project, changes)
+    for change in changes:
+        if write:
+            click.echo(f"{'unchanged' if change.before == change.after else 'wrote'} {change.path}")
+        elif not change.path.endswith((installing.RECORD, "SKILL.md")):
+            click.echo(f"# {change.path}\n{change.after}")
+    if dialect == "codex" and write:
+        click.echo("open /hooks in Codex and trust them: untrusted hooks do not run")
     return 0

@@ -11,21 +11,12 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from legoworld.errors import LegoWorldError
-from legoworld.files import atomic_path
-from legoworld.plugin.artefacts import ARTEFACTS, Artefacts, kind_of
+from legoworld.plugin.artefacts import ARTEFACTS, Artefacts
 from legoworld.plugin.diff import changes
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.initialisation import Initialisation, shell_picture
 from legoworld.plugin.ledger import Ledger
 from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.measure import measure
-from legoworld.plugin.room_install import (
-    NotInstalledError,
-    install_code,
-    installation,
-    refuse_another,
-    refuse_taken_names,
-)
 from legoworld.plugin.state import LiveScene
 from legoworld.plugin.transactions import judge, unknown_names
 from legoworld.records.base import as_json, decode, readable, to_record
@@ -40,7 +31,6 @@ from legoworld.records.plugin_requirements import Luminance, Report, Requirement
 from legoworld.records.plugin_state import Change, SceneState
 
 STATES: Final = "states"
-INITIAL: Final = "initial"
 _T = TypeVar("_T")
 
 
@@ -61,10 +51,10 @@ class Case:
         limits: TransactionLimits,
     ) -> None:
         self.ledger = Ledger(folder)
-        self._folder, self._states = folder, folder / STATES
+        self.folder, self._states = folder, folder / STATES
         self._states.mkdir(exist_ok=True)
         self.artefacts = Artefacts(folder / ARTEFACTS)
-        self._live, self._evidence, self._limits = live, evidence, limits
+        self.live, self.evidence, self._limits = live, evidence, limits
         self._signatures: tuple[str | None, str | None] = (None, None)
         if self.ledger.entries:
             last = self.ledger.entries[-1]
@@ -104,52 +94,14 @@ class Case:
         request = {"requirements": as_json(tuple(requirements))}
 
         def call() -> Report:
-            return measure(self._read(requirements), requirements, self._evidence)
+            return measure(self.read(requirements), requirements, self.evidence)
 
-        return self._record("measure", request, call)
-
-    def initialise(self, found: Initialisation) -> dict[str, str]:
-        """Install a room and its camera as one transaction; sha256 of what is kept, by name.
-
-        Rolled back where the scene then shows another room or camera: NotInstalledError says what.
-        """
-        room = found.room
-        self.begin(installation(room))
-        names = {o.name for o in self._base().objects}
-        names |= {c for o in self._base().objects for c in o.collections}
-
-        def call() -> dict[str, str]:
-            refuse_taken_names(room, names)
-            self._live.install(install_code(room))
-            scene = self._read()
-            refuse_another(room, scene)
-            return self._keep_initial(found.files(shell_picture(room, scene)))
-
-        try:
-            kept = self._record("initialize", as_json(room), call)
-            judgement, _ = self.commit()
-            if not judgement.accepted:
-                changed = ", ".join(f"{v.change.entity} ({v.why})" for v in judgement.violations)
-                raise NotInstalledError("the room was refused", found=changed or "it is not there")
-        except LegoWorldError:
-            self.rollback()
-            raise
-        return kept
-
-    def _keep_initial(self, files: dict[str, bytes]) -> dict[str, str]:
-        """Write files for people into the case's folder, and keep them by hash."""
-        (self._folder / INITIAL).mkdir(exist_ok=True)
-        kept = {}
-        for name, data in files.items():
-            with atomic_path(self._folder / INITIAL / name) as temporary:
-                temporary.write_bytes(data)
-            kept[name] = self.artefacts.keep(data, kind_of(name))
-        return kept
+        return self.record("measure", request, call)
 
     def begin(self, declaration: Declaration) -> Entry:
         """Open a transaction: the scene as it is now is what a rollback returns to."""
         request = as_json(declaration)
-        self._record("begin", request, lambda: self._begin(declaration), opens=True)
+        self.record("begin", request, lambda: self._begin(declaration), opens=True)
         return self.ledger.entries[-1]
 
     def _begin(self, declaration: Declaration) -> dict[str, Any]:
@@ -167,8 +119,8 @@ class Case:
                 expected=f"at most {self._limits.transactions}",
                 next_step="export the scene as it is",
             )
-        scene, base = self._live.read(keep=True)
-        self._note(scene)
+        scene, base = self.live.read(keep=True)
+        self.note(scene)
         if unknown := unknown_names(declaration, scene.state):
             raise TransactionError(
                 "the declaration protects what the scene does not have",
@@ -182,7 +134,7 @@ class Case:
 
     def diff(self) -> tuple[Change, ...]:
         """Every change since the open transaction began."""
-        return self._record("diff", {}, lambda: changes(self._base(), self._read().state))
+        return self.record("diff", {}, lambda: changes(self.base(), self.read().state))
 
     def commit(self) -> tuple[Judgement, Report]:
         """Judge the scene as it is now, and close the transaction if it is accepted.
@@ -201,12 +153,12 @@ class Case:
                     expected=f"at most {self._limits.rounds} corrections",
                     next_step="roll it back",
                 )
-            before = self._base()
-            scene = self._read(declaration.requirements)
-            report = measure(scene, declaration.requirements, self._evidence)
+            before = self.base()
+            scene = self.read(declaration.requirements)
+            report = measure(scene, declaration.requirements, self.evidence)
             return judge(before, scene.state, declaration, report), report
 
-        return self._record("commit", {}, call, closes=lambda made: made[0].accepted)
+        return self.record("commit", {}, call, closes=lambda made: made[0].accepted)
 
     def rollback(self) -> SceneState:
         """Return to the scene as it was when the transaction began, proven by its signature."""
@@ -220,33 +172,35 @@ class Case:
                     expected=f"at most {self._limits.rollbacks}",
                     next_step="correct the scene by hand until commit accepts it",
                 )
-            base = self._base()
+            base = self.base()
             assert begun.base_sha256 is not None
-            self._live.restore(begun.base_sha256, base)
+            self.live.restore(begun.base_sha256, base)
             self._signatures = (base.geometry_signature, base.scene_signature)
             return base
 
-        return self._record("rollback", {}, call, closes=lambda _: True)
+        return self.record("rollback", {}, call, closes=lambda _: True)
 
     # Reading and recording.
 
-    def _base(self) -> SceneState:
+    def base(self) -> SceneState:
+        """The state in which the open transaction began."""
         signature = self._begun().answer["scene_signature"]
         stored = (self._states / f"{signature}.json").read_bytes()
         return decode(SceneState, stored)
 
-    def _read(self, requirements: Sequence[Requirement] = ()) -> LiveScene:
+    def read(self, requirements: Sequence[Requirement] = ()) -> LiveScene:
         """The scene as it is now, rendered only where a requirement needs it."""
         rendered = any(isinstance(r, Luminance) for r in requirements)
-        photo = self._evidence.size_wh if self._evidence and rendered else None
-        scene, _ = self._live.read(luma_wh=photo)
-        self._note(scene)
+        photo = self.evidence.size_wh if self.evidence and rendered else None
+        scene, _ = self.live.read(luma_wh=photo)
+        self.note(scene)
         return scene
 
-    def _note(self, scene: LiveScene) -> None:
+    def note(self, scene: LiveScene) -> None:
+        """Have the signatures of a state that was read in the entry of this call."""
         self._signatures = (scene.state.geometry_signature, scene.state.scene_signature)
 
-    def _record(
+    def record(
         self,
         tool: str,
         request: dict[str, Any],

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -58,8 +60,17 @@ class LiveBlender:
 
     def __init__(self, blender: BlenderConnection, reader: BlenderProcess, store: Path) -> None:
         self._blender = blender
-        self._reader = reader
+        self.reader = reader
         self._store = store
+
+    @contextmanager
+    def copied(self) -> Iterator[Path]:
+        """A saved copy of the scene as it is now, for as long as the block runs."""
+        copy, _ = self._save()
+        try:
+            yield copy
+        finally:
+            copy.unlink(missing_ok=True)
 
     def read(
         self, *, keep: bool = False, luma_wh: tuple[int, int] | None = None
@@ -68,15 +79,12 @@ class LiveBlender:
 
         luma_wh: the photo's size, to render the scene small for its luma; None to render nothing.
         """
-        copy, _ = self._save()
-        try:
-            scene = read_live(copy, self._reader)
+        with self.copied() as copy:
+            scene = read_live(copy, self.reader)
             if luma_wh is not None and not isinstance(scene.shown, LegoWorldError):
-                luma = render_luma(copy, self._reader, luma_wh)
+                luma = render_luma(copy, self.reader, luma_wh)
                 scene = dataclasses.replace(scene, luma=luma)
             return scene, self._keep(copy) if keep else None
-        finally:
-            copy.unlink(missing_ok=True)
 
     def install(self, code: str) -> None:
         """Run the plugin's own code in the live scene: an explicit call of `initialize` alone."""

@@ -11,6 +11,7 @@ from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.modules import MODULES, tools_off
 from legoworld.plugin.server_answers import Json, answer, told, typed
+from legoworld.plugin.server_finishing import add_finishing
 from legoworld.plugin.server_initialisation import add_initialisation
 from legoworld.records.base import as_json
 from legoworld.records.plugin_ledger import Declaration
@@ -25,6 +26,7 @@ Measure the live Blender scene against evidence from the reference photo, and gu
 Edit with the Blender tools. Around every edit call `begin` with what you will change and what has
 to hold, then edit, then `commit`; when it is refused, correct the edit or call `rollback`. Verdicts
 are pass, fail or unknown; unknown is never pass. A report is stale as soon as the scene changes.
+At the end call `validate`, `review` (look at the render, then say what is in it) and `export`.
 """
 
 
@@ -122,6 +124,7 @@ def plugin_server(
         return answer(case, entries=shown)
 
     add_initialisation(server, case, evidence)
+    add_finishing(server, case)
     for name in tools_off(modules):
         with contextlib.suppress(ToolError):
             server.remove_tool(name)

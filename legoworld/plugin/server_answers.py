@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any, ParamSpec
+from typing import Any, ParamSpec, TypeVar
 
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin.case import Case
-from legoworld.records.base import RecordError, to_record
+from legoworld.records.base import RecordError, canonical, to_record
 
 Json = dict[str, Any]
 _P = ParamSpec("_P")
+_T = TypeVar("_T")
 
 
-def told(tool: Callable[_P, Json]) -> Callable[_P, Json]:
+def told(tool: Callable[_P, _T]) -> Callable[_P, _T]:
     """A tool whose errors reach the client: of any other error the server says only that it was."""
 
     @functools.wraps(tool)
-    def told(*arguments: _P.args, **named: _P.kwargs) -> Json:
+    def told(*arguments: _P.args, **named: _P.kwargs) -> _T:
         from mcp.server.mcpserver.exceptions import ToolError
 
         try:
@@ -37,6 +38,11 @@ def answer(case: Case, **shown: Any) -> Json:
         "scene_signature": entries[-1].scene_signature if entries else None,
         "ledger_seq": entries[-1].seq if entries else 0,
     }
+
+
+def answer_text(case: Case, **shown: Any) -> str:
+    """`answer` as JSON text, for answers that have a picture beside it."""
+    return canonical(answer(case, **shown))
 
 
 def typed(kind: Any, given: Any) -> Any:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from legoworld.errors import UsageError
 from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.initial_room import install_room
 from legoworld.plugin.initialisation import recover
 from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.room import structures_of
@@ -37,7 +38,7 @@ def add_initialisation(server: MCPServer[Any], case: Case, evidence: Evidence | 
                 expected="metres from 0.01 to 1000",
             )
         found = recover(_needed(evidence), _structures(structures), camera_height_m)
-        kept = case.initialise(found)
+        kept = install_room(case, found)
         return answer(case, room=as_json(found.room), plan=as_json(found.plan), kept=kept)
 
     @server.tool()

@@ -82,3 +82,32 @@ class Entry(Record, frozen=True, kw_only=True):
     scene_signature: Sha256 | None
     base_sha256: Sha256 | None
     sha256: str = ""
+
+
+class Review(Record, frozen=True, kw_only=True):
+    """A render of the live scene, and what was seen in it.
+
+    findings: null while nobody has said what they saw.
+    """
+
+    render_sha256: Sha256
+    findings: tuple[str, ...] | None
+
+
+class Export(Record, frozen=True, kw_only=True):
+    """What `export` wrote: sha256 by file name; warnings: what could not be delivered, in words."""
+
+    files: dict[str, Sha256]
+    warnings: tuple[str, ...]
+
+
+class HookMark(Record, frozen=True, kw_only=True):
+    """One line of hooks.jsonl beside the ledger: what a hook saw or did.
+
+    ledger_seq: the ledger's last line at that time. edit: a tool may have changed the scene; block:
+    the agent was kept from finishing; let_go: it was not, though work was left.
+    """
+
+    ledger_seq: Annotated[int, Meta(ge=0)]
+    what: Literal["edit", "block", "let_go"]
+    tool: str | None = None

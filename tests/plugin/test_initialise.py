@@ -13,6 +13,7 @@ from plugin.talking import called
 from legoworld.plugin.case import Case
 from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.entities import Entities
+from legoworld.plugin.initial_room import install_room
 from legoworld.plugin.initialisation import recover
 from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.measure import surface_view
@@ -69,11 +70,11 @@ def test_an_empty_scene_gets_the_room_and_the_camera_of_the_photo(
     empty = case.measure([kinds.Existence(entity="Room floor"), kinds.Visibility(entity="Cup")])
     assert [r.verdict for r in empty.results] == ["fail", "unknown"]
     found = recover(evidence, None, 1.6)
-    kept = case.initialise(found)
+    kept = install_room(case, found)
     assert case.phase == "idle"
     assert [e.tool for e in case.ledger.entries] == ["measure", "begin", "initialize", "commit"]
 
-    scene = case._live.read()[0]
+    scene = case.live.read()[0]
     shot = scene.snapshot
     assert shot.camera.name == CAMERA
     camera_px = projection(shot.camera, shot.render, SIZE)
@@ -107,17 +108,17 @@ def test_a_scene_that_shows_another_room_is_rolled_back_to_its_signature(case, r
         "bpy.app.handlers.save_pre.append(Twist())"
     )
     with pytest.raises(NotInstalledError, match="place"):
-        case.initialise(recover(evidence, None, 1.6))
+        install_room(case, recover(evidence, None, 1.6))
     assert case.phase == "idle"
     assert case.measure([]).scene_signature == before
     run("import bpy; bpy.app.handlers.save_pre.clear()")
 
 
 def test_a_second_room_is_refused_and_the_first_one_stays(case, run, evidence):
-    case.initialise(recover(evidence, None, 1.6))
+    install_room(case, recover(evidence, None, 1.6))
     signature = case.ledger.entries[-1].scene_signature
     with pytest.raises(NotInstalledError, match="room already"):
-        case.initialise(recover(evidence, None, 1.6))
+        install_room(case, recover(evidence, None, 1.6))
     assert case.ledger.entries[-1].tool == "rollback"
     assert case.ledger.entries[-1].scene_signature == signature
 

@@ -20,6 +20,9 @@ from legoworld.records.plugin_ledger import TransactionLimits
 pytestmark = pytest.mark.blender
 
 TOOLS = {
+    "validate",
+    "review",
+    "export",
     "initialize",
     "plan",
     "reference_evidence",

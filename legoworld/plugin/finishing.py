@@ -1,0 +1,173 @@
+"""The end of a case: everything that was required, a render that was looked at, the files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from legoworld.endpoint.finalisation import export_submission
+from legoworld.errors import LegoWorldError, SceneInvalidError
+from legoworld.files import atomic_path, sha256_of_file
+from legoworld.plugin.case import Case, TransactionError
+from legoworld.plugin.measure import measure
+from legoworld.plugin.small_render import render_copy
+from legoworld.plugin.state import NOTHING, LiveScene, read_live
+from legoworld.readouts.pictures import Rgb, png_bytes
+from legoworld.records.base import as_json, to_record
+from legoworld.records.plugin_ledger import Declaration, Entry, Export, Review
+from legoworld.records.plugin_requirements import Report, Requirement
+from legoworld.scene.artefacts import decoded_picture
+from legoworld.scene.folder import BLEND
+from legoworld.workers.sandbox import SandboxLimits, protections
+
+EXPORT: Final = "export"
+RENDER: Final = "render.png"
+#: What a case delivers, beside the scene.
+RENDER_WH: Final = (1920, 1080)
+_REVIEW_LONGEST_PX: Final = 800
+_REVIEW_SAMPLES: Final = 16
+_EXPORT_SAMPLES: Final = 32
+_EXPORT_LIMITS: Final = SandboxLimits(time_s=600.0, memory_bytes=8 << 30)
+
+
+class StaleError(LegoWorldError):
+    """What a call is about is of another state of the scene."""
+
+    code = "stale"
+
+
+def standing(entries: Sequence[Entry]) -> tuple[Requirement, ...]:
+    """The requirements of all committed transactions, in their order, each once."""
+    found: dict[Requirement, None] = {}
+    declared: tuple[Requirement, ...] = ()
+    for entry in entries:
+        if entry.error is not None:
+            continue
+        if entry.tool == "begin":
+            declared = to_record(Declaration, entry.request).requirements
+        if entry.tool == "commit" and entry.phase == "idle":
+            found.update(dict.fromkeys(declared))
+    return tuple(found)
+
+
+def validate(case: Case, given: Sequence[Requirement]) -> Report:
+    """Measure what every committed transaction required, and more, on the scene as it is now."""
+    requirements = tuple(dict.fromkeys([*standing(case.ledger.entries), *given]))
+
+    def call() -> Report:
+        return measure(case.read(requirements), requirements, case.evidence)
+
+    return case.record("validate", {"requirements": as_json(tuple(given))}, call)
+
+
+def render_for_review(case: Case) -> tuple[Review, bytes]:
+    """A render of the live scene, beside the photo where that is known; the picture is a PNG."""
+    made: list[bytes] = []
+
+    def call() -> Review:
+        with case.live.copied() as copy:
+            scene = read_live(copy, case.live.reader)
+            case.note(scene)
+            size = _review_size(case, scene)
+            png = render_copy(copy, case.live.reader, size, samples=_REVIEW_SAMPLES)
+        made.append(_beside_photo(png, case))
+        return Review(render_sha256=case.artefacts.keep(made[0], "png"), findings=None)
+
+    return case.record("review", {}, call), made[0]
+
+
+def _review_size(case: Case, scene: LiveScene) -> tuple[int, int]:
+    wide, high = case.evidence.size_wh if case.evidence else scene.snapshot.render.size_wh
+    shrink = min(1.0, _REVIEW_LONGEST_PX / max(wide, high))
+    return max(1, round(wide * shrink)), max(1, round(high * shrink))
+
+
+def _beside_photo(png: bytes, case: Case) -> bytes:
+    import cv2
+
+    photo = case.evidence.photo if case.evidence else None
+    decoded = decoded_picture(png, color=True)
+    if photo is None or decoded is None:
+        return png
+    height, width = decoded.shape[:2]
+    small = cv2.resize(photo, (width, height), interpolation=cv2.INTER_AREA)
+    pair: Rgb = np.concatenate([np.asarray(small, np.uint8), decoded[:, :, ::-1]], axis=1)
+    return png_bytes(pair)
+
+
+def note_review(case: Case, render_sha256: str, findings: Sequence[str]) -> Review:
+    """Record what was seen in a render. StaleError for a render of another state of the scene."""
+
+    def call() -> Review:
+        rendered = [
+            e for e in case.ledger.entries
+            if e.tool == "review" and e.error is None
+            and e.answer["render_sha256"] == render_sha256
+        ]  # fmt: skip
+        last = case.ledger.entries[-1] if case.ledger.entries else None
+        if not rendered or last is None or last.scene_signature != rendered[-1].scene_signature:
+            raise StaleError(
+                "the render shows another state of the scene" if rendered else "no such render",
+                found=render_sha256[:64],
+                expected="the render_sha256 of a review since the last change",
+                next_step="call review without arguments first, and look at the picture",
+            )
+        return Review(render_sha256=render_sha256, findings=tuple(findings))
+
+    request = {"render_sha256": render_sha256, "findings": list(findings)}
+    return case.record("review", request, call)
+
+
+def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
+    """Write scene.blend, scene.glb, final.png and a render into the case's folder.
+
+    The exported scene is read again: its geometry signature has to be the live scene's.
+    TransactionError while a transaction is open.
+    """
+
+    def call() -> Export:
+        if case.phase == "open":
+            raise TransactionError(
+                "a transaction is open",
+                found=f"transaction {case.transaction}",
+                expected="a scene that was committed or rolled back",
+                next_step="commit or roll back, then export",
+            )
+        into = case.folder / EXPORT
+        into.mkdir(exist_ok=True)
+        with case.live.copied() as copy:
+            scene = read_live(copy, case.live.reader)
+            case.note(scene)
+            warnings = export_submission(
+                copy,
+                into,
+                workspace=copy.parent,
+                limits=_EXPORT_LIMITS,
+                held=protections("auto"),
+                blender=case.live.reader,
+            )
+        _refuse_other_geometry(read_live(into / BLEND, case.live.reader), scene)
+        png = render_copy(into / BLEND, case.live.reader, render_wh, samples=_EXPORT_SAMPLES)
+        with atomic_path(into / RENDER) as temporary:
+            temporary.write_bytes(png)
+        return Export(files=_hashes(into), warnings=tuple(warnings))
+
+    return case.record("export", {"render_wh": list(render_wh)}, call)
+
+
+def _refuse_other_geometry(exported: LiveScene, scene: LiveScene) -> None:
+    found = exported.state.geometry_signature
+    if found != scene.state.geometry_signature or found == NOTHING:
+        raise SceneInvalidError(
+            "the exported scene is not the live one",
+            found=found,
+            expected=scene.state.geometry_signature,
+            next_step="keep the live scene, and save it from Blender",
+        )
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    return {path.name: sha256_of_file(path) for path in sorted(folder.iterdir())}

@@ -1,0 +1,121 @@
+"""validate, review and export over a real endpoint, and the resources they leave."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import anyio
+import cv2
+import numpy as np
+import pytest
+from endpoint.clients import served
+from mcp import Client
+from plugin.talking import called
+
+from legoworld.plugin.case import Case, TransactionError
+from legoworld.plugin.connection import Address, BlenderConnection
+from legoworld.plugin.finishing import StaleError, export, note_review, render_for_review, validate
+from legoworld.plugin.live import LiveBlender
+from legoworld.plugin.server import plugin_server
+from legoworld.plugin.unfinished import unfinished
+from legoworld.records import plugin_requirements as kinds
+from legoworld.records.plugin_ledger import Declaration, TransactionLimits
+
+pytestmark = pytest.mark.blender
+
+STANDS = kinds.Support(entity="Cup", on="Table")
+
+
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory, room_folders):
+    with served(tmp_path_factory.mktemp("endpoint")) as found:
+        shutil.copy(room_folders / "none" / "scene.blend", found.workspace / "room.blend")
+        yield found
+
+
+@pytest.fixture
+def run(endpoint):
+    live = BlenderConnection(Address(port=endpoint.server.port))
+    path = str(endpoint.workspace / "room.blend")
+    live.run(f"import bpy; bpy.ops.wm.open_mainfile(filepath={path!r})")
+    return live.run
+
+
+@pytest.fixture
+def case(tmp_path, run, endpoint, blender):
+    (tmp_path / "states").mkdir()
+    connection = BlenderConnection(Address(port=endpoint.server.port))
+    live = LiveBlender(connection, blender, tmp_path / "states")
+    return Case(tmp_path, live, None, TransactionLimits())
+
+
+def test_a_case_from_a_commit_to_its_files(case, run, tmp_path):
+    case.begin(Declaration(editable=("Cup",), kinds=("transform",), requirements=(STANDS,)))
+    run("import bpy; bpy.data.objects['Cup'].location.x += 0.1")
+    with pytest.raises(TransactionError, match="is open"):
+        export(case)
+    assert case.commit()[0].accepted
+
+    report = validate(case, [kinds.Existence(entity="Chair"), STANDS])
+    assert [r.requirement for r in report.results] == [STANDS, kinds.Existence(entity="Chair")]
+    assert not report.blocked
+    assert "No render" in unfinished(case.ledger.entries, [])[0]
+
+    made, png = render_for_review(case)
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape == (120, 160, 3)  # the scene's own size: there is no photo
+    assert case.artefacts.read(made.render_sha256, "png") == png
+    assert render_for_review(case)[1] == png
+    assert "is not reviewed" in unfinished(case.ledger.entries, [])[0]
+    note_review(case, made.render_sha256, ["the cup stands too far left"])
+    assert unfinished(case.ledger.entries, []) == ()
+
+    done = export(case, render_wh=(96, 54))
+    folder = tmp_path / "export"
+    assert {"scene.blend", "scene.glb", "render.png"} <= set(done.files)
+    assert {p.name for p in folder.iterdir()} == set(done.files)
+    assert cv2.imread(str(folder / "render.png")).shape == (54, 96, 3)
+    assert unfinished(case.ledger.entries, []) == ()
+
+    run("import bpy; bpy.data.objects['Cup'].location.z += 1")
+    with pytest.raises(StaleError, match="no such render"):
+        note_review(case, "0" * 64, [])
+    again = validate(case, [])  # what the committed transaction required
+    assert [r.verdict for r in again.results] == ["fail"]
+    with pytest.raises(StaleError, match="another state"):
+        note_review(case, made.render_sha256, [])
+    assert len(unfinished(case.ledger.entries, [])) == 2
+
+
+def test_reports_and_renders_are_resources_by_hash(case):
+    server = plugin_server(case, None)
+    answers = called(
+        server, ("validate", {"requirements": [{"kind": "existence", "entity": "Cup"}]})
+    )
+    report = json.loads(answers[0][1])
+
+    async def talk():
+        async with Client(server) as client:
+            looked = await client.call_tool("review", {})
+            said = json.loads(looked.content[0].text)
+            kept = await client.read_resource(f"legoworld://reports/{report['report_sha256']}")
+            shown = await client.read_resource(f"legoworld://renders/{said['render_sha256']}")
+            noted = await client.call_tool(
+                "review", {"render_sha256": said["render_sha256"], "findings": []}
+            )
+            return looked.content[1], kept.contents[0], shown.contents[0], noted
+
+    picture, kept, shown, noted = anyio.run(talk)
+    assert json.loads(kept.text) == report["report"]
+    assert picture.type == "image"
+    assert shown.blob == picture.data
+    assert json.loads(noted.content[0].text)["findings"] == []
+
+
+@pytest.mark.parametrize("sha256", ["0" * 64, "../../ledger", "x"])
+def test_an_unknown_hash_is_refused(case, sha256):
+    from legoworld.errors import UsageError
+
+    with pytest.raises(UsageError, match="no such artefact"):
+        case.artefacts.read(sha256, "json")
