@@ -27,6 +27,7 @@ from legoworld.workers.sandbox import Ending, Protections, Sandbox, SandboxLimit
 
 _STDOUT: Final = "stdout.jsonl"
 _STEPS: Final = "steps.jsonl"
+MODEL_ARGUMENTS: Final = "{model_arguments}"
 #: What its command line is run by, so that all it prints is kept: a sandbox keeps both ends alone.
 _KEEPING: Final = ("/bin/sh", "-c", 'out=$1; shift; exec "$@" > "$out"', "sh")
 
@@ -88,8 +89,7 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         if order.steps is not None:
             (output / _STEPS).write_text(order.steps, encoding="utf-8")
         _open_session(order, home, output, str(sandbox.seen("output")))
-        chosen = about.continue_command if order.continues else ()
-        command = [word.format_map(words) for word in chosen or about.command]
+        command = command_of(order.card, words, order.model, continues=order.continues)
         program = shutil.which(command[0]) or command[0]
         shown = [server_folder(), PLAYER.parent, *_installed(program)]
         kept = str(sandbox.seen("output") / _STDOUT)
@@ -98,6 +98,20 @@ def run_agent(order: Order, stop: Stop) -> Ending:
             ending = sandbox.wait()
         copy_regular(output / output_name(order.card), order.unfinished.transcripts()[-1])
     return ending
+
+
+def command_of(
+    card: AgentCard, words: Mapping[str, str], model: str | None, *, continues: bool
+) -> list[str]:
+    """The command of a card with its placeholders replaced, and the words that name the model."""
+    about = card.about
+    found: list[str] = []
+    for word in (about.continue_command if continues else ()) or about.command:
+        if word != MODEL_ARGUMENTS:
+            found.append(word.format_map(words))
+        elif model is not None:
+            found += [text.format_map({"model": model}) for text in about.model_arguments]
+    return found
 
 
 def output_name(card: AgentCard) -> str:
@@ -134,13 +148,9 @@ def _words(order: Order, home: str, output: str) -> dict[str, str]:
 
 
 def _given(order: Order, caller: Mapping[str, str] | None = None) -> dict[str, str]:
-    """The caller's variables that the card names, and the model's."""
+    """The caller's variables that the card names."""
     caller = os.environ if caller is None else caller
-    about = order.card.about
-    given = {name: caller[name] for name in about.needs.variables if name in caller}
-    if order.model is not None and about.model_variable is not None:
-        given[about.model_variable] = order.model
-    return given
+    return {name: caller[name] for name in order.card.about.needs.variables if name in caller}
 
 
 def _installed(program: str) -> list[Path]:

@@ -17,6 +17,9 @@ from legoworld.records.agents import McpFormat
 PLAYER: Final = Path(__file__).with_name("blender_mcp") / "play.py"
 RELAY: Final = PLAYER.with_name("relay.py")
 _PROGRAM: Final = "mcp-for-blender"
+#: Codex gives a server 10 s to start and a call 60 s, OpenCode 5 s to both: a render takes longer.
+_CALL_S: Final = 180
+_START_S: Final = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +116,7 @@ def write_configuration(path: Path, kind: McpFormat, servers: Sequence[McpServer
                 "command": [s.command, *s.arguments],
                 "environment": s.variables,
                 "enabled": True,
+                "timeout": 1000 * _CALL_S,
             }
             for s in servers
         }
@@ -128,6 +132,7 @@ def write_configuration(path: Path, kind: McpFormat, servers: Sequence[McpServer
 
 def _codex(server: McpServer) -> str:
     text = f"[mcp_servers.{server.name}]\ncommand = {json.dumps(server.command)}\n"
-    text += f"args = {json.dumps(list(server.arguments))}\ntool_timeout_sec = 180\n\n"
+    text += f"args = {json.dumps(list(server.arguments))}\nstartup_timeout_sec = {_START_S}\n"
+    text += f"tool_timeout_sec = {_CALL_S}\n\n"
     text += f"[mcp_servers.{server.name}.env]\n"
     return text + "".join(f"{k} = {json.dumps(v)}\n" for k, v in server.variables.items())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from legoworld.agents.agent_cards import agent_problems, agent_version, load_agent
+from legoworld.agents.prices import read_prices
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import commission
@@ -24,6 +25,7 @@ def plan_run(
     memory_bytes: int,
     sandbox: Confinement,
     plugin: PluginOptions | None = None,
+    prices: Path | None = None,
 ) -> TrialPlan:
     """The plan of a run. UsageError for an agent that cannot run here, and what it lacks."""
     card = load_agent(agent)
@@ -41,6 +43,12 @@ def plan_run(
             expected="DIR/<scene>/scene.py for each image" if programs is None else "nothing",
         )
     about = card.about
+    if model is not None and not about.model_arguments:
+        raise UsageError(
+            f"the agent {card.name} takes no --model",
+            found=model,
+            expected="none, or an agent whose card has model_arguments",
+        )
     work = commission(track, photos, task, plugin.modules if plugin else ())
     return TrialPlan(
         card=card,
@@ -55,5 +63,6 @@ def plan_run(
         blender_held=protections(sandbox, network=about.blender_network),
         programs=None if programs is None else programs.resolve(),
         model=model,
+        prices=read_prices(prices),
         plugin=plan_plugin(plugin, work.track.vocabulary) if plugin else None,
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from legoworld.agents.agent_cards import AgentCard
+from legoworld.agents.prices import PriceCard
 from legoworld.agents.trial_plugin import PluginPlan
 from legoworld.agents.workspaces import Commission
 from legoworld.workers.sandbox import Protections, SandboxLimits
@@ -17,7 +18,7 @@ class TrialPlan:
 
     limits: of a trial's Blender and of its agent each; agent_held, blender_held: their sandboxes;
     programs: the folder `program` finds its programs in, else None; model: None for the agent's
-    own; plugin: None for trials without it.
+    own; prices: what tokens cost; plugin: None for trials without it.
     """
 
     card: AgentCard
@@ -28,4 +29,5 @@ class TrialPlan:
     blender_held: Protections
     programs: Path | None
     model: str | None
+    prices: PriceCard
     plugin: PluginPlan | None = None

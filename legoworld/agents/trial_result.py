@@ -9,6 +9,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld import __version__
+from legoworld.agents.prices import used, with_cost
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PLUGIN, calls_of
 from legoworld.conventions import SCHEMA_VERSION
@@ -23,7 +24,6 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import PROVENANCE, SceneFolder
 from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, TRIAL
-from legoworld.trajectories.transcripts import usage_of
 
 _SAID_AT_END: Final = 200
 
@@ -46,9 +46,9 @@ def write_result(
     """Write the files that say how a scene folder came to be; frozen last."""
     result = _result(plan, image, outcome)
     if plan.plugin is not None:
-        used = calls_of(made / TRIAL / PLUGIN)
-        result = replace(result, plugin=plan.plugin.used, plugin_calls=used)
-    write_text(made / TRAJECTORY, readable(outcome.trajectory))
+        calls = calls_of(made / TRIAL / PLUGIN)
+        result = replace(result, plugin=plan.plugin.used, plugin_calls=calls)
+    write_text(made / TRAJECTORY, readable(with_cost(outcome.trajectory, result.usage)))
     write_text(made / PROVENANCE, readable(_provenance(plan, result)))
     write_text(made / RECONSTRUCTION, readable(result))
     if result.finalisation.source != "none":
@@ -59,6 +59,7 @@ def write_result(
 def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> ReconstructionFile:
     ended, record, trajectory = outcome.ended, outcome.record, outcome.trajectory
     status, reason = _status(outcome)
+    model = _model(trajectory) or plan.model
     calls = [call for call in record.calls if call.by == "agent"]
     return ReconstructionFile(
         schema_version=SCHEMA_VERSION,
@@ -69,7 +70,7 @@ def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> Recons
         agent=plan.card.name,
         agent_version=plan.agent_version,
         card_sha256=plan.card.sha256,
-        model=plan.model or _model(trajectory),
+        model=model,
         prompt_sha256=plan.work.prompt_sha256,
         status=status,
         reason=reason,
@@ -81,7 +82,7 @@ def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> Recons
         calls=len(calls),
         failed_calls=sum(call.status != "success" for call in calls),
         checkpoints=len(record.checkpoints),
-        usage=usage_of(trajectory),
+        usage=used(trajectory, model, plan.prices),
         finalisation=outcome.finalised,
         agent_sandbox=plan.agent_held.record(),
         blender_sandbox=plan.blender_held.record(),

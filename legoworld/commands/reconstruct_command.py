@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 @click.option("--task", help="What the agent is told to build for [default: the track's].")
 @click.option("--programs", type=options.EXISTING_FOLDER, help="Programs that `program` plays.")
 @click.option("--model", help="The agent's model [default: the agent's own].")
+@click.option("--prices", type=options.EXISTING_FILE,
+              help="A price card (.toml) [default: the one that is shipped].")  # fmt: skip
 @click.option("--limit", type=click.IntRange(min=1), help="Only the first N images.")
 @click.option("--repeat", default=1, show_default=True, type=click.IntRange(min=1),
               help="Independent runs; above 1 each has a folder run_K.")  # fmt: skip
@@ -52,6 +54,7 @@ def command(
     task: str | None,
     programs: Path | None,
     model: str | None,
+    prices: Path | None,
     limit: int | None,
     repeat: int,
     workers: int,
@@ -89,7 +92,7 @@ def command(
     plan = plan_run(
         track, photos=photos, agent=agent, task=task, programs=programs, model=model,
         time_limit_s=time_limit, memory_bytes=int(memory_limit * 2**30), sandbox=sandbox,
-        plugin=_plugin(plugin, without, regions, depth),
+        plugin=_plugin(plugin, without, regions, depth), prices=prices,
     )  # fmt: skip
     notice = options.notifier(quiet)
     for held, who in ((plan.agent_held, plan.card.name), (plan.blender_held, "Blender")):
@@ -97,18 +100,21 @@ def command(
             notice(f"not kept from {who}: {', '.join(held.does_not_hold)}")
     images = plan.work.track.images[:limit]
     done = tokens = total = 0
+    dollars = 0.0
 
     def count(trials: int) -> None:
         nonlocal total
         total = trials
 
     def told(row: TrialRow) -> None:
-        nonlocal done, tokens
+        nonlocal done, tokens, dollars
         done += 1
         tokens += row.usage.completion_tokens or 0
+        dollars += row.usage.cost_usd or 0.0
         said = "" if row.status == "ok" else f": {row.status}: {row.reason}"
         kept = "kept" if row.kept else f"{row.seconds:.0f} s"
         spent = f", {tokens:,} output tokens in all" if tokens else ""
+        spent += f", ${dollars:.2f}" if dollars else ""
         notice(f"{done}/{total} {row.scene} ({kept}, {row.checkpoints} checkpoints{spent}){said}")
 
     rows = reconstruct(

@@ -49,7 +49,9 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     {transcript}, {mcp_python} and {player} replaced; version_command: prints the agent's version;
     network: whether the agent's own process has one; blender_network: whether the code in Blender
     has; run: whether it was ever run here; checked: against what its flags were checked; variables:
-    set in its environment, with the same placeholders.
+    set in its environment, with the same placeholders; model_arguments: the words, with {model},
+    that stand for the word {model_arguments} of a command when a model is asked for, without which
+    none can be.
 
     resume: what becomes of a trial that legoworld was killed in; continue_command: what continues
     it, without one `command`; session_folders: below the agent's home, where it keeps what it
@@ -66,7 +68,7 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     version_command: tuple[str, ...] = ()
     network: bool
     blender_network: bool = False
-    model_variable: str | None = None
+    model_arguments: tuple[str, ...] = ()
     resume: Literal["restart", "continue"] = "restart"
     continue_command: tuple[str, ...] = ()
     session_folders: tuple[str, ...] = ()
@@ -91,12 +93,16 @@ class RecordedStep(Record, frozen=True, kw_only=True):
 
 
 class Usage(Record, frozen=True, kw_only=True):
-    """What a transcript says was used; null where it does not say."""
+    """What a transcript says was used; null where it does not say.
+
+    cost_source: "transcript", or the price card that the cost is by; null without a cost.
+    """
 
     prompt_tokens: int | None = None
     completion_tokens: int | None = None
     cached_tokens: int | None = None
     cost_usd: float | None = None
+    cost_source: str | None = None
 
 
 Outcome = Literal["ok", "no_scene", "agent_failed", "no_photo", "failed"]

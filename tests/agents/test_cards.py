@@ -7,22 +7,24 @@ import string
 import tomllib
 
 import pytest
-from agents.tracks import server_or_skip
+from agents.tracks import make_track, server_or_skip
 
 from legoworld import cli
 from legoworld.agents.agent_cards import agent_cards, agent_problems, load_agent, read_agent_card
+from legoworld.agents.agent_process import command_of
 from legoworld.agents.mcp_server import (
     RELAY,
     blender_server,
     plugin_relay,
     write_configuration,
 )
+from legoworld.agents.run_plan import plan_run
 from legoworld.errors import CatalogError, UsageError
 
 CARDS = agent_cards()
 PLACEHOLDERS = {
-    "home", "image", "image_name", "mcp_config", "mcp_python", "player", "prompt", "prompt_file",
-    "steps", "transcript", "workspace",
+    "home", "image", "image_name", "mcp_config", "mcp_python", "model_arguments", "player",
+    "prompt", "prompt_file", "steps", "transcript", "workspace",
 }  # fmt: skip
 
 
@@ -45,9 +47,38 @@ def test_what_is_lacking_is_said_with_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     said = " ".join(agent_problems(load_agent("codex"), {}))
     assert "npm install -g @openai/codex" in said
-    assert "OPENAI_API_KEY" in said
+    assert "CODEX_API_KEY" in said
     assert "~/.codex/auth.json" in said
     assert "no login" not in " ".join(agent_problems(load_agent("codex"), {"CODEX_API_KEY": "x"}))
+
+
+@pytest.mark.parametrize("card", CARDS, ids=lambda c: c.name)
+def test_a_model_is_named_where_the_card_has_words_for_it(card):
+    words = {name: f"<{name}>" for name in PLACEHOLDERS}
+    plain = command_of(card, words, None, continues=False)
+    named = command_of(card, words, "m-1", continues=True)
+    assert not any("model" in word for word in plain)
+    added = len(card.about.model_arguments)
+    assert [word for word in named if word not in plain] == ["--model", "m-1"][:added]
+    assert ("{model_arguments}" in card.about.command) is bool(added)
+
+
+def test_a_model_is_refused_where_the_agent_takes_none(tmp_path):
+    server_or_skip()
+    make_track(tmp_path, ["room"])
+    (tmp_path / "programs").mkdir()
+    with pytest.raises(UsageError, match="takes no --model"):
+        plan_run(
+            tmp_path / "track.json", photos=tmp_path / "photos", agent="program", task=None,
+            programs=tmp_path / "programs", model="m-1", time_limit_s=None,
+            memory_bytes=1 << 30, sandbox="auto",
+        )  # fmt: skip
+
+
+def test_opencode_gets_its_prompt_before_its_files():
+    """Its --file takes every word that follows."""
+    command = load_agent("opencode").about.command
+    assert command.index("{prompt}") < command.index("--file") == len(command) - 2
 
 
 def test_a_card_that_lacks_something_is_refused_with_its_name(tmp_path):
