@@ -14,7 +14,10 @@ import pytest
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 #: WebGL by software, so that the scene in 3D is drawn on a machine without a GPU, too.
-_ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+_ARGUMENTS = [
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",  # a container's may be too small
+]  # fmt: skip
 _PATIENCE_MS = 300_000
 
 
@@ -92,7 +95,9 @@ def browser(**options: Any) -> Iterator[Browser]:
         "playwright.sync_api", reason="Playwright is not installed: pip install playwright"
     )
     with sync_api.sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=chromium_path(), args=_ARGUMENTS)
+        chromium = playwright.chromium.launch(
+            executable_path=chromium_path(), args=_ARGUMENTS, timeout=_PATIENCE_MS
+        )
         try:
             yield Browser(chromium.new_context(**options))
         finally:
