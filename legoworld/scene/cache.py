@@ -101,6 +101,7 @@ _SHARED: Final = (
     "scene/hair/spheres.py",
     "scene/hair/strands.py",
     "scene/hair/tubes.py",
+    "workers/child_process.py",
     "workers/environment.py",
 )
 
