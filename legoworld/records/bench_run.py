@@ -100,8 +100,9 @@ class RenderFile(WrittenFile, frozen=True, kw_only=True):
 
 
 class ImageTexture(Record, frozen=True, kw_only=True):
-    """An image that the scene holds. path: as the .blend has it, without folders where absolute.
+    """An image that the scene holds.
 
+    path: as the .blend has it; its last part alone where it leads out of the scene folder;
     thumbnail: its index in the surface file's `textures`, null where its pixels cannot be read;
     users: what shows it.
     """

@@ -9,8 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-
-from tests.bench.stage import PROGRAM, picture
+from bench.stage import PROGRAM, picture
 
 TRACK = {
     "info": {

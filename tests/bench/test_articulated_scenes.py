@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+from bench.stage import PROGRAM, picture
 
 from legoworld import cli
 from legoworld.records.articulation import Articulation
@@ -15,7 +16,6 @@ from legoworld.records.bench_dataset import BenchTruthFile
 from legoworld.records.bench_run import BenchRow
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
-from tests.bench.stage import PROGRAM, picture
 
 #: The door hangs from an empty at its left edge, 30 degrees about the vertical and half its size.
 SCENES = (

@@ -15,6 +15,15 @@ struct LwGrid {
     int32_t labels;  // points are compared within a label; label -1 takes no part
 };
 
+// One surface: planar z at each pixel, no point where it is not finite and positive; the label of
+// each pixel; and a rigid motion (3 rows of 4) that its points go through, null for none.
+struct LwSurface {
+    LwGrid grid;
+    const float *depth;
+    const int32_t *label;
+    const double *motion;
+};
+
 namespace nearest {
 
 constexpr int kTile = 8, kNode = 8;  // pixels of a tile's side, tiles of a node's side
@@ -26,6 +35,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct Point {
     double x, y, z;
+    float depth;    // before the motion: where it jumps is another surface
     int32_t index;  // row * width + column
 };
 
@@ -69,6 +79,7 @@ struct Cloud {
     std::vector<Node> nodes;          // by label
     std::vector<int32_t> node_start;  // (labels + 1,)
     std::vector<int32_t> place;       // (height * width,) of a pixel's point, -1 for none
+    const int32_t *label;             // (height * width,) the surface's own
     Boxes boxes;                      // of leaves
     std::vector<Bounds> chunks;       // of every kChunk points of a leaf, in its box's frame
 
@@ -79,8 +90,10 @@ inline int tiles_across(int pixels) { return (pixels + kTile - 1) / kTile; }
 
 class Builder {
 public:
-    Builder(const LwGrid &grid, const float *depth, const int32_t *label)
-        : grid_(grid), depth_(depth), label_(label) {
+    explicit Builder(const LwSurface &surface)
+        : grid_(surface.grid), depth_(surface.depth), label_(surface.label),
+          motion_(surface.motion) {
+        const LwGrid &grid = surface.grid;
         ray_x_.resize(grid.width);
         ray_y_.resize(grid.height);
         for (int c = 0; c < grid.width; ++c) ray_x_[c] = (c + 0.5 - grid.cx) / grid.fx;
@@ -110,6 +123,7 @@ private:
         for (auto *values : {&cloud_.x, &cloud_.y, &cloud_.z}) values->resize(pixels);
         cloud_.index.resize(pixels);
         cloud_.place.assign(pixels, -1);
+        cloud_.label = label_;
     }
 
     static int even_bits(int k) { return (k & 1) | (k >> 1 & 2) | (k >> 2 & 4); }
@@ -145,21 +159,27 @@ private:
         float depth = depth_[index];
         int32_t label = label_[index];
         if (label < 0 || !(depth > 0.0f) || depth > std::numeric_limits<float>::max()) return;
-        double z = depth;
-        points_.push_back({ray_x_[column] * z, ray_y_[row] * z, z, index});
+        double z = depth, x = ray_x_[column] * z, y = ray_y_[row] * z;
+        if (motion_ != nullptr) {
+            const double *m = motion_;
+            double moved[3];
+            for (int d = 0; d < 3; ++d, m += 4) moved[d] = m[0] * x + m[1] * y + m[2] * z + m[3];
+            x = moved[0], y = moved[1], z = moved[2];
+        }
+        points_.push_back({x, y, z, depth, index});
         labels_.push_back(label);
     }
 
     void add_surfaces(int32_t label, int node) {
         double low = kInfinity, high = 0.0;
         for (const Point &p : one_) {
-            low = p.z < low ? p.z : low;
-            high = p.z > high ? p.z : high;
+            low = p.depth < low ? p.depth : low;
+            high = p.depth > high ? p.depth : high;
         }
         double from = 0.0;
         if (high > low * kJump) {
             sorted_.clear();
-            for (const Point &p : one_) sorted_.push_back(p.z);
+            for (const Point &p : one_) sorted_.push_back(p.depth);
             std::sort(sorted_.begin(), sorted_.end());
             for (std::size_t k = 1; k < sorted_.size(); ++k)
                 if (sorted_[k] > sorted_[k - 1] * kJump) {
@@ -173,14 +193,14 @@ private:
     void add_leaf(int32_t label, int node, double from, double to) {
         auto begin = static_cast<int32_t>(count_);
         for (const Point &p : one_) {
-            if (p.z < from || p.z >= to) continue;
+            if (p.depth < from || p.depth >= to) continue;
             cloud_.place[p.index] = static_cast<int32_t>(count_);
             cloud_.x[count_] = p.x;
             cloud_.y[count_] = p.y;
             cloud_.z[count_] = p.z;
             cloud_.index[count_++] = p.index;
         }
-                auto end = static_cast<int32_t>(count_);
+        auto end = static_cast<int32_t>(count_);
         cloud_.leaves.push_back({label, node, begin, end, chunks_});
         chunks_ += (end - begin + kChunk - 1) / kChunk;
     }
@@ -218,7 +238,7 @@ private:
         axis[1][2] = -n[1] * axis[0][0];
         double centre[3] = {0.0, 0.0, 0.0}, size = 0.0;
         for (int32_t p = leaf.begin; p < leaf.end; ++p) {
-            double most = cloud_.z[p] + std::abs(cloud_.x[p]) + std::abs(cloud_.y[p]);
+            double most = std::abs(cloud_.z[p]) + std::abs(cloud_.x[p]) + std::abs(cloud_.y[p]);
             size = most > size ? most : size;
         }
         for (int a = 0; a < 3; ++a) {
@@ -313,6 +333,7 @@ private:
     const LwGrid &grid_;
     const float *depth_;
     const int32_t *label_;
+    const double *motion_;
     std::vector<double> ray_x_, ray_y_, sorted_;
     std::size_t count_ = 0;
     int32_t chunks_ = 0;

@@ -8,6 +8,8 @@ constexpr int kGroup = kTile * kTile, kVectors = kGroup / kLanes;  // queries th
 // Squared distances of a bound and of a point differ by rounding, far less than this.
 constexpr double kLooser = 1.0 + 1e-9;
 
+constexpr int64_t kNone = INT64_MAX;
+
 static inline bool any(Vm mask) {
 #if defined(__x86_64__) && LW_LANES == 2
     return _mm_movemask_pd((__m128d)mask) != 0;
@@ -52,9 +54,9 @@ struct Group {
 // the leaves about w, however far away all of them are.
 class Search {
 public:
-    Search(const LwGrid &grid, const Cloud &queries, const Cloud &targets, double *squared,
+    Search(const Cloud &queries, const Cloud &targets, Reach reach, double *squared,
            int32_t *index)
-        : grid_(grid), queries_(queries), targets_(targets), squared_(squared), index_(index) {
+        : queries_(queries), targets_(targets), reach_(reach), squared_(squared), index_(index) {
         std::size_t n = targets.leaves.size();
         bound_.resize(n);
         excess_.resize(n);
@@ -76,6 +78,7 @@ private:
     void answer(int32_t label, int32_t begin, int32_t end) {
         take(begin, end);
         seed(label, begin, end);
+        if (group_.worst() == 0.0) return give(begin, end);  // no two pixels share a point
         choose();
         int32_t n = gather(label), first = 0;
         if (!n) return give(begin, end);
@@ -119,20 +122,24 @@ private:
         }
         group_.radius = across > 0.0 ? 0.5 * std::sqrt(across) * kLooser + kSlack * size : 0.0;
         for (int v = 0; v < kVectors; ++v) {
-            group_.best[v] = Vd{} + kInfinity;
-            group_.index[v] = Vm{} + INT64_MAX;
+            // Nothing beyond reach is an answer; rounding must not make anything within it one.
+            Vd most = group_.z[v] * reach_.of_z;
+            most = most > reach_.least ? most : Vd{} + reach_.least;
+            group_.best[v] = most * most * kLooser;
+            group_.index[v] = Vm{} + kNone;
         }
     }
 
     void give(int32_t begin, int32_t end) const {
         for (int k = 0; k < end - begin; ++k) {
+            if (group_.index[k / kLanes][k % kLanes] == kNone) continue;
             int32_t at = queries_.index[begin + k];
             squared_[at] = group_.best[k / kLanes][k % kLanes];
             index_[at] = static_cast<int32_t>(group_.index[k / kLanes][k % kLanes]);
         }
     }
 
-    // The target at each query's own pixel, and the one that was near the group before.
+    // The target at each query's own pixel where it is of its label, and the one that was near the group before.
     void seed(int32_t label, int32_t begin, int32_t end) {
         if (near_ < 0) near_ = targets_.leaves[targets_.nodes[targets_.node_start[label]].begin].begin;
         for (int v = 0; v < kVectors; ++v) {
@@ -141,8 +148,8 @@ private:
             Vm index{};
             for (int lane = 0; lane < kLanes; ++lane) {
                 int32_t p = std::min(begin + v * kLanes + lane, end - 1);
-                int32_t own = targets_.place[queries_.index[p]];
-                int32_t target = own < 0 ? near_ : own;
+                int32_t pixel = queries_.index[p], own = targets_.place[pixel];
+                int32_t target = own < 0 || targets_.label[pixel] != label ? near_ : own;
                 x[lane] = targets_.x[target];
                 y[lane] = targets_.y[target];
                 z[lane] = targets_.z[target];
@@ -169,14 +176,20 @@ private:
                        Vm{} + targets_.index[p]);
     }
 
-    // Of the answers so far the one nearest to the middle.
+    double from_middle(int32_t p) const {
+        double x = targets_.x[p] - group_.middle[0], y = targets_.y[p] - group_.middle[1],
+               z = targets_.z[p] - group_.middle[2];
+        return x * x + y * y + z * z;
+    }
+
+    // Of the answers so far the one nearest to the middle; the target before where there is none.
     void choose() {
-        near_squared_ = kInfinity;
+        near_squared_ = from_middle(near_);
         for (int k = 0; k < kGroup; ++k) {
-            int32_t p = targets_.place[group_.index[k / kLanes][k % kLanes]];
-            double x = targets_.x[p] - group_.middle[0], y = targets_.y[p] - group_.middle[1],
-                   z = targets_.z[p] - group_.middle[2];
-            double squared = x * x + y * y + z * z;
+            int64_t index = group_.index[k / kLanes][k % kLanes];
+            if (index == kNone) continue;
+            int32_t p = targets_.place[index];
+            double squared = from_middle(p);
             if (squared < near_squared_) {
                 near_squared_ = squared;
                 near_ = p;
@@ -293,8 +306,8 @@ private:
         return nearer;
     }
 
-    const LwGrid &grid_;
     const Cloud &queries_, &targets_;
+    const Reach reach_;
     double *squared_;
     int32_t *index_;
     std::vector<double> bound_, excess_;

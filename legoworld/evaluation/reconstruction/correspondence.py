@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from legoworld.evaluation.reconstruction.nearest import Nearest, nearest_both_ways
+from legoworld.evaluation.reconstruction.nearest import (
+    ANYWHERE,
+    GridSurface,
+    Reach,
+    nearest_between,
+)
 from legoworld.evaluation.reconstruction.points import F64, Depth, Labels, Raster, finite_points
 
 
@@ -19,7 +24,7 @@ class Correspondence:
     reference_label, submitted_label: (N,) and (M,) position of the point's object;
     reference_z_m: (N,) planar z of reference points; nearest_z_m: (M,) that of the reference point
     nearest to each submitted one; distances are +inf where the other cloud has no point of the
-    object (nearest_z_m is then 1).
+    object, or none within reach (nearest_z_m is then 1).
     """
 
     reference_label: Labels
@@ -31,25 +36,36 @@ class Correspondence:
 
 
 def on_one_raster(
-    reference_z_m: Depth, submitted_z_m: Depth, label: Labels, raster: Raster
+    reference_z_m: Depth,
+    submitted_z_m: Depth,
+    label: Labels,
+    raster: Raster,
+    *,
+    reach: Reach = ANYWHERE,
 ) -> Correspondence:
     """Of two depths on one raster. label: (H, W) object of each pixel, -1 for none."""
-    ref, sub = nearest_both_ways(reference_z_m, submitted_z_m, label, raster)
-    return _joined(reference_z_m, submitted_z_m, label, ref, sub)
+    reference, submitted = (
+        GridSurface(depth_z_m=depth, label=label, raster=raster)
+        for depth in (reference_z_m, submitted_z_m)
+    )
+    return on_two_rasters(reference, submitted, reach=reach)
 
 
-def _joined(
-    reference_z_m: Depth, submitted_z_m: Depth, label: Labels, ref: Nearest, sub: Nearest
+def on_two_rasters(
+    reference: GridSurface, submitted: GridSurface, *, reach: Reach = ANYWHERE
 ) -> Correspondence:
-    g = finite_points(reference_z_m) & (label >= 0)
-    q = finite_points(submitted_z_m) & (label >= 0)
+    """Of two surfaces whose rasters are of one size; distances beyond reach are +inf."""
+    ref, sub = nearest_between(reference, submitted, reach=reach)
+    g = finite_points(reference.depth_z_m) & (reference.label >= 0)
+    q = finite_points(submitted.depth_z_m) & (submitted.label >= 0)
     place = sub.index[q]
-    nearest_z = np.where(place >= 0, reference_z_m.ravel()[np.maximum(place, 0)], 1.0)
+    z_m = reference.depth_z_m.ravel()
+    nearest_z = np.where(place >= 0, z_m[np.maximum(place, 0)], 1.0)
     return Correspondence(
-        reference_label=label[g],
-        reference_z_m=reference_z_m[g].astype(np.float64),
+        reference_label=reference.label[g],
+        reference_z_m=reference.depth_z_m[g].astype(np.float64),
         reference_distance_m=np.sqrt(ref.squared_m2[g]),
-        submitted_label=label[q],
+        submitted_label=submitted.label[q],
         submitted_distance_m=np.sqrt(sub.squared_m2[q]),
         nearest_z_m=nearest_z.astype(np.float64),
     )

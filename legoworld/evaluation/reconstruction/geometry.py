@@ -13,6 +13,7 @@ from legoworld.evaluation.reconstruction.correspondence import (
     Correspondence,
     of_clouds,
     on_one_raster,
+    on_two_rasters,
 )
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.diagnostics import (
@@ -20,9 +21,11 @@ from legoworld.evaluation.reconstruction.diagnostics import (
     precision_recall,
     voxel_iou,
 )
-from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
+from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, reach_of, scores
+from legoworld.evaluation.reconstruction.nearest import GridSurface, Reach
 from legoworld.evaluation.reconstruction.points import (
     Depth,
+    Flags,
     finite_points,
     pixel_of_points,
     points_m,
@@ -57,19 +60,22 @@ def geometry_score(
 ) -> GeometryScore:
     """R of one submission. A case of which no object has a reference point has R = 0."""
     if choices.sampling == RASTER:
+        reach = reach_of((protocol.headline, *protocol.others))
         pairs = on_one_raster(
-            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster
+            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster, reach=reach
         )
     else:
         pairs = _other_sampling(folders, case, reference, surface, protocol, choices.sampling)
     objects = len(case.truth.scored)
     main = scores(pairs, objects, protocol.headline)
     others = {t.name: scores(pairs, objects, t) for t in protocol.others}
+    r = mean_f1(main) or 0.0
     diagnostics, registration = None, None
     if choices.diagnostics:
-        diagnostics, registration = _diagnostics(reference, surface, protocol, objects)
+        own = r if choices.sampling == RASTER else None
+        diagnostics, registration = _diagnostics(reference, surface, protocol, objects, own)
     return GeometryScore(
-        r=mean_f1(main) or 0.0,
+        r=r,
         r_at={name: mean_f1(found) or 0.0 for name, found in others.items()},
         objects=tuple(_object_rows(case, main, others)),
         diagnostics=diagnostics,
@@ -112,22 +118,23 @@ def _other_sampling(
 
 
 def _diagnostics(
-    reference: Reference, surface: Surface, protocol: BenchProtocol, objects: int
+    reference: Reference,
+    surface: Surface,
+    protocol: BenchProtocol,
+    objects: int,
+    r: float | None,
 ) -> tuple[Diagnostics, Registration | None]:
+    """r: R on the raster where it is known, which own intrinsics that are the reference's give."""
     depth, raster = surface.depth_z_m, reference.raster
     g, q = finite_points(reference.depth_z_m), finite_points(depth)
     ours, theirs = points_m(reference.depth_z_m, raster)[g], points_m(depth, raster)[q]
     union = np.where(reference.label >= 0, 0, -1).astype(np.int32)
     everything = np.zeros_like(union)
     visible = on_one_raster(reference.depth_z_m, depth, everything, raster)
-    of_objects = on_one_raster(reference.depth_z_m, depth, union, raster)
+    reach = reach_of((protocol.headline,))
+    of_objects = on_one_raster(reference.depth_z_m, depth, union, raster, reach=reach)
     motion = aligned.trimmed_icp(ours, theirs)
-    rigid = None
-    if motion is not None:
-        moved = motion.moved(theirs)
-        pixel = pixel_of_points(moved, raster)
-        label = np.where(pixel >= 0, reference.label.ravel()[np.maximum(pixel, 0)], -1)
-        rigid = of_clouds(ours, reference.label[g], moved, label.astype(np.int32))
+    rigid = _moved(reference, surface, q, motion, reach) if motion is not None else None
     median_m = float(np.median(reference.depth_z_m[g])) if g.any() else None
     scale = aligned.median_scaled(reference.depth_z_m, depth, g & q)
     shift = aligned.disparity_fitted(reference.depth_z_m, depth, g & q)
@@ -145,24 +152,50 @@ def _diagnostics(
         R_median_scale=_r_of_depth(reference, scale, protocol, objects),
         R_disparity_scale_shift=_r_of_depth(reference, shift, protocol, objects),
         R_rigid=_r(rigid, protocol, objects) if rigid is not None else None,
-        R_own_intrinsics=_r(_own(reference, surface), protocol, objects),
+        R_own_intrinsics=_r_own(reference, surface, protocol, objects, r),
     )
     return found, motion.registration if motion else None
 
 
-def _own(reference: Reference, surface: Surface) -> Correspondence:
-    """The surface as the submission's own camera sees it: its own rays and its own pixels."""
-    if surface.own_depth_z_m is None or surface.own_raster is None:
-        return on_one_raster(
-            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster
-        )
-    g, q = finite_points(reference.depth_z_m), finite_points(surface.own_depth_z_m)
-    return of_clouds(
-        points_m(reference.depth_z_m, reference.raster)[g],
-        reference.label[g],
-        points_m(surface.own_depth_z_m, surface.own_raster)[q],
-        reference.label[q],
+def _moved(
+    reference: Reference, surface: Surface, q: Flags, motion: aligned.Motion, reach: Reach
+) -> Correspondence:
+    """The submitted points after a motion, each in the mask of the pixel it then projects to."""
+    raster = reference.raster
+    pixel = pixel_of_points(motion.moved(points_m(surface.depth_z_m, raster)[q]), raster)
+    label = np.full(q.shape, -1, np.int32)
+    label[q] = np.where(pixel >= 0, reference.label.ravel()[np.maximum(pixel, 0)], -1)
+    rows = np.column_stack([motion.rotation, motion.translation_m])
+    return on_two_rasters(
+        _grid(reference),
+        GridSurface(depth_z_m=surface.depth_z_m, label=label, raster=raster, motion=rows),
+        reach=reach,
     )
+
+
+def _grid(reference: Reference) -> GridSurface:
+    return GridSurface(
+        depth_z_m=reference.depth_z_m, label=reference.label, raster=reference.raster
+    )
+
+
+def _r_own(
+    reference: Reference,
+    surface: Surface,
+    protocol: BenchProtocol,
+    objects: int,
+    r: float | None,
+) -> float | None:
+    """R of the surface as the submission's own camera sees it: its own rays and its own pixels."""
+    if surface.own_depth_z_m is None or surface.own_raster is None:
+        if r is not None:
+            return r
+        return _r_of_depth(reference, surface.depth_z_m, protocol, objects)
+    own = GridSurface(
+        depth_z_m=surface.own_depth_z_m, label=reference.label, raster=surface.own_raster
+    )
+    pairs = on_two_rasters(_grid(reference), own, reach=reach_of((protocol.headline,)))
+    return _r(pairs, protocol, objects)
 
 
 def _r_of_depth(
@@ -170,7 +203,10 @@ def _r_of_depth(
 ) -> float | None:
     if depth_z_m is None:
         return None
-    pairs = on_one_raster(reference.depth_z_m, depth_z_m, reference.label, reference.raster)
+    reach = reach_of((protocol.headline,))
+    pairs = on_one_raster(
+        reference.depth_z_m, depth_z_m, reference.label, reference.raster, reach=reach
+    )
     return _r(pairs, protocol, objects)
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,46 @@ class _GridStruct(ctypes.Structure):
     ]
 
 
+class _SurfaceStruct(ctypes.Structure):
+    """LwSurface of nearest_cloud.hpp."""
+
+    _fields_: ClassVar = [
+        ("grid", _GridStruct),
+        ("depth", ctypes.c_void_p),
+        ("label", ctypes.c_void_p),
+        ("motion", ctypes.c_void_p),
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridSurface:
+    """A visible surface on a pixel grid, and where its points go.
+
+    depth_z_m: (H, W) float32, a point where finite and positive; label: (H, W) int32 from 0, -1
+    takes no part; motion: (3, 4) float64 rows of a rigid motion of its points, None for none.
+    """
+
+    depth_z_m: Depth
+    label: Labels
+    raster: Raster
+    motion: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """How far from a reference point an answer counts: the larger of two distances.
+
+    relative: a share of the point's planar depth, below 1; absolute_m: the same everywhere.
+    """
+
+    relative: float
+    absolute_m: float
+
+
+#: No limit.
+ANYWHERE: Final = Reach(relative=0.0, absolute_m=math.inf)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Nearest:
     """Each point's nearest point of the other surface, within its label.
@@ -40,32 +81,67 @@ class Nearest:
     index: NDArray[np.int32]
 
 
-def nearest_both_ways(
-    a_depth_z_m: Depth, b_depth_z_m: Depth, label: Labels, raster: Raster, *, plain: bool = False
+def nearest_between(
+    a: GridSurface, b: GridSurface, *, reach: Reach = ANYWHERE, plain: bool = False
 ) -> tuple[Nearest, Nearest]:
     """Of each point of a its nearest of b, and of each point of b its nearest of a.
 
-    a_depth_z_m, b_depth_z_m: (H, W) float32, a point where finite and positive; label: (H, W) int32
-    from 0, -1 takes no part. The answer is that of every pair in float64, bit for bit.
-    plain: without AVX2, for tests: the same answer.
+    The grids are of one size; a is the reference, whose depths decide how far `reach` goes: what
+    has no answer within it has none. Every answer is that of every pair in float64, bit for bit.
+    plain: without AVX2, for tests: the same answers.
     """
-    shape = raster.height, raster.width
-    assert a_depth_z_m.shape == b_depth_z_m.shape == label.shape == shape
-    depths = [np.ascontiguousarray(d, np.float32) for d in (a_depth_z_m, b_depth_z_m)]
-    labels = np.ascontiguousarray(label, np.int32)
-    grid = _GridStruct(
-        raster.fx, raster.fy, raster.cx, raster.cy, raster.width, raster.height,
-        max(int(labels.max(initial=-1)) + 1, 1),
-    )  # fmt: skip
+    shape = a.raster.height, a.raster.width
+    labels = max(int(max(a.label.max(initial=-1), b.label.max(initial=-1))) + 1, 1)
+    kept: list[NDArray[Any]] = []
+    structs = [_struct(one, labels, shape, kept) for one in (a, b)]
     found = [
         Nearest(squared_m2=np.full(shape, np.inf), index=np.full(shape, -1, np.int32))
         for _ in range(2)
     ]
-    a, b = found
     done = library().lw_nearest(
-        ctypes.byref(grid), pointer(labels), pointer(depths[0]), pointer(depths[1]),
-        ctypes.c_int32(plain), pointer(a.squared_m2), pointer(a.index), pointer(b.squared_m2),
-        pointer(b.index),
+        ctypes.byref(structs[0]), ctypes.byref(structs[1]),
+        ctypes.c_double(reach.relative), ctypes.c_double(reach.absolute_m), ctypes.c_int32(plain),
+        pointer(found[0].squared_m2), pointer(found[0].index),
+        pointer(found[1].squared_m2), pointer(found[1].index),
     )  # fmt: skip
     check(done)
-    return a, b
+    return found[0], found[1]
+
+
+def nearest_both_ways(
+    a_depth_z_m: Depth,
+    b_depth_z_m: Depth,
+    label: Labels,
+    raster: Raster,
+    *,
+    reach: Reach = ANYWHERE,
+    plain: bool = False,
+) -> tuple[Nearest, Nearest]:
+    """`nearest_between` two depths on one raster whose pixels have one label."""
+    a, b = (
+        GridSurface(depth_z_m=depth, label=label, raster=raster)
+        for depth in (a_depth_z_m, b_depth_z_m)
+    )
+    return nearest_between(a, b, reach=reach, plain=plain)
+
+
+def _struct(
+    surface: GridSurface, labels: int, shape: tuple[int, int], kept: list[NDArray[Any]]
+) -> _SurfaceStruct:
+    """The surface for C++, whose arrays live as long as `kept` does."""
+    raster = surface.raster
+    assert surface.depth_z_m.shape == surface.label.shape == shape == (raster.height, raster.width)
+    grid = _GridStruct(
+        raster.fx, raster.fy, raster.cx, raster.cy, raster.width, raster.height, labels
+    )
+    depth = np.ascontiguousarray(surface.depth_z_m, np.float32)
+    label = np.ascontiguousarray(surface.label, np.int32)
+    motion = None
+    if surface.motion is not None:
+        assert surface.motion.shape == (3, 4)
+        motion = np.ascontiguousarray(surface.motion, np.float64)
+        kept.append(motion)
+    kept += [depth, label]
+    return _SurfaceStruct(
+        grid, pointer(depth), pointer(label), None if motion is None else pointer(motion)
+    )

@@ -55,15 +55,16 @@ def _image(
     thumbnails: list[NDArray[np.uint8]],
     thumbnail_wh: tuple[int, int],
 ) -> dict[str, Any]:
-    path = str(image.filepath)
+    path = str(image.filepath).replace("\\", "/")
     absolute = bool(path) and not path.startswith("//")
+    outside = absolute or ".." in path.split("/")
     width, height = (int(side) for side in image.size)
     small = _thumbnail(image, thumbnail_wh) if 0 < width * height <= _MOST_PIXELS else None
     if small is not None:
         thumbnails.append(small)
     return {
         "name": image.name,
-        "path": Path(path.replace("\\", "/")).name if absolute else path.removeprefix("//"),
+        "path": Path(path).name if outside else path.removeprefix("//"),
         "size_wh": [width, height],
         "packed": image.packed_file is not None,
         "generated": image.source == "GENERATED",

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from evaluation.reconstruction.datasets import Submission, write_dataset, write_run
 from msgspec.structs import replace
 
 from legoworld.evaluation.reconstruction.articulation import (
@@ -22,7 +23,6 @@ from legoworld.records.base import UNSET, as_json, decode, decode_lines, readabl
 from legoworld.records.bench_dataset import BenchTruthFile
 from legoworld.records.bench_run import BenchRow
 from legoworld.records.reconstruction_rows import ReconstructionRow
-from tests.evaluation.reconstruction.datasets import Submission, write_dataset, write_run
 
 RULES = articulation_rules()
 ALL = Present(object=1.0, part=1.0)

@@ -9,8 +9,13 @@ from evaluation.reconstruction.datasets import scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from legoworld.evaluation.reconstruction.nearest import nearest_both_ways
-from legoworld.evaluation.reconstruction.points import Raster
+from legoworld.evaluation.reconstruction.nearest import (
+    GridSurface,
+    Reach,
+    nearest_between,
+    nearest_both_ways,
+)
+from legoworld.evaluation.reconstruction.points import Raster, points_m
 
 
 def raster_of(width, height, focal=0.9):
@@ -89,6 +94,71 @@ def test_any_raster_labels_and_depths(width, height, seed, labels, rounded, side
         np.round(a, rounded), np.round(b * random.uniform(0.5, 2), rounded),
         patches(a.shape, random, labels, side), raster,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SURFACES)
+@pytest.mark.parametrize(("relative", "absolute"), [(0.1, 0.1), (0.05, 0.0), (0.0, 0.2), (0.6, 0)])
+def test_within_reach_the_answers_are_the_same_and_beyond_there_is_none(kind, relative, absolute):
+    random = np.random.default_rng(len(kind))
+    raster = raster_of(61, 43)
+    a, _ = scene(raster, 5)
+    b = np.float32(SURFACES[kind](a, random))
+    reach = Reach(relative=relative, absolute_m=absolute)
+    for label in (np.zeros(a.shape, np.int32), patches(a.shape, random).astype(np.int32)):
+        whole = nearest_both_ways(a, b, label, raster)
+        for plain in (False, True):
+            found = nearest_both_ways(a, b, label, raster, reach=reach, plain=plain)
+            for side, (some, every) in enumerate(zip(found, whole, strict=True)):
+                kept = some.index >= 0
+                np.testing.assert_array_equal(some.squared_m2[kept], every.squared_m2[kept])
+                np.testing.assert_array_equal(some.index[kept], every.index[kept])
+                assert np.isinf(some.squared_m2[~kept]).all()
+                # Whatever a tolerance can make a hit is an answer.
+                known = every.index >= 0
+                z = a if side == 0 else np.where(known, a.ravel()[every.index], 0)
+                z = np.where(np.isfinite(z), z, 0).astype(np.float64)
+                tau = np.maximum(relative * z, absolute)
+                assert kept[known & (np.sqrt(every.squared_m2) <= tau)].all()
+
+
+@pytest.mark.parametrize("degrees", [0.0, 0.3, 7.0, 170.0])
+def test_moved_points_of_another_camera_are_brute_force_s_too(degrees):
+    """Labels and rays of their own, and a rigid motion, in the order that it is written in."""
+    random = np.random.default_rng(3)
+    raster, other = raster_of(37, 29), raster_of(37, 29, focal=1.3)
+    a, _ = scene(raster, 5)
+    b, _ = scene(other, 6)
+    angle = np.radians(degrees)
+    motion = np.array([
+        [np.cos(angle), 0.0, np.sin(angle), 0.1],
+        [0.0, 1.0, 0.0, -0.02],
+        [-np.sin(angle), 0.0, np.cos(angle), 0.3],
+    ])  # fmt: skip
+    labels = [patches(a.shape, random).astype(np.int32) for _ in range(2)]
+    still = points_m(a, raster).reshape(-1, 3)
+    x, y, z = points_m(b, other).reshape(-1, 3).T
+    with np.errstate(invalid="ignore"):  # where there is no point
+        moved = np.stack([m[0] * x + m[1] * y + m[2] * z + m[3] for m in motion], axis=-1)
+    one = GridSurface(depth_z_m=a, label=labels[0], raster=raster)
+    two = GridSurface(depth_z_m=b, label=labels[1], raster=other, motion=motion)
+    for plain in (False, True):
+        found = nearest_between(one, two, plain=plain)
+        for result, (p, lp, q, lq) in zip(
+            found,
+            ((still, labels[0], moved, labels[1]), (moved, labels[1], still, labels[0])),
+            strict=True,
+        ):
+            for place in np.flatnonzero((lp.ravel() >= 0) & np.isfinite(p).all(axis=1)):
+                targets = np.flatnonzero(
+                    (lq.ravel() == lp.ravel()[place]) & np.isfinite(q).all(axis=1)
+                )
+                if not len(targets):
+                    assert result.index.ravel()[place] == -1
+                    continue
+                d = p[place] - q[targets]
+                every = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2]
+                assert result.squared_m2.ravel()[place] == every.min()
+                assert result.index.ravel()[place] == targets[every.argmin()]
 
 
 def test_a_whole_scoring_raster_against_a_sample_of_brute_force():
