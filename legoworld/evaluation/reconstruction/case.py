@@ -212,17 +212,17 @@ def _flags(
     seen: tuple[Agreement, Appearance] | None,
     r: float,
 ) -> list[Flag]:
-    facts = task.row.integrity
+    facts, thresholds = task.row.integrity, task.protocol.flags
     flags: list[Flag] = []
     if facts is not UNSET:
         if picture is None and len(surface.textures):
             height, width = surface.textures.shape[1:3]
             picture = _reference_picture(task, (width, height))
-        flags += integrity.scene_flags(facts, surface.textures, picture)
+        flags += integrity.scene_flags(facts, surface.textures, picture, thresholds)
         if seen is not None and surface.plane is not None:
             hits = seen[0].hits(task.protocol.delta)
             rows = appearance.raster_pixel_of(hits.shape, surface.plane.shape)
-            flags += integrity.plane_flags(facts, surface.plane[rows], hits)
+            flags += integrity.plane_flags(facts, surface.plane[rows], hits, thresholds)
     if seen is not None:
-        flags += integrity.score_flags(r, seen[1].n_hits / seen[1].n_px)
+        flags += integrity.score_flags(r, seen[1].n_hits / seen[1].n_px, thresholds)
     return flags

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -13,20 +14,32 @@ from legoworld.evaluation.reconstruction.points import Flags
 from legoworld.records.bench_run import ImageTexture, Integrity
 from legoworld.records.reconstruction_rows import Flag, FlagKind
 
-#: Correlation of an image in the scene with the reference from which on it is flagged.
-PICTURE_CORRELATION: Final = 0.8
-#: Share of A's hits that lie on planes turned to the camera.
-PLANE_SHARE: Final = 0.25
-#: A from here on, with R below the next, is a picture without its geometry.
-HIGH_A: Final = 0.5
-LOW_R: Final = 0.1
-#: How far A may fall from a family's first view to another one.
-VIEW_DROP: Final = 0.3
+#: One of these is enough for a flag.
+_ANY: Final = 1
 _FLAT: Final = 1e-9
 
 
+@dataclass(frozen=True, kw_only=True)
+class FlagThresholds:
+    """From which measurement on something is flagged, as the card's [integrity] declares.
+
+    picture_correlation: of an image in the scene with the reference; plane_hits_share: of A's hits
+    on planes turned to the camera; high_a with R below low_r: a picture without its geometry;
+    view_drop: how far A may fall from a family's first view to another one.
+    """
+
+    picture_correlation: float
+    plane_hits_share: float
+    high_a: float
+    low_r: float
+    view_drop: float
+
+
 def scene_flags(
-    facts: Integrity, thumbnails: NDArray[np.uint8], reference: Picture | None
+    facts: Integrity,
+    thumbnails: NDArray[np.uint8],
+    reference: Picture | None,
+    thresholds: FlagThresholds,
 ) -> list[Flag]:
     """Flags of what the opened scene holds. thumbnails: (N, h, w, 3), reference: (H, W, 3)."""
     flags: list[Flag] = []
@@ -36,16 +49,16 @@ def scene_flags(
             if image.thumbnail is None or image.thumbnail >= len(thumbnails):
                 continue
             measured = correlation(thumbnails[image.thumbnail], small)
-            if measured >= PICTURE_CORRELATION:
-                flags.append(_picture_flag(image, measured))
+            if measured >= thresholds.picture_correlation:
+                flags.append(_picture_flag(image, measured, thresholds))
     if facts.compositor_nodes:
         nodes = ", ".join(facts.compositor_nodes[:5])
-        flags.append(_flag("compositor_nodes", nodes, len(facts.compositor_nodes), 1))
+        flags.append(_flag("compositor_nodes", nodes, len(facts.compositor_nodes), _ANY))
     if facts.texts:
         names = ", ".join(text.name for text in facts.texts[:5])
-        flags.append(_flag("text_blocks", names, len(facts.texts), 1))
+        flags.append(_flag("text_blocks", names, len(facts.texts), _ANY))
     if facts.drivers:
-        flags.append(_flag("drivers", "drivers in the scene", facts.drivers, 1))
+        flags.append(_flag("drivers", "drivers in the scene", facts.drivers, _ANY))
     return flags
 
 
@@ -67,7 +80,9 @@ def correlation(a: Picture, b: Picture) -> float:
     return found
 
 
-def plane_flags(facts: Integrity, plane: NDArray[Any], hits: Flags) -> Iterator[Flag]:
+def plane_flags(
+    facts: Integrity, plane: NDArray[Any], hits: Flags, thresholds: FlagThresholds
+) -> Iterator[Flag]:
     """plane: (H, W) index of the camera-facing plane a pixel of A shows, -1; hits: A's."""
     total = int(np.count_nonzero(hits))
     shown = plane[hits]
@@ -75,34 +90,31 @@ def plane_flags(facts: Integrity, plane: NDArray[Any], hits: Flags) -> Iterator[
     if not total or not counts.any():
         return
     share = float(counts.sum()) / total
-    if share >= PLANE_SHARE:
+    if share >= thresholds.plane_hits_share:
         most = int(np.argmax(counts))
         name = facts.planes[most].object if most < len(facts.planes) else "a plane"
         yield _flag("camera_facing_planes", f"{name} first of {np.count_nonzero(counts)}",
-                    share, PLANE_SHARE)  # fmt: skip
+                    share, thresholds.plane_hits_share)  # fmt: skip
 
 
-def score_flags(r: float | None, a: float | None) -> Iterator[Flag]:
+def score_flags(r: float, a: float, thresholds: FlagThresholds) -> Iterator[Flag]:
     """A picture that agrees over geometry that does not."""
-    if r is not None and a is not None and a >= HIGH_A and r < LOW_R:
-        yield _flag("appearance_without_geometry", f"R {r:.3f}", a, HIGH_A)
+    if a >= thresholds.high_a and r < thresholds.low_r:
+        yield _flag("appearance_without_geometry", f"R {r:.3f}", a, thresholds.high_a)
 
 
-def view_drop(first_a: float, other_a: float) -> Flag | None:
+def view_drop(first_a: float, other_a: float, thresholds: FlagThresholds) -> Flag | None:
     """A of another view of one family and tier against the first one's."""
     drop = first_a - other_a
-    if drop < VIEW_DROP:
+    if drop < thresholds.view_drop:
         return None
-    return _flag("view_drop", f"A {first_a:.3f} in the first view", drop, VIEW_DROP)
+    return _flag("view_drop", f"A {first_a:.3f} in the first view", drop, thresholds.view_drop)
 
 
-def _picture_flag(image: ImageTexture, measured: float) -> Flag:
-    shown_by = ", ".join(image.users) or "nothing"
-    if "world" in image.users:
-        return _flag("picture_in_world", f"{image.name}, used by {shown_by}", measured,
-                     PICTURE_CORRELATION)  # fmt: skip
-    return _flag("picture_in_scene", f"{image.name}, used by {shown_by}", measured,
-                 PICTURE_CORRELATION)  # fmt: skip
+def _picture_flag(image: ImageTexture, measured: float, thresholds: FlagThresholds) -> Flag:
+    kind: FlagKind = "picture_in_world" if "world" in image.users else "picture_in_scene"
+    what = f"{image.name}, used by {', '.join(image.users) or 'nothing'}"
+    return _flag(kind, what, measured, thresholds.picture_correlation)
 
 
 def _flag(kind: FlagKind, what: str, measured: float, threshold: float) -> Flag:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from legoworld.cards import Card, load_card
 from legoworld.errors import InstallationError
 from legoworld.evaluation.reconstruction.fscore import Tolerance
+from legoworld.evaluation.reconstruction.integrity import FlagThresholds
 
 _FIXED: Final[dict[str, Any]] = {
     "scoring.protocol": "lego_bench",
@@ -28,7 +29,7 @@ _FIXED: Final[dict[str, Any]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class BenchProtocol:
-    """The numbers of the card. headline: R's tolerance; others: the diagnostics'."""
+    """The numbers of the card. headline: R's tolerance; others, flags: the diagnostics'."""
 
     card: Card
     evaluator: str
@@ -38,6 +39,7 @@ class BenchProtocol:
     point_cap: int
     depth_limit_m: float
     delta: int
+    flags: FlagThresholds
 
 
 def bench_protocol(card: Card | None = None) -> BenchProtocol:
@@ -66,6 +68,9 @@ def bench_protocol(card: Card | None = None) -> BenchProtocol:
         point_cap=int(card.value("raster.point_cap")),
         depth_limit_m=float(card.value("scoring.depth_limit_m")),
         delta=int(card.value("scoring.delta")),
+        flags=FlagThresholds(
+            **{f.name: float(card.value(f"integrity.{f.name}")) for f in fields(FlagThresholds)}
+        ),
     )
 
 

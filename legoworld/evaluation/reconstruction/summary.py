@@ -12,7 +12,7 @@ from legoworld.evaluation.bootstrap import LEVEL
 from legoworld.evaluation.reconstruction.articulation import articulation_score, summed
 from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
 from legoworld.evaluation.reconstruction.choices import Choices
-from legoworld.evaluation.reconstruction.integrity import view_drop
+from legoworld.evaluation.reconstruction.integrity import FlagThresholds, view_drop
 from legoworld.evaluation.reconstruction.means import (
     diagnostic_means,
     family_draws,
@@ -80,7 +80,7 @@ def summarise(
             level=LEVEL,
         ),
         noise=_noise(rows),
-        flags=tuple(_flags(rows)),
+        flags=tuple(_flags(rows, protocol.flags)),
         not_scored=tuple(_not_scored(row) for row in rows if not row.valid),
         warnings=sum(len(row.warnings) for row in rows),
         articulation=_articulation(rows),
@@ -143,7 +143,7 @@ def _not_scored(row: ReconstructionRow) -> NotScored:
     return NotScored(image_id=row.image_id, file_name=row.file_name, status=status, reason=reason)
 
 
-def _flags(rows: Sequence[ReconstructionRow]) -> list[CaseFlag]:
+def _flags(rows: Sequence[ReconstructionRow], thresholds: FlagThresholds) -> list[CaseFlag]:
     """Each case's own, then views of a family and tier whose A falls from the first one's."""
     found = [_of_case(row, flag) for row in rows for flag in row.flags]
     first: dict[tuple[str, str | None], ReconstructionRow] = {}
@@ -152,7 +152,7 @@ def _flags(rows: Sequence[ReconstructionRow]) -> list[CaseFlag]:
             continue
         before = first.setdefault((row.family, row.tier), row)
         if before is not row and before.A is not None:
-            drop = view_drop(before.A, row.A)
+            drop = view_drop(before.A, row.A, thresholds)
             found += [_of_case(row, drop)] if drop else []
     return sorted(found, key=lambda flag: (flag.image_id, flag.kind, flag.what))
 

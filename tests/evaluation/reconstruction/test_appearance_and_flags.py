@@ -11,8 +11,9 @@ from evaluation.reconstruction.datasets import NOTHING, Submission, write_datase
 from msgspec.structs import replace
 from PIL import Image
 
-from legoworld.evaluation.reconstruction import appearance, integrity, picture_cache
+from legoworld.evaluation.reconstruction import appearance, picture_cache
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.records.bench_run import CameraPlane, ImageTexture, TextBlock
 
 
@@ -145,7 +146,7 @@ def test_a_second_view_that_falls_is_flagged(dataset, tmp_path):
     summary, _ = rows_of(dataset, run, tmp_path / "eval")
     (flag,) = summary.flags
     assert (flag.kind, flag.image_id) == ("view_drop", 2)
-    assert flag.measured >= integrity.VIEW_DROP
+    assert flag.measured >= bench_protocol().flags.view_drop
 
 
 @pytest.mark.parametrize("data", [b"", b"\x89PNG\r\n\x1a\n", b"GIF89a", b"x" * 99])
