@@ -7,8 +7,9 @@ The truth's images are repeated until there are as many as asked for, each with 
 annotations and predictions; the results are imported and evaluated, and a page is made of the
 evaluation. Then an installed Chromium opens it from the disk: load is from navigation until the
 first screen is drawn, filter from an input event until the new cards are laid out, both the
-median of --rounds; scroll is the longest frame while the whole gallery passes by. Times are wall
-times of this machine: the load average is printed with them. Needs playwright.
+median of --rounds; scroll is the longest frame while the whole gallery passes by. Wall times are
+this machine's, and the load average is printed with them; CPU times are those of the page's main
+thread, which other processes do not move. Needs playwright.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ import shutil
 import statistics
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 
 from legoworld import cli
 
@@ -48,7 +50,7 @@ SCROLLED = """async () => {
   }
   times.sort((a, b) => a - b);
   const nodes = document.querySelectorAll('[data-gallery] [data-at]').length;
-  return [times[Math.floor(times.length / 2)], times[times.length - 1], nodes];
+  return [times[Math.floor(times.length / 2)], times[times.length - 1], nodes, times.length];
 }"""
 
 
@@ -62,9 +64,10 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--chromium", default=shutil.which("chromium"))
     options = parser.parse_args()
-    print("| images | making, s | page, MB | beside, MB | load, s | filter, ms | "
-          "scrolling: median and longest frame, ms | cards in the page |")  # fmt: skip
-    print("|---|---|---|---|---|---|---|---|")
+    print("| images | making, s | page, MB | beside, MB | load, s | load, CPU s | filter, ms | "
+          "filter, CPU ms | scrolling: median and longest frame, ms | a frame, CPU ms | "
+          "cards in the page |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as work:
         browser = playwright.chromium.launch(executable_path=options.chromium)
         for n in map(int, options.images.split(",")):
@@ -74,33 +77,83 @@ def main() -> int:
             spent = time.perf_counter() - start
             beside = path.with_name("report_files")
             bytes_beside = sum(p.stat().st_size for p in beside.glob("*"))
-            page = browser.new_page(viewport={"width": 1400, "height": 900})
-            load, filtered, (middle, longest, cards) = timed(page, path, options.rounds)
-            page.close()
+            found = timed(browser, path, options.rounds)
             print(f"| {n} | {spent:.1f} | {path.stat().st_size / 1e6:.1f} | "
-                  f"{bytes_beside / 1e6:.1f} | {load:.2f} | {filtered:.1f} | "
-                  f"{middle:.0f}, {longest:.0f} | {cards} |", flush=True)  # fmt: skip
+                  f"{bytes_beside / 1e6:.1f} | {found.load_s:.2f} | {found.load_cpu_s:.2f} | "
+                  f"{found.filter_ms:.1f} | {found.filter_cpu_ms:.1f} | "
+                  f"{found.frame_ms[0]:.0f}, {found.frame_ms[1]:.0f} | {found.frame_cpu_ms:.1f} | "
+                  f"{found.cards} |", flush=True)  # fmt: skip
             shutil.rmtree(folder)
         print(f"\nChromium {browser.version}, load average {os.getloadavg()[0]:.1f}")
         browser.close()
     return 0
 
 
-def timed(page: Page, path: Path, rounds: int) -> tuple[float, float, tuple[float, float, int]]:
-    """Seconds to load, milliseconds to filter, and scrolling's frames."""
-    loads, filters = [], []
-    for _ in range(rounds):
-        page.goto("about:blank")
-        start = time.perf_counter()
-        page.goto(path.as_uri())
-        page.wait_for_function(DRAWN)
-        loads.append(time.perf_counter() - start)
-    page.goto("about:blank")
+@dataclass(frozen=True, kw_only=True)
+class Timed:
+    """What a browser needed. *_s, *_ms: of the wall; *_cpu: of the page's main thread.
+
+    frame_ms: median and longest while the gallery scrolls; cards: that are in the page at its end.
+    """
+
+    load_s: float
+    load_cpu_s: float
+    filter_ms: float
+    filter_cpu_ms: float
+    frame_ms: tuple[float, float]
+    frame_cpu_ms: float
+    cards: int
+
+
+def timed(browser: Browser, path: Path, rounds: int) -> Timed:
+    """Load, filter and scroll a page; medians of the rounds."""
+    loads = [_loaded(browser, path) for _ in range(rounds)]
+    page, thread = _opened(browser)
     page.goto(path.as_uri() + "#/coco?tab=photos")
     page.wait_for_selector("[data-gallery] .thumb svg")
+    filters = []
     for k in range(rounds):
-        filters += [page.evaluate(FILTERED, f"0{k}"), page.evaluate(FILTERED, "")]
-    return statistics.median(loads), statistics.median(filters), tuple(page.evaluate(SCROLLED))
+        for text in (f"0{k}", ""):
+            before = _cpu_s(thread)
+            wall_ms = page.evaluate(FILTERED, text)
+            filters.append((wall_ms, 1000 * (_cpu_s(thread) - before)))
+    before = _cpu_s(thread)
+    middle, longest, cards, frames = page.evaluate(SCROLLED)
+    scrolled_s = _cpu_s(thread) - before
+    page.close()
+    return Timed(
+        load_s=statistics.median(wall for wall, _ in loads),
+        load_cpu_s=statistics.median(cpu for _, cpu in loads),
+        filter_ms=statistics.median(wall for wall, _ in filters),
+        filter_cpu_ms=statistics.median(cpu for _, cpu in filters),
+        frame_ms=(middle, longest),
+        frame_cpu_ms=1000 * scrolled_s / frames,
+        cards=cards,
+    )
+
+
+def _loaded(browser: Browser, path: Path) -> tuple[float, float]:
+    """Wall and main thread's seconds from navigation until the first screen is drawn."""
+    page, thread = _opened(browser)
+    start = time.perf_counter()
+    page.goto(path.as_uri())
+    page.wait_for_function(DRAWN)
+    spent = time.perf_counter() - start, _cpu_s(thread)
+    page.close()
+    return spent
+
+
+def _opened(browser: Browser) -> tuple[Page, CDPSession]:
+    """A new page, and its main thread's clock, which other processes' load does not move."""
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    thread = page.context.new_cdp_session(page)
+    thread.send("Performance.enable", {"timeDomain": "threadTicks"})
+    return page, thread
+
+
+def _cpu_s(thread: CDPSession) -> float:
+    metrics = thread.send("Performance.getMetrics")["metrics"]
+    return next(float(m["value"]) for m in metrics if m["name"] == "TaskDuration")
 
 
 def made_page(options: argparse.Namespace, n: int, folder: Path) -> Path:

@@ -150,7 +150,7 @@ def _row(
     groups[0] = _with_intervals(groups[0], runs, draws, seed)
     for kind in _KINDS:
         by_name = [getattr(run.bench.groups, kind) for run in runs]
-        for name, group in by_name[0].items():
+        for name, group in sorted(by_name[0].items(), key=lambda one: means.group_order(one[0])):
             if name != means.UNSTATED or len(by_name[0]) > 1:
                 groups.append(_group(kind, name, [one[name].metrics for one in by_name],
                                      group.cases))  # fmt: skip

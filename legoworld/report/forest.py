@@ -56,7 +56,8 @@ def evaluated_sentence(name: str, summary: AnySummary) -> str:
     if isinstance(summary, DepthSummary):
         return f"{name}: AbsRel {_spelt(_depth_span(summary, 'abs_rel.error_1'))}, {images}."
     if isinstance(summary, ReconstructionSummary):
-        return f"{name}: S {_spelt(_bench_span(summary, 'S'))}, {images}."
+        valid = share(summary.coverage.valid, coverage.attempted, "case", "cases")
+        return f"{name}: S {_spelt(_bench_span(summary, 'S'))}, {valid} valid."
     counts = summary.counts
     objects = counted(counts.truth_instances, "annotated object", "annotated objects")
     categories = counted(counts.categories_with_truth, "category", "categories")

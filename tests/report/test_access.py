@@ -252,3 +252,32 @@ def test_cases_are_listed_by_tier_and_flag(chrome: Browser, page: Path) -> None:
     assert hard == ["2", "4", "6", "8"]
     chrome.open(page, "#/bench?tab=photos&status=failed")
     assert chrome.js(shown) == ["1"]
+
+
+FIRST_SCREEN = {"#/coco": [".verdict", ".costs li", ".coverage-bar"],
+                "#/coco/13": [".frame", ".score-line"],
+                "#/bench": [".verdict", ".board tbody b"],
+                "#/bench/4": [".frame", ".score-line"]}  # fmt: skip
+#: Where there is room beside the picture.
+WIDE_TOO = {"#/coco": [".forest .point", "[data-sheet] .thumb"], "#/coco/13": [".advice li"],
+            "#/bench": ["[data-tiers] .tier", ".costs li"],
+            "#/bench/4": [".advice li"]}  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [(1400, 900), (390, 844)])
+def test_the_first_screen_answers_without_scrolling(
+    chrome: Browser, page: Path, size: tuple[int, int]
+) -> None:
+    """What a newcomer asks first, the verdict, the reason and a picture, begins on it."""
+    chrome.resize(*size)
+    for address, wanted in FIRST_SCREEN.items():
+        chrome.open(page, address)
+        for selector in [*wanted, *(WIDE_TOO[address] if size[0] > 1000 else [])]:
+            box = chrome.js(
+                f"""(() => {{ const all = Array.from(document.querySelectorAll('{selector}'));
+                   const n = all.find(m => m.checkVisibility());
+                   const b = n.getBoundingClientRect(); return [b.left, b.top, b.right]; }})()"""
+            )
+            left, top, right = box
+            assert 0 <= left < right <= size[0], (address, selector, box)
+            assert 0 <= top < size[1] - 20, (address, selector, box)

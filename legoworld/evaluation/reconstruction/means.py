@@ -142,7 +142,7 @@ def groups_of(
             by_value.setdefault(key(row) or UNSTATED, []).append(row)
         return {
             name: _group(measures, by_value[name], draws, seed)
-            for name in sorted(by_value, key=_group_order)
+            for name in sorted(by_value, key=group_order)
         }
 
     return Groups(
@@ -162,7 +162,7 @@ def _group(
     return Group(cases=len(rows), families=families, metrics=means_of(measures, rows, drawn))
 
 
-def _group_order(name: str) -> tuple[int, str]:
+def group_order(name: str) -> tuple[int, str]:
     """Easy, medium, hard; other names by themselves."""
     return (_TIERS.index(name) if name in _TIERS else len(_TIERS)), name
 

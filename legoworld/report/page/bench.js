@@ -61,7 +61,7 @@ export function benchLegends(bench) {
 function swatches(title, outcomes) {
   return el("p", { class: "over swatches" }, [title, ...outcomes.map((o) => el("span", {}, [
     svg("svg", { viewBox: "0 0 10 10", width: 10, height: 10, "aria-hidden": "true" }, [
-      svg("rect", { width: 10, height: 10, fill: o.colour })]), " " + o.text + " "]))]);
+      svg("rect", { class: "sample", x: 0.5, y: 0.5, width: 9, height: 9, fill: o.colour })]), " " + o.text + " "]))]);
 }
 
 /* Each scored object of a side, the worst first. */

@@ -71,7 +71,7 @@ function detailOf(section, view, row, place) {
     return [list.length ? el("h3", {}, [title]) : null, ...list, section.bench ? benchChecks(s) : null];
   });
   root.append(el("div", { class: "look" }, [stage.node, picked]),
-    el("div", { class: "said" }, [...scores, ...findings]),
+    el("div", { class: "scores" }, scores), el("div", { class: "said" }, findings),
     el("div", { class: "lists" + (section.bench ? " wide" : "") }, [...objects, ...view.sides.map((s) =>
       recordOf(s, section.bench ? "numbers, cameras, hashes" : "camera, sizes, hashes"))]));
   return [topBar(view), view.said ? el("p", { class: "note" }, [view.said]) : "", root];
@@ -98,7 +98,7 @@ function topBar(view) {
   return el("div", { class: "bar-top" }, [
     button("\u2190 " + (photos ? "all photos" : "overview"), () => moveTo({ image: "" }), { "data-keep": "up" }),
     el("h2", { tabindex: -1, "data-keep": "title" }, [view.file_name]),
-    el("span", { class: "count" }, ["image " + view.id + ", " + where]),
+    el("span", { class: "count" }, [(view.objects ? "case " : "image ") + view.id + ", " + where]),
     button("\u2039 previous", () => step(-1), { "data-keep": "previous" }),
     button("next \u203a", () => step(1), { "data-keep": "next" })]);
 }
