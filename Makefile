@@ -51,12 +51,13 @@ check-page: $(VENV)/tests-installed
 	  cd tools/page && npx --no-install tsc -p . && echo "the page's scripts check"; \
 	else echo "SKIPPED: npm is not installed, so the page's scripts are not checked"; fi
 
-# docs/pictures of the report page anew; COMPARISON: the page of docs/real-run.md, TUTORIAL: the folder
-# of docs/tutorial.md, each where there is one.
+# docs/pictures of the report page anew; COMPARISON: the page of docs/real-run.md, BENCH: that of
+# `make bench-demo`, TUTORIAL: the folder of docs/tutorial.md, each where there is one.
 .PHONY: pictures
 pictures: demo $(VENV)/tests-installed
 	$(PYTHON) docs/report_pictures.py --demo $(DEMO)/report.html \
-	  $(if $(COMPARISON),--comparison $(COMPARISON)) $(if $(TUTORIAL),--tutorial $(TUTORIAL))
+	  $(if $(COMPARISON),--comparison $(COMPARISON)) $(if $(BENCH),--bench $(BENCH)) \
+	  $(if $(TUTORIAL),--tutorial $(TUTORIAL))
 
 page-three: tools/page/node_modules/installed
 	cd tools/page && node build.mjs ../../legoworld/report/page/three.bundle.js

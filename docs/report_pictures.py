@@ -1,8 +1,8 @@
 """The pictures of the report page: python docs/report_pictures.py --demo PAGE.
 
 `make pictures` makes the demo first. --comparison: the page of docs/real-run.md; only its numbers
-are pictured, since its photos may not be passed on. --tutorial: where first.html and report.html of
-docs/tutorial.md lie. Needs playwright and an installed Chromium.
+are pictured, since its photos may not be passed on. --bench: that of `make bench-demo`. --tutorial:
+where first.html and report.html of docs/tutorial.md lie. Needs playwright and an installed Chromium.
 """
 
 from __future__ import annotations
@@ -47,6 +47,11 @@ _COMPARISON: Final = (
     Shot(name="report-comparison", address="#/coco", size=(1400, 668)),
     Shot(name="report-plots", address="#/coco?tab=plots", size=(1400, 1010), wait=".plot svg"),
 )
+#: Of KayKit's assets, which are CC0.
+_BENCH: Final = (
+    Shot(name="report-bench", address="#/bench", size=(1400, 900)),
+    Shot(name="report-bench-case", address="#/bench/9", size=(1400, 720), wait=_SCENE),
+)
 _TUTORIAL: Final = {
     "first.html": Shot(name="tutorial-report", address="#/coco/3", size=(1200, 640),
                        wait=".frame"),
@@ -60,11 +65,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--demo", type=Path)
     parser.add_argument("--comparison", type=Path)
+    parser.add_argument("--bench", type=Path)
     parser.add_argument("--tutorial", type=Path)
     options = parser.parse_args()
     shots: list[tuple[Path, Shot]] = []
     shots += [(options.demo, shot) for shot in _DEMO if options.demo]
     shots += [(options.comparison, shot) for shot in _COMPARISON if options.comparison]
+    shots += [(options.bench, shot) for shot in _BENCH if options.bench]
     if options.tutorial:
         shots += [(options.tutorial / page, shot) for page, shot in _TUTORIAL.items()]
     with sync_playwright() as playwright:

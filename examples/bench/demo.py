@@ -1,4 +1,4 @@
-"""The bench from end to end: families, dataset, submissions, readout, evaluation, table.
+"""The bench from end to end: families, dataset, submissions, readout, evaluation, table, report.
 
 python examples/bench/demo.py --kaykit FOLDER -o legoworld-bench [--family kitchen]
 """
@@ -48,6 +48,7 @@ def main() -> None:
         evaluations.append(top / "evals" / change)
         run(*legoworld, "evaluate", out, "--truth", bench / "private", "-o", evaluations[-1])
     run(*legoworld, "bench", "table", *evaluations, "-o", top / "table")
+    run(*legoworld, "report", *evaluations, "-o", top / "report.html")
 
 
 if __name__ == "__main__":

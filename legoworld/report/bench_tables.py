@@ -27,6 +27,7 @@ from legoworld.report.sources import ReportInputError, Section
 #: How many categories are named, and from how many sides on the leaderboard stands for the plot.
 _MOST: Final = 6
 MOST_PLOTTED: Final = 3
+_FIRST: Final = ("V", "R", "A", "S", "R_valid", "A_valid", "S_valid")
 _BARS: Final = ("S", "R", "A")
 
 
@@ -140,7 +141,7 @@ def _tier_bars(row: LeaderboardRow) -> Iterator[TierBar]:
         found = [group.metrics[metric] for group in tiers]
         if any(one.mean is not None for one in found):
             yield TierBar(
-                label=maker_name(row),
+                label=row.evaluations[0] if len(row.evaluations) == 1 else maker_name(row),
                 metric=metric,
                 tiers=tuple(group.name for group in tiers),
                 cases=tuple(group.cases for group in tiers),
@@ -153,7 +154,8 @@ def bench_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
     """Every metric and diagnostic mean with its interval and denominator."""
     rows = []
     for kind in ("metrics", "diagnostics"):
-        names = dict.fromkeys(name for side in sides for name in getattr(side.bench, kind))
+        named = {name for side in sides for name in getattr(side.bench, kind)}
+        names = sorted(named, key=lambda n: (_FIRST.index(n) if n in _FIRST else len(_FIRST), n))
         for name in names:
             cells = [getattr(side.bench, kind).get(name) for side in sides]
             rows.append(NumberRow(name=_spelt(name), cells=tuple(map(_cell, cells))))

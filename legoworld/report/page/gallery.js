@@ -161,8 +161,8 @@ function markOf(cell, label) {
   const parts = label ? [el("span", { class: "mark-side" }, [label])] : [];
   if (cell.status !== "ok") { return el("span", { class: "mark" }, [...parts, el("b", { class: "flag" }, [cell.status])]); }
   if (cell.valid !== undefined) {
-    parts.push(el("b", { title: "S" }, [fixed(cell.S, 2)]), ...["R", "A"].map((name) => el("span", { class: "mark-n" }, [name + " " + fixed(cell[name], 2)])));
-    if (!cell.valid) { parts.push(el("b", { class: "flag" }, ["not valid"])); }
+    parts.push(el("b", { title: "S" }, [fixed(cell.S, 2)]), ...cell.valid ? ["R", "A"].map((name) =>
+      el("span", { class: "mark-n" }, [name + " " + fixed(cell[name], 2)])) : [el("b", { class: "flag" }, ["not valid"])]);
   } else if (cell.quality === undefined) {
     parts.push(el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1) : "-"]), " AbsRel");
   } else {
