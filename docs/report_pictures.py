@@ -2,7 +2,7 @@
 
 `make pictures` makes the demo first. --comparison: the page of docs/real-run.md; only its numbers
 are pictured, since its photos may not be passed on. --bench: that of `make bench-demo`. --tutorial:
-where first.html and report.html of docs/tutorial.md lie. Needs playwright and an installed Chromium.
+where first.html and report.html of docs/tutorial.md lie. Needs playwright and Chromium.
 """
 
 from __future__ import annotations
