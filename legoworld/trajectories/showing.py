@@ -17,10 +17,16 @@ from legoworld.files import write_text
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import decode
 from legoworld.records.evaluation_summary import Interval
-from legoworld.records.trajectory_scores import AgentTable, TrajectoryFile, TrajectoryScore
+from legoworld.records.trajectory_scores import (
+    AgentTable,
+    ScoredScene,
+    TrajectoryFile,
+    TrajectoryScore,
+)
 from legoworld.scene.folder import PICTURE
+from legoworld.trajectories.curves import drops, moments
 from legoworld.trajectories.folder import RecordedTrial
-from legoworld.trajectories.scoring import TRAJECTORIES, slot_folder
+from legoworld.trajectories.scoring import TRAJECTORIES, slot_folder, tokens_until
 
 _PAGE: Final = Path(__file__).with_name("page")
 _LONGEST_PX: Final = 480
@@ -29,7 +35,7 @@ _CODE_CHARACTERS: Final = 6000
 
 def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[object]]:
     """One row a call: number, seconds, command, status, checkpoint, Q, and what it said."""
-    q = {s.ordinal: s.Q for s in score.scenes} if score else {}
+    q = _scene_of(score)
     return [
         [
             call.number,
@@ -37,8 +43,7 @@ def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[ob
             call.command,
             call.status,
             call.checkpoint or "",
-            "" if (found := q.get(call.checkpoint)) is None or not call.checkpoint
-            else f"{found:.4f}",
+            "" if (scene := q.get(call.number)) is None or scene.Q is None else f"{scene.Q:.4f}",
             call.said[:60],
         ]
         for call in trial.calls
@@ -85,15 +90,23 @@ def _trial(
     trial: RecordedTrial, score: TrajectoryScore | None, photos: Path | None, scores: Path | None
 ) -> dict[str, Any]:
     about = trial.about
-    drops = {edit.call: edit.cause for edit in (score.edits if score else ()) if edit.d_q < -1e-6}
-    q = {scene.ordinal: scene for scene in (score.scenes if score else ())}
-    steps, render = [], None
-    numbers = {checkpoint.ordinal: n for n, checkpoint in enumerate(trial.live)}
-    for call in trial.calls:
-        if call.checkpoint in numbers and scores is not None:
-            folder = slot_folder(scores, trial, numbers[call.checkpoint])
-            render = _picture(folder / about.scene / PICTURE) or render
-        scene = q.get(call.checkpoint) if call.checkpoint else None
+    lowered = {edit.call: edit for edit in (drops(score) if score else ())}
+    scenes = _scene_of(score)
+    steps, render, shown = [], None, None
+    numbers = {checkpoint.call: n for n, checkpoint in enumerate(trial.live)}
+    whens = moments(
+        [call.at_s + call.seconds for call in trial.calls],
+        [call.number for call in trial.calls],
+        seconds=about.agent_seconds,
+        n_calls=len(trial.calls),
+        tokens=tokens_until(trial.trajectory),
+    )
+    for call, when in zip(trial.calls, whens, strict=True):
+        if call.number in numbers and scores is not None:
+            folder = slot_folder(scores, trial, numbers[call.number])
+            render = _picture(folder / about.scene / PICTURE)
+            shown = call.number
+        scene, edit = scenes.get(call.number), lowered.get(call.number)
         steps.append(
             {
                 "number": call.number,
@@ -106,8 +119,11 @@ def _trial(
                 "R": scene.R if scene else None,
                 "A": scene.A if scene else None,
                 "reason": scene.reason if scene else "",
-                "drop": _worst(drops[call.number]) if call.number in drops else None,
+                "drop": _worst(edit.cause) if edit else None,
+                "lost": edit.d_q if edit else None,
+                "shares": [when.calls_share, when.wall_share, when.tokens_share],
                 "render": render,
+                "shown": shown,
             }
         )
     photo = None if photos is None else _picture(photos / about.file_name)
@@ -123,6 +139,11 @@ def _trial(
         "regret": score.regret if score else None,
         "steps": steps,
     }
+
+
+def _scene_of(score: TrajectoryScore | None) -> dict[int, ScoredScene]:
+    """The scored checkpoint that a call left, by the call."""
+    return {s.call: s for s in score.scenes if s.ordinal is not None} if score else {}
 
 
 def _worst(cause: Mapping[str, float]) -> str:
