@@ -141,6 +141,38 @@ def test_every_json_file_ends_with_a_newline(case, tmp_path):
         assert not text.endswith("\n\n")
 
 
+def test_the_view_holds_the_truth_s_own_fields(case, tmp_path):
+    task, truth, predictions = case
+    document = copy.deepcopy(truth)
+    document["annotations"][0]["note"] = "not for a page"
+    scored(tmp_path, task, document, predictions)
+    viewed = json.loads((tmp_path / "eval" / "view" / "truth.json").read_text())
+    of_page = {"id", "image_id", "category_id", "bbox", "segmentation", "area", "iscrowd", "ignore"}
+    before = {a["id"]: a for a in truth["annotations"]}
+    assert {a["id"] for a in viewed["annotations"]} == set(before)
+    for shown in viewed["annotations"]:
+        assert shown == {k: v for k, v in before[shown["id"]].items() if k in of_page}
+
+
+def test_every_stage_is_announced(case, tmp_path):
+    task, truth, predictions = case
+    run = write_run(tmp_path / "run", task, truth, predictions)
+    told = []
+    evaluate_detections(
+        run, write_truth(tmp_path / "truth.json", truth), tmp_path / "eval", evaluator="official",
+        draws=3, seed=0, overwrite=False, notice=told.append, warn=lambda _text: None,
+    )  # fmt: skip
+    once = [
+        "checking the predictions",
+        "matching",
+        "running the evaluator",
+        "3 tie orders",
+        "3 bootstrap samples",
+    ]
+    assert list(dict.fromkeys(told)) == [*once, "the same predictions under equal confidence"]
+    assert told.count("matching") == 2  # with the own scores, and with equal ones
+
+
 def test_sizes_written_with_a_point_are_the_same_sizes(case, tmp_path):
     task, truth, predictions = case
     pointed = copy.deepcopy(truth)

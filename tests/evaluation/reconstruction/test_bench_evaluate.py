@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+from collections import Counter
 
 import numpy as np
 import pytest
 from evaluation.reconstruction import datasets
-from evaluation.reconstruction.datasets import OK, VALID, Submission, write_dataset, write_run
+from evaluation.reconstruction.datasets import (
+    OK,
+    VALID,
+    Submission,
+    sha256,
+    write_dataset,
+    write_run,
+)
 from msgspec.structs import replace
 
 from legoworld import cli
@@ -44,6 +53,7 @@ def test_the_reference_submitted_as_itself(dataset, tmp_path):
         beside = row["diagnostics"]
         assert beside["chamfer_l1_half_sum_over_reference_visible_box_diagonal"] == 0
         assert beside["voxel_iou_5cm"] == beside["R_rigid"] == beside["R_median_scale"] == 1
+        assert beside["voxel_iou_5_percent_of_median_depth"] == 1  # of the pixels that show any
         assert row["fov_error_deg"] == 0
         assert row["flags"] == []
     assert not summary.flags
@@ -145,6 +155,19 @@ def test_a_surface_that_is_none_is_that_case_s_zero(dataset, tmp_path, arrays, w
     _, rows = evaluated(dataset, run, tmp_path / "eval")
     assert (rows[1]["status"], rows[1]["S"]) == ("changed", 0)
     assert what in rows[1]["reason"]
+
+
+def test_code_in_a_surface_file_does_not_run(dataset, tmp_path):
+    class Planted:
+        def __reduce__(self):
+            return os.mkdir, (str(tmp_path / "ran"),)
+
+    planted = np.full(dataset.cases[1].depth_z_m.shape, None, object)
+    planted[0, 0] = Planted()
+    run = write_run(tmp_path / "run", dataset, {1: Submission(extra={"plane": planted})})
+    _, rows = evaluated(dataset, run, tmp_path / "eval")
+    assert not (tmp_path / "ran").exists()
+    assert (rows[1]["status"], rows[1]["S"]) == ("changed", 0)
 
 
 def test_nan_and_huge_depths_are_no_points_or_far_points(dataset, tmp_path):
@@ -289,6 +312,14 @@ class TestEvidence:
         assert {c.status for c in verify(tmp_path / "eval", None)} == {"ok", "CHANGED"}
 
 
+def arrays_hashed(evaluation, dataset):
+    """How many of the reference's arrays, by kind, the evidence depends on."""
+    inputs = json.loads((evaluation / "evidence.json").read_text())["inputs"]
+    hashed = [i["sha256"] for i in inputs if i["role"] == "truth_arrays"]
+    known = {sha256(p): p.parent.name for p in dataset.private.glob("*/*.npz")}
+    return dict(Counter(known[h] for h in hashed))
+
+
 class TestImportedTruth:
     """Reference arrays at full size alone: the pixel that contains each raster centre."""
 
@@ -298,10 +329,12 @@ class TestImportedTruth:
         run = write_run(tmp_path / "run", without)
         summary, _ = evaluated(without, run, tmp_path / "eval")
         assert summary.protocol.reference_points == "full_resolution_pixels"
+        assert arrays_hashed(tmp_path / "eval", without) == {"depth": 4, "instances": 4}
         assert 0.9 < summary.metrics["R"].value < 1.0
         run = write_run(tmp_path / "run2", with_raster)
         summary, _ = evaluated(with_raster, run, tmp_path / "eval2")
         assert summary.protocol.reference_points == "raster"
+        assert arrays_hashed(tmp_path / "eval2", with_raster) == {"raster": 4}
 
     @pytest.mark.parametrize("sampling", ["all", "random:0", "random:7"])
     def test_the_paper_s_other_reading(self, dataset, tmp_path, sampling):
@@ -309,6 +342,9 @@ class TestImportedTruth:
         summary, rows = evaluated(dataset, run, tmp_path / "eval",
                                   choices=Choices(sampling=sampling))  # fmt: skip
         assert summary.protocol.reference_sampling == sampling
+        assert arrays_hashed(tmp_path / "eval", dataset) == {
+            "raster": 8, "depth": 8, "instances": 8,
+        }  # fmt: skip
         assert 0.95 < summary.metrics["R"].value <= 1.0
         assert sum(o["n_reference"] for o in rows[1]["objects"]) > sum(
             o["n_submitted"] for o in rows[1]["objects"]

@@ -43,6 +43,7 @@ def write(path, lines):
 
 def test_the_published_matrix(tmp_path):
     found = judge_agreement(write(tmp_path / "j.jsonl", judgements()))
+    assert list(found.aspects) == ["reconstruction", "appearance"]
     r, a = found.aspects["reconstruction"], found.aspects["appearance"]
     assert (round(100 * r.self_mean, 2), round(100 * a.self_mean, 2)) == (45.83, 62.22)
     # From counts; the published 45.40 and 63.95 are means of the cells as printed, see below.
