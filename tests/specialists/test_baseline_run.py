@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from running import paused
 from specialists.tracks import (
     FAKE_BATCHED,
     call,
@@ -321,34 +321,22 @@ def test_a_partial_run_says_so(run):
     assert sorted(rows(folder)) == [5]
 
 
-KILLED = "import sys; from legoworld.cli import run; sys.exit(run(sys.argv[1:]))"
-
-
 def start_and_kill(
-    arguments: list[str], folder: Path, after: int, there: Path | None = None
-) -> subprocess.Popen[bytes]:
-    """Kill the command with -9 when its journal has some lines and the file `there` is."""
-    process = subprocess.Popen([sys.executable, "-c", KILLED, *arguments, "-q"])
-    journal = folder / "journal.jsonl"
-
-    def came() -> bool:
-        assert process.poll() is None, "it ended before it could be killed"
-        done = journal.read_bytes().count(b"\n") if journal.is_file() else 0
-        return done >= after and (there is None or there.is_file())
-
-    until(came, "the moment to kill it")
+    arguments: list[str], *, after: int, there: Path | None = None
+) -> subprocess.Popen[str]:
+    """Kill the command with -9 when its journal has some lines and the file `there` is there."""
+    process = paused.started([*arguments, "-q"], "row", after)
+    until(lambda: there is None or there.is_file(), f"{there}")
     process.kill()
-    process.wait()
+    process.communicate()
     return process
 
 
 def test_kill_9_and_the_same_command_again_lose_nothing(track, photos, weights, tmp_path):
-    slow = ["--option", "sleep_s=0.3"]
-    assert call(run_arguments(track, photos, weights, tmp_path / "clean", *slow)) == 0
-    arguments = run_arguments(track, photos, weights, tmp_path / "run", *slow)
-    start_and_kill(arguments, tmp_path / "run", after=2)
-    done = (tmp_path / "run" / "journal.jsonl").read_bytes().count(b"\n")
-    assert 2 <= done < 6
+    assert call(run_arguments(track, photos, weights, tmp_path / "clean")) == 0
+    arguments = run_arguments(track, photos, weights, tmp_path / "run")
+    start_and_kill(arguments, after=2)
+    assert (tmp_path / "run" / "journal.jsonl").read_bytes().count(b"\n") == 2
     with (tmp_path / "run" / "journal.jsonl").open("ab") as journal:
         journal.write(b'{"row": {"image_id": 6, "sta')  # as a write cut short leaves it
     assert call(arguments) == 0
@@ -360,16 +348,14 @@ def test_kill_9_and_the_same_command_again_lose_nothing(track, photos, weights, 
 
 def test_no_model_outlives_a_killed_legoworld(track, photos, weights, tmp_path):
     arguments = run_arguments(track, photos, weights, tmp_path / "run", *options("hang", at=2))
-    process = start_and_kill(
-        arguments, tmp_path / "run", after=1, there=weights.with_suffix(".pids")
-    )
+    process = start_and_kill(arguments, after=1, there=weights.with_suffix(".pids"))
     assert not is_running(str(process.pid))
     assert len(wait_for_the_end_of(weights)) == 1
 
 
 def test_a_batch_is_always_of_the_same_images(track, photos, weights, tmp_path):
     batched = {"baseline": FAKE_BATCHED}
-    given = ["--batch-size", "4", "--option", "sleep_s=0.5"]
+    given = ["--batch-size", "4"]
     clean = run_arguments(track, photos, weights, tmp_path / "clean", *given, **batched)
     assert call(clean) == 0
     predictions = json.loads((tmp_path / "clean" / "predictions.json").read_text())
@@ -377,7 +363,7 @@ def test_a_batch_is_always_of_the_same_images(track, photos, weights, tmp_path):
     assert shared == [30, 30, 30, 30, 96, 96]
     # The journal of a run killed within the first batch's answers.
     arguments = run_arguments(track, photos, weights, tmp_path / "run", *given, **batched)
-    start_and_kill(arguments, tmp_path / "run", after=1)
+    start_and_kill(arguments, after=1)
     journal = tmp_path / "run" / "journal.jsonl"
     journal.write_bytes(journal.read_bytes().split(b"\n")[0] + b"\n")
     assert call(arguments) == 0
