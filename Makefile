@@ -6,6 +6,8 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 BASELINES := .venv-baselines
+HARBOR := .venv-harbor
+PYTHON_OF_HARBOR := python3.12
 KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/evaluation/kernels/*.cpp legoworld/evaluation/kernels/*.hpp)
 DEMO := legoworld-demo
 BENCH_DEMO := legoworld-bench
@@ -35,6 +37,12 @@ test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
 # serves all of them.
 test-cluster: $(VENV)/cluster-installed
 	$(PYTHON) -m pytest -m cluster tests/cluster tests/running/test_places.py $(PYTEST_ARGS)
+
+# Harbor's own package reads what `bench export` writes; it needs Python 3.12, and no Docker.
+.PHONY: test-harbor
+test-harbor: $(HARBOR)/installed $(VENV)/tests-installed
+	LEGOWORLD_HARBOR_PYTHON=$(CURDIR)/$(HARBOR)/bin/python \
+	  $(PYTHON) -m pytest -m cluster tests/cluster/test_harbor_package.py $(PYTEST_ARGS)
 
 check: $(VENV)/dev-installed
 	$(VENV)/bin/ruff check .
@@ -134,6 +142,11 @@ $(BASELINES)/installed: $(VENV)/made Makefile $(BASELINES_LOCK)
 	  einops addict omegaconf 'opencv-python-headless<4.12' scipy pycocotools==2.0.11 pytest \
 	  'pytest-xdist>=3.7'
 	$(BASELINES_INSTALL) --no-deps depth-anything-3==0.1.1
+	@touch $@
+
+$(HARBOR)/installed: Makefile
+	$(PYTHON_OF_HARBOR) -m venv $(HARBOR)
+	$(HARBOR)/bin/pip install -q harbor==0.24.0
 	@touch $@
 
 # constraints/ anew, from what pyproject.toml allows today: one Python at a time, in environments of
