@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from legoworld import cli
 from legoworld.records.base import decode_lines
+from legoworld.records.bench_serving import ServeAnswer
 from legoworld.records.reconstruction_rows import ReconstructionRow
 
 pytestmark = [pytest.mark.blender, pytest.mark.real_data]
@@ -99,6 +101,37 @@ def test_another_family_is_valid_and_low(made, tmp_path):
     # A ground seen from about as far covers a large object by chance: low on average.
     assert np.mean([row.R for row in rows]) < 0.3
     assert max(row.R for row in rows) < 0.6
+
+
+def test_programs_of_other_agents_are_wrong_submissions(made, real_data, tmp_path):
+    """What built nothing is missing, what has no camera is not valid, and none of them scores."""
+    programs = real_data / "programs" / "gtvibeathon"
+    outcomes = (programs / "outcomes_bpy5.0.1.jsonl").read_text("utf-8").splitlines()
+    cameras = {Path(o["prog"]).stem: o["camera"] for o in map(json.loads, outcomes)}
+    lines = []
+    for number, program in enumerate(sorted(programs.glob("*.py"))):
+        scene = tmp_path / "scenes" / program.stem
+        code = cli.run(["execute", str(program), "-o", str(scene), "--no-picture", "-q"])
+        if code != 2:
+            shown = made / "bench" / "public" / "images" / "bedroom__easy__view_00.png"
+            shutil.copyfile(shown, scene / "final.png")
+        lines.append(json.dumps({"scene": str(scene), "image_id": 1 + number % 12}))
+    done = subprocess.run(
+        [sys.executable, "-m", "legoworld", "bench", "serve", str(made / "bench"), "--no-render",
+         "--workers", "1"],
+        input="\n".join(lines) + "\n", capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    answers = decode_lines(ServeAnswer, done.stdout.encode())
+    assert Counter(a.status for a in answers) == {"ok": 12, "invalid": 9, "missing": 6}
+    for answer in answers:
+        name = Path(answer.scene or "").name
+        assert answer.V == (answer.status == "ok"), (name, answer.reason)
+        assert answer.R < 0.6, name
+        if answer.status == "invalid":
+            assert cameras[name] is None
+            assert answer.validity is not None
+            assert not answer.validity["camera"].ok
+    assert np.mean([a.R for a in answers if a.V]) < 0.25
 
 
 def test_a_pipeline_s_flat_and_an_artist_s_scene_become_cases(real_data, tmp_path):
