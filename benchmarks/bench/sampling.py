@@ -43,6 +43,7 @@ def r_of(dataset: BenchDataset, run: Path, row: BenchRow, sampling: str) -> floa
             image=case.image, truth=replace(case.truth, sha256=hashes)
         ), "raster"  # fmt: skip
     reference = load_reference(dataset.folders, case, protocol.depth_limit_m)
+    assert row.surface, row.file_name
     surface = load_surface(run, row.surface, reference.raster)
     choices = Choices(sampling=sampling, diagnostics=False)
     return geometry_score(dataset.folders, case, reference, surface, protocol, choices).r
