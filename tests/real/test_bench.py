@@ -107,7 +107,7 @@ def test_another_family_is_valid_and_low(made, tmp_path):
 
 
 def test_programs_of_other_agents_are_wrong_submissions(made, real_data, tmp_path):
-    """What built nothing is missing, what has no camera is not valid, the others are low on average.
+    """What built nothing is missing, what has no camera is not valid, the others are low.
 
     A ground seen from about as far scores by chance: .70 of an easy crossing is the most.
     """
