@@ -68,6 +68,18 @@ def test_depth_is_red_near_and_blue_far_and_grey_where_there_is_none():
     assert picture[0, 2].tolist() == between.tolist()
 
 
+def test_the_map_is_colorbrewer_s_spectral():
+    colors = [
+        (158, 1, 66), (213, 62, 79), (244, 109, 67), (253, 174, 97), (254, 224, 139),
+        (255, 255, 191), (230, 245, 152), (171, 221, 164), (102, 194, 165), (50, 136, 189),
+        (94, 79, 162),
+    ]  # fmt: skip
+    # Many pixels at both ends, so that the percentiles are the ends.
+    inverse = np.concatenate([np.full(100, 1.0), np.linspace(1, 0.5, 11), np.full(100, 0.5)])
+    picture = depth_picture((1 / inverse).astype(np.float32)[None])
+    assert np.abs(picture[0, 100:111] - np.array(colors)).max() <= 1  # depth is rounded to float32
+
+
 def test_percentiles_cut_what_is_far_off():
     depth = np.geomspace(1, 2, 1000, dtype=np.float32)[None]
     depth[0, :5], depth[0, -5:] = 1e-3, 1e6
