@@ -111,6 +111,7 @@ def command(
 
 def _show(found: Comparison, as_json: bool, verbose: bool, *, joined: bool = False) -> None:
     from legoworld.commands.comparison_short import short_comparison
+    from legoworld.comparison.tables import comparisons_of
 
     if as_json:
         options.print_json(found.to_dict())
@@ -118,7 +119,8 @@ def _show(found: Comparison, as_json: bool, verbose: bool, *, joined: bool = Fal
     click.echo(_tables(found.document) if verbose else short_comparison(found.document))
     click.echo(f"\n-> {found.folder}")
     if not joined:
-        click.echo(options.report_hint(found.folder))
+        (one,) = comparisons_of(found.document)
+        click.echo(options.report_hint(found.folder, photos=one.task != "bench"))
 
 
 def _tables(document: Document) -> str:

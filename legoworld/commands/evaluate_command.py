@@ -135,12 +135,9 @@ def command(
         click.echo(f"{options.within_width(_text(found.summary))}\n\n-> {found.folder}")
     else:
         click.echo(f"{_short(found.summary)}\n-> {found.folder}")
-    if (
-        not as_json
-        and isinstance(found.folder, Path)
-        and not isinstance(found.summary, ReconstructionSummary)
-    ):
-        click.echo(options.report_hint(found.folder))
+    if not as_json and isinstance(found.folder, Path):
+        bench = isinstance(found.summary, ReconstructionSummary)
+        click.echo(options.report_hint(found.folder, photos=not bench))
     return exit_codes.DONE
 
 

@@ -213,9 +213,13 @@ def within_width(text: str) -> str:
     )
 
 
-def report_hint(folder: object) -> str:
-    """The last line of what evaluate and compare print: how to look at the result."""
-    return f"look at it: legoworld report {shlex.quote(str(folder))} --photos PHOTOS -o report.html"
+def report_hint(folder: object, *, photos: bool) -> str:
+    """The last line of what evaluate and compare print: how to look at the result.
+
+    photos: whether the page has to be told where they are; a bench's are found without.
+    """
+    more = " --photos PHOTOS" if photos else ""
+    return f"look at it: legoworld report {shlex.quote(str(folder))}{more} -o report.html"
 
 
 def notifier(quiet: bool) -> Callable[[str], None]:

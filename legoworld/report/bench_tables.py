@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from legoworld.comparison.leaderboard import leaderboard
 from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted, share
+from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow
 from legoworld.records.reconstruction_summary import Mean
 from legoworld.records.report_bench import (
@@ -193,5 +194,10 @@ def bench_notes(side: Evaluated) -> list[str]:
             f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}{sd} "
             f"({counted(noise.n_reference, 'case', 'cases')})"
         )
+    if summary.articulation is not UNSET:
+        found = summary.articulation
+        score = "-" if found.score is None else f"{found.score:.4f}"
+        cases = counted(found.cases, "case", "cases")
+        lines.append(f"articulation, a pilot in no score: {score} ({cases})")
     lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
     return lines + (["partial run: only some images of its track"] if summary.partial else [])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from evaluation.reconstruction.datasets import (
+    NOTHING,
     VALID,
     Dataset,
     Submission,
@@ -27,16 +28,21 @@ def bench_dataset(folder: Path) -> Dataset:
 
 
 def bench_evaluation(
-    folder: Path, dataset: Dataset, name: str, submissions: dict[int, Submission]
+    folder: Path,
+    dataset: Dataset,
+    name: str,
+    submissions: dict[int, Submission],
+    agent: str = "",
 ) -> Path:
     """folder/name: an evaluation of a run whose other cases are the reference itself."""
-    run = write_run(folder / f"run-{name}", dataset, submissions, agent={"agent": name})
+    made_by = {"agent": agent or name}
+    run = write_run(folder / f"run-{name}", dataset, submissions, agent=made_by)
     evaluate_bench(run, dataset.private, folder / name, draws=50)
     return folder / name
 
 
 def troubled(dataset: Dataset) -> dict[int, Submission]:
-    """A failure, one that is not valid, no render, a shifted half, noise in the picture."""
+    """A failure, one that is not valid, a shifted half, another picture, and drivers."""
     half = dataset.cases[4].depth_z_m.copy()
     half[:, : half.shape[1] // 2] *= 1.3
     half[:3] = np.inf
@@ -47,4 +53,5 @@ def troubled(dataset: Dataset) -> dict[int, Submission]:
         2: Submission(validity=replace(VALID, scene_glb=EMPTY)),
         4: Submission(depth_z_m=half, hfov_deg=55.0),
         5: Submission(render=noisy),
+        6: Submission(integrity=replace(NOTHING, drivers=2)),
     }

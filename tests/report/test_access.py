@@ -250,6 +250,8 @@ def test_cases_are_listed_by_tier_and_flag(chrome: Browser, page: Path) -> None:
     hard = chrome.js(shown)
     assert len(everything) == 8
     assert hard == ["2", "4", "6", "8"]
+    chrome.open(page, "#/bench?tab=photos&flag=drivers")
+    assert chrome.js(shown) == ["6"]
     chrome.open(page, "#/bench?tab=photos&status=failed")
     assert chrome.js(shown) == ["1"]
 

@@ -264,3 +264,55 @@ class TestWhatIsNotThere:
 def test_nothing_is_hit_where_nothing_stands(document: PageDocument) -> None:
     codes = outcomes_of(document, view_of(document, 4).sides[0].hit_picture)
     assert (codes[:3] != HIT).all()
+
+
+def test_flags_are_listed_with_their_measurement(document: PageDocument) -> None:
+    (section,) = document.sections
+    assert section.bench is not None
+    (flag,) = section.bench.flags
+    assert (flag.label, flag.image_id, flag.kind, flag.measured) == ("one", 6, "drivers", 2)
+    (row,) = [r for r in section.images if r.id == 6]
+    assert [cell.flags for cell in row.cells] == [("drivers",), ()]  # type: ignore[attr-defined]
+    said = [a.what for a in view_of(document, 6).sides[0].advice]
+    assert any(s.startswith("flag, drivers: ") and "flagged from 1" in s for s in said)
+
+
+def test_repeats_have_a_deviation_and_many_rows_no_plot_of_intervals(
+    tmp_path: Path, folder: Path, dataset: Dataset, evaluations: list[Path]
+) -> None:
+    worse = {3: Submission(depth_z_m=dataset.cases[3].depth_z_m * 1.2)}
+    repeats = [
+        bench_evaluation(folder, dataset, "again-1", {}, agent="twice"),
+        bench_evaluation(folder, dataset, "again-2", worse, agent="twice"),
+    ]
+    (section,) = document_of(*evaluations, *repeats).sections
+    assert section.bench is not None
+    assert section.first.forest == ()
+    (twice,) = [r for r in section.bench.board.rows if r.agent == "twice"]
+    assert twice.evaluations == ("again-1", "again-2")
+    found = twice.groups[0].metrics["R"]
+    assert found.sd == pytest.approx(np.std([r or 0 for r in found.runs], ddof=1))
+    page = page_of(tmp_path / "r.html", *evaluations, *repeats)
+    assert f"({found.sd:.3f})" in page.read_text(encoding="utf-8").split('id="data"')[0]
+
+
+def test_a_run_without_renders_has_r_alone(tmp_path: Path, folder: Path, dataset: Dataset) -> None:
+    bare = {i: Submission(no_render=True) for i in dataset.cases}
+    evaluation = bench_evaluation(folder, dataset, "bare", bare)
+    view = view_of(document_of(evaluation), 5)
+    assert view.sides[0].error_picture is None
+    assert view.sides[0].why_no_picture == "the run made no render of it"
+    assert view.sides[0].hit_picture is not None
+    assert Tables(page_of(tmp_path / "r.html", evaluation)).row("A")[0] == "-"
+
+
+def test_many_cases_lie_beside_the_page_with_their_pictures(
+    tmp_path: Path, document: PageDocument, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("legoworld.report.page_file.EMBEDDED_VIEWS", 3)
+    page = written(document, tmp_path / "r.html")
+    beside = sorted(p.name for p in (tmp_path / "r_files").iterdir())
+    assert sum(name.startswith("overlay-") for name in beside) == len(document.overlays) > 0
+    assert 'id="overlay-0"' not in page.read_text(encoding="utf-8")
+    written(document, tmp_path / "r.html")
+    assert sorted(p.name for p in (tmp_path / "r_files").iterdir()) == beside
