@@ -316,3 +316,18 @@ def test_many_cases_lie_beside_the_page_with_their_pictures(
     assert 'id="overlay-0"' not in page.read_text(encoding="utf-8")
     written(document, tmp_path / "r.html")
     assert sorted(p.name for p in (tmp_path / "r_files").iterdir()) == beside
+
+
+def test_evaluate_ends_with_the_report_s_command(
+    tmp_path: Path,
+    folder: Path,
+    dataset: Dataset,
+    evaluations: list[Path],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert evaluations
+    out = tmp_path / "eval"
+    truth = ["--truth", str(dataset.private), "--draws", "20"]
+    assert cli.run(["evaluate", str(folder / "run-two"), *truth, "-o", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert said.endswith(f"look at it: legoworld report {out} -o report.html\n")
