@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,10 @@ from legoworld.visibility.kernel import Buffers
 from legoworld.visibility.view import surfaces_through
 
 Mask = NDArray[np.bool_]
+
+
+#: All masks that are kept for the next requirement, at most.
+_MASKS_BYTES: Final = 256 << 20
 
 
 class UnknownError(Exception):
@@ -92,6 +97,8 @@ class _Measured:
     ) -> None:
         self.scene, self.evidence, self.size_wh = scene, evidence, size_wh
         self.entities = Entities(scene.snapshot)
+        self._masks: dict[tuple[str, str], Mask] = {}
+        self._pairs: dict[tuple[str, str], tuple[float, float] | None] = {}
 
     def result(self, requirement: Requirement) -> Result:
         tolerance = _tolerance(requirement)
@@ -236,15 +243,23 @@ class _Measured:
     def mask(self, name: str) -> Mask:
         surfaces = self.surfaces(name)
         # The last entry is for -1: nothing is hit.
-        return np.asarray(np.append(surfaces, False)[self.buffers.instance])
+        return self._kept((name, "mask"), lambda: np.append(surfaces, False)[self.buffers.instance])
 
     def region(self, name: str) -> Mask:
         if self.evidence is None:
             raise UnknownError("there is no evidence")
-        region = self.evidence.region(name)
+        evidence, region = self.evidence, self.evidence.region(name)
         if region is None:
             raise UnknownError(f"the evidence has no region {name!r}")
-        return self.evidence.mask(region)
+        return self._kept((name, "region"), lambda: evidence.mask(region))
+
+    def _kept(self, what: tuple[str, str], make: Callable[[], Mask]) -> Mask:
+        """A mask that several requirements ask for, kept while all of them are small."""
+        if what not in self._masks:
+            if len(self._masks) * self.size_wh[0] * self.size_wh[1] > _MASKS_BYTES:
+                self._masks.clear()
+            self._masks[what] = make()
+        return self._masks[what]
 
     def _shapes(self, mask: Mask, region: Mask) -> tuple[residuals.Shape, residuals.Shape]:
         shapes = []
@@ -276,8 +291,11 @@ class _Measured:
     # Depth and light.
 
     def _pair(self, entity: str, region: str) -> tuple[float, float] | None:
-        both = self.mask(entity) & self.region(region)
-        return residuals.median_pair(self.buffers.depth_z_m, self._disparity, both)
+        if (entity, region) not in self._pairs:
+            both = self.mask(entity) & self.region(region)
+            found = residuals.median_pair(self.buffers.depth_z_m, self._disparity, both)
+            self._pairs[entity, region] = found
+        return self._pairs[entity, region]
 
     @property
     def _disparity(self) -> NDArray[np.float64]:

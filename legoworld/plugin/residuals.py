@@ -65,9 +65,17 @@ def boundary_distance_px(mask: Mask, region: Mask) -> float:
 
     An outline's pixels are those of the mask with a 4-neighbour outside of it or of the picture.
     """
-    first, second = outline(mask), outline(region)
+    # Both outlines lie in the box around both: distances there are those of the whole picture.
+    box = _box(mask | region)
+    first, second = outline(mask[box]), outline(region[box])
     to_second, to_first = _distance_to(second)[first], _distance_to(first)[second]
     return float((to_second.mean(dtype=np.float64) + to_first.mean(dtype=np.float64)) / 2)
+
+
+def _box(mask: Mask) -> tuple[slice, slice]:
+    """The rows and columns of a mask's extent."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def outline(mask: Mask) -> Mask:
@@ -101,12 +109,20 @@ def median_pair(
     depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
 ) -> tuple[float, float] | None:
     """Medians over pixels that have both: (1 / z in 1 / metres, disparity). None below 16 px."""
-    with np.errstate(invalid="ignore"):
-        usable = both & np.isfinite(depth_z_m) & (depth_z_m > 0) & np.isfinite(disparity)
-    if np.count_nonzero(usable) < SMALLEST_PX:
+    z, known = _both(depth_z_m, disparity, both)
+    if len(z) < SMALLEST_PX:
         return None
-    inverse = 1.0 / depth_z_m[usable].astype(np.float64)
-    return float(np.median(inverse)), float(np.median(disparity[usable]))
+    return float(np.median(1.0 / z)), float(np.median(known))
+
+
+def _both(
+    depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N,) depth and disparity of a mask's pixels where both are known."""
+    at = np.flatnonzero(both)
+    z, known = depth_z_m.ravel()[at], disparity.ravel()[at]
+    usable = np.isfinite(z) & (z > 0) & np.isfinite(known)
+    return z[usable].astype(np.float64), known[usable]
 
 
 def fit_depth(pairs: Sequence[tuple[float, float]]) -> DepthFit | None:
@@ -129,13 +145,12 @@ def depth_residual(
     fit: DepthFit, depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
 ) -> float | None:
     """Median of log(z of the scene / z of the fit) over the pixels that have both, signed."""
-    with np.errstate(invalid="ignore"):
-        usable = both & np.isfinite(depth_z_m) & (depth_z_m > 0) & np.isfinite(disparity)
-    expected = fit.depth_m(disparity[usable])
+    z, known = _both(depth_z_m, disparity, both)
+    expected = fit.depth_m(known)
     kept = np.isfinite(expected)
     if np.count_nonzero(kept) < SMALLEST_PX:
         return None
-    ratios = depth_z_m[usable][kept].astype(np.float64) / expected[kept]
+    ratios = z[kept] / expected[kept]
     return float(np.median(np.log(ratios)))
 
 

@@ -17,7 +17,7 @@ from legoworld.plugin.measure import measure
 from legoworld.plugin.state import read_live
 from legoworld.records.base import Record, RecordError, decode, readable
 from legoworld.records.endpoint import Checkpoint
-from legoworld.records.plugin_requirements import Requirement
+from legoworld.records.plugin_requirements import Report, Requirement
 from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import PROVENANCE, SceneFolder
@@ -43,6 +43,15 @@ class Pick(Record, frozen=True, kw_only=True):
     sha256: str | None
     submitted: int | None
     passed: dict[str, tuple[int, int, int]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A scene under its requirements: how many it keeps, breaks, and leaves unknown."""
+
+    passed: int
+    failed: int
+    unknown: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,21 +103,33 @@ def _chosen(
             expected=f"{REQUIREMENTS}: a list of the plugin's requirements",
         ) from error
     evidence = read_evidence(folder) if (folder / "evidence.json").is_file() else None
-    counts: dict[str, tuple[int, int, int]] = {}
-    best, best_key = trial.live[-1], (-1, 0)
+    standings: dict[Checkpoint, Standing] = {}
     for checkpoint in trial.live:
         try:
             report = measure(read_live(trial.blend(checkpoint), blender), requirements, evidence)
         except LegoWorldError as error:
             plan.notice(f"{trial.about.scene}, checkpoint {checkpoint.ordinal}: {error}")
             continue
-        verdicts = [result.verdict for result in report.results]
-        count = verdicts.count("pass"), verdicts.count("fail"), verdicts.count("unknown")
-        counts[str(checkpoint.ordinal)] = count
-        key = (count[0], -count[1])
-        if key >= best_key:
-            best, best_key = checkpoint, key
-    return best, counts
+        standings[checkpoint] = standing_of(report)
+    counts = {str(c.ordinal): (s.passed, s.failed, s.unknown) for c, s in standings.items()}
+    if not standings:
+        return trial.live[-1], counts
+    return list(standings)[last_of_best(list(standings.values()))], counts
+
+
+def standing_of(report: Report) -> Standing:
+    """The verdicts of a report, counted."""
+    verdicts = [result.verdict for result in report.results]
+    return Standing(
+        passed=verdicts.count("pass"),
+        failed=verdicts.count("fail"),
+        unknown=verdicts.count("unknown"),
+    )
+
+
+def last_of_best(standings: Sequence[Standing]) -> int:
+    """The position of the last scene that breaks the fewest requirements."""
+    return max(range(len(standings)), key=lambda i: (standings[i].passed, -standings[i].failed, i))
 
 
 def _deliver(

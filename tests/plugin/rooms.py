@@ -28,6 +28,7 @@ def room():
     material = bpy.data.materials.new("Wood")
     material.use_nodes = True
     bpy.data.objects["Table"].data.materials.append(material)
+    bpy.data.objects["Crate"]["traits"] = [{"of": "wood", "at": [1.0, 2.0]}, {"of": "nails"}]
     scene.world = bpy.data.worlds.new("World")
     light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     scene.collection.objects.link(light)
@@ -53,6 +54,7 @@ def edit_added(o): box("Vase", (0.5, 0, 0.75), (0.6, 0.1, 1))
 def edit_renamed(o): o["Cup"].name = "Mug"
 def edit_modifier(o): o["Cup"].modifiers.new("Round", "BEVEL")
 def edit_relabelled(o): o["Cup"]["category"] = "bowl"
+def edit_trait(o): o["Crate"]["traits"][1]["of"] = "screws"
 def edit_resolution(o): bpy.context.scene.render.resolution_x = 80
 def edit_world(o): bpy.context.scene.world.color = (1, 0, 0)
 def edit_light(o): o["Lamp"].data.energy = 7

@@ -23,6 +23,7 @@ NAMED = {
     "renamed": {("Cup", "removed"), ("Mug", "added")},
     "modifier": {("Cup", "modifier")},
     "relabelled": {("Cup", "property")},
+    "trait": {("Crate", "property")},
     "resolution": {("render", "render")},
     "world": {("world", "world")},
     "light": {("Lamp", "data")},
@@ -31,7 +32,7 @@ NAMED = {
 }
 UNSEEN = ("none", "node_moved_in_editor", "selected")
 #: Same surfaces, camera and labels: what a readout of them says is the same, too.
-NOT_GEOMETRY = ("material_colour", "material_swapped", "world", "light")
+NOT_GEOMETRY = ("material_colour", "material_swapped", "world", "light", "trait")
 
 
 def test_every_edit_of_the_room_is_tested():

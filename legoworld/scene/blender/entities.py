@@ -6,6 +6,7 @@ person can set counts, what only the window shows (selection, node positions) do
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from typing import Any, Final
 
@@ -70,20 +71,32 @@ def described(struct: bpy.types.bpy_struct) -> dict[str, Any]:
 
 def _described(struct: bpy.types.bpy_struct, met: set[tuple[int, str]]) -> dict[str, Any]:
     values: dict[str, Any] = {}
-    node = isinstance(struct, bpy.types.Node)
-    for prop in struct.bl_rna.properties:
-        name = prop.identifier
-        if name in _IGNORED or (node and name in _OF_NODES):
-            continue
-        if prop.type == "POINTER":
+    for name, kind in _settings(type(struct)):
+        if kind == "POINTER":
             values[name] = _nested(getattr(struct, name), met)
-        elif prop.type == "COLLECTION":
+        elif kind == "COLLECTION":
             values[name] = [_nested(item, met) for item in getattr(struct, name)]
-        elif not prop.is_readonly or name in ("identifier", "type", "bl_idname"):
+        else:
             values[name] = _plain(getattr(struct, name))
     if isinstance(struct, bpy.types.NodeTree):
         values["links"] = sorted(_link(link) for link in struct.links)
     return values
+
+
+@functools.cache
+def _settings(kind: Any) -> tuple[tuple[str, str], ...]:
+    """Name and type of each setting of an RNA type that counts, in Blender's order."""
+    ignored = _IGNORED | _OF_NODES if issubclass(kind, bpy.types.Node) else _IGNORED
+    return tuple(
+        (prop.identifier, prop.type)
+        for prop in kind.bl_rna.properties
+        if prop.identifier not in ignored
+        and (
+            prop.type in ("POINTER", "COLLECTION")
+            or not prop.is_readonly
+            or prop.identifier in ("identifier", "type", "bl_idname")
+        )
+    )
 
 
 def _nested(value: Any, met: set[tuple[int, str]]) -> Any:
@@ -171,15 +184,20 @@ def _matrix(block: bpy.types.Object) -> tuple[float, ...]:
 
 def _properties(block: bpy.types.ID) -> dict[str, Any]:
     """Custom properties, those of datablocks by name."""
-    shown: dict[str, Any] = {}
-    for key in sorted(block.keys()):
-        value = block[key]
-        if hasattr(value, "to_dict"):
-            value = value.to_dict()
-        elif hasattr(value, "to_list"):
-            value = value.to_list()
-        shown[key] = value if isinstance(value, str | int | bool) else repr(value)
-    return shown
+    return {key: _property(block[key]) for key in sorted(block.keys())}
+
+
+def _property(value: Any) -> Any:
+    """One custom property's value: groups and lists of them by what they hold, never by address."""
+    if isinstance(value, bpy.types.ID):
+        return [type(value).__name__, value.name]
+    if hasattr(value, "keys"):
+        return {key: _property(value[key]) for key in sorted(value.keys())}
+    if hasattr(value, "to_list"):
+        value = value.to_list()
+    if isinstance(value, list | tuple):
+        return [_property(item) for item in value]
+    return value if isinstance(value, str | int | bool) or value is None else repr(value)
 
 
 def _mesh_sha256(mesh: bpy.types.Mesh) -> str:
