@@ -3,8 +3,8 @@
     python benchmarks/plugin/picks.py DATASET KEPT_SCENES [--only __hard__view_00] [--each 10]
 
 A trajectory begins with every object off its place and the camera off its pose, and makes 14 edits
-of one object or the camera: 70 % bring it half-way home, 30 % throw it off again (an agent's share
-of edits that lower Q, 29.6 %). The submission is the last checkpoint. Regret is of R, the half of Q
+of one object or the camera: 70 % bring it half-way home, 30 % throw it off again (29.6 % of an
+agent's edits lower Q); --harmful takes another share. The submission is the last checkpoint. Regret is of R, the half of Q
 that needs no render: the best checkpoint's R minus the submission's. The pick is that of
 `trajectories.picking`, by the plugin's residuals alone.
 """
@@ -36,16 +36,17 @@ from legoworld.scene.snapshot import Snapshot
 from legoworld.trajectories.picking import last_of_best, standing_of
 
 EDITS = 14
-HARMFUL = 0.3
 
 
-def checkpoints(study: StudyCase, random: np.random.Generator) -> Iterator[Snapshot]:
+def checkpoints(
+    study: StudyCase, random: np.random.Generator, harmful_share: float
+) -> Iterator[Snapshot]:
     """The scene after each edit."""
     offset = {name: _off(random, 0.6) for name in study.names}
     camera = _camera(random)
     for _ in range(EDITS):
         yield _scene(study, offset, camera)
-        harmful = random.random() < HARMFUL
+        harmful = random.random() < harmful_share
         chosen = str(random.choice([*study.names, "camera"]))
         if chosen == "camera":
             camera = _camera(random) if harmful else camera / 2
@@ -78,6 +79,7 @@ def main() -> None:
     parser.add_argument("scenes", type=Path)
     parser.add_argument("--only", default="__hard__view_00")
     parser.add_argument("--each", type=int, default=10)
+    parser.add_argument("--harmful", type=float, default=0.3, help="share of edits")
     chosen = parser.parse_args()
     dataset = read_dataset(chosen.dataset / "private")
     rows: list[tuple[float, float, float]] = []
@@ -89,7 +91,7 @@ def main() -> None:
             blend = chosen.scenes / case.stem / "scene.blend"
             study = read_case(dataset, case, blend, Path(made) / case.stem, blender)
             for seed in range(chosen.each):
-                scenes = list(checkpoints(study, np.random.default_rng(seed)))
+                scenes = list(checkpoints(study, np.random.default_rng(seed), chosen.harmful))
                 r = [r_of(study, scene) for scene in scenes]
                 standings = [standing_of(report_of(study, scene)) for scene in scenes]
                 lowered += int((np.diff(r) < -1e-6).sum())
@@ -104,8 +106,8 @@ def main() -> None:
     )
     saved = picked - last
     print(
-        f"picked: R {picked.mean():.4f}, recovers {saved.mean() / regret:.1%} of the regret; better "
-        f"than the last in {np.count_nonzero(saved > 1e-6)}, worse in "
+        f"picked: R {picked.mean():.4f}, recovers {saved.mean() / regret:.1%} of the regret; "
+        f"better than the last in {np.count_nonzero(saved > 1e-6)}, worse in "
         f"{np.count_nonzero(saved < -1e-6)}"
     )
 

@@ -71,7 +71,8 @@ def described(struct: bpy.types.bpy_struct) -> dict[str, Any]:
 
 def _described(struct: bpy.types.bpy_struct, met: set[tuple[int, str]]) -> dict[str, Any]:
     values: dict[str, Any] = {}
-    for name, kind in _settings(type(struct)):
+    rna: Any = type(struct)
+    for name, kind in _settings(rna):
         if kind == "POINTER":
             values[name] = _nested(getattr(struct, name), met)
         elif kind == "COLLECTION":
