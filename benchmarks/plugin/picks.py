@@ -4,8 +4,9 @@
 
 A trajectory begins with every object off its place and the camera off its pose, and makes 14 edits
 of one object or the camera: 70 % bring it half-way home, 30 % throw it off again (29.6 % of an
-agent's edits lower Q); --harmful takes another share. The submission is the last checkpoint. Regret is of R, the half of Q
-that needs no render: the best checkpoint's R minus the submission's. The pick is that of
+agent's edits lower Q); --harmful takes another share. The submission is the last checkpoint. Regret
+is of R, the half of Q that needs no render: the best checkpoint's R minus the submission's. The
+pick is that of
 `trajectories.picking`, by the plugin's residuals alone.
 """
 
