@@ -98,6 +98,17 @@ class Case:
 
         return self.record("measure", request, call)
 
+    def resume(self) -> int | None:
+        """Record that a transaction of an earlier process is open still; its number, else None.
+
+        What it may be: edited on, committed, or rolled back to the copy that `begin` kept.
+        """
+        if self.phase != "open":
+            return None
+        number = self.transaction
+        self.record("resume", {}, lambda: {"transaction": number})
+        return number
+
     def begin(self, declaration: Declaration) -> Entry:
         """Open a transaction: the scene as it is now is what a rollback returns to."""
         request = as_json(declaration)

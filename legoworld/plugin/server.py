@@ -90,8 +90,14 @@ def plugin_server(
     @server.tool()
     @told
     def status() -> Json:
-        """Where the case stands: whether a transaction is open, and its number."""
-        return answer(case, phase=case.phase, transaction=case.transaction)
+        """Where the case stands: whether a transaction is open, its number, and if it was resumed.
+
+        Resumed: an earlier server of this ledger ended, or was killed, with the transaction open.
+        """
+        entries = case.ledger.entries
+        since = max((e.seq for e in entries if e.tool == "begin" and not e.error), default=0)
+        resumed = case.phase == "open" and any(e.tool == "resume" for e in entries[since:])
+        return answer(case, phase=case.phase, transaction=case.transaction, resumed=resumed)
 
     @server.tool()
     @told

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import fcntl
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Final
 
 from legoworld.errors import InstallationError, UsageError
 from legoworld.plugin.case import STATES, Case
@@ -14,6 +17,8 @@ from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.modules import modules_without
 from legoworld.records.plugin_ledger import TransactionLimits
 from legoworld.scene.blender_process import BlenderProcess, Limits
+
+_LOCK: Final = ".lock"
 
 
 def require_server() -> None:
@@ -50,11 +55,29 @@ def serve_plugin(
     if "evidence" in modules and evidence is not None:
         known = read_evidence(evidence, photo)
     elif "evidence" in modules and photo is not None:
-        known = photo_alone(photo)
+        known = photoone_server(photo)
     with BlenderProcess(Limits()) as reader:
         live = LiveBlender(BlenderConnection(parsed_address(address)), reader, ledger / STATES)
         case = Case(ledger, live, known, TransactionLimits())
-        plugin_server(case, known, modules).run("stdio")
+        with _alone(ledger):
+            case.resume()
+            plugin_server(case, known, modules).run("stdio")
+
+
+@contextlib.contextmanager
+def one_server(ledger: Path) -> Iterator[None]:
+    """One server at a time over a ledger; the lock ends with the process, however that ends."""
+    with (ledger / _LOCK).open("ab") as held:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise UsageError(
+                "another server writes this ledger",
+                found=f"{ledger / _LOCK} is locked",
+                expected="one server for each ledger",
+                next_step="end it, or pass another --ledger",
+            ) from error
+        yield
 
 
 def parsed_address(text: str) -> Address:
