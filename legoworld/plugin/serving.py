@@ -55,11 +55,11 @@ def serve_plugin(
     if "evidence" in modules and evidence is not None:
         known = read_evidence(evidence, photo)
     elif "evidence" in modules and photo is not None:
-        known = photoone_server(photo)
+        known = photo_alone(photo)
     with BlenderProcess(Limits()) as reader:
         live = LiveBlender(BlenderConnection(parsed_address(address)), reader, ledger / STATES)
         case = Case(ledger, live, known, TransactionLimits())
-        with _alone(ledger):
+        with one_server(ledger):
             case.resume()
             plugin_server(case, known, modules).run("stdio")
 

@@ -36,7 +36,7 @@ def main() -> None:
         elif moment == "after":
             append(self, **named)
         os.kill(os.getpid(), signal.SIGKILL)
-        raise AssertionError("killed")
+        return None
 
     Ledger.append = dying  # type: ignore[method-assign]
     (folder / STATES).mkdir(parents=True, exist_ok=True)
