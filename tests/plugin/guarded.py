@@ -69,7 +69,7 @@ def check_scene(
             wanted = to_record(tuple[Requirement, ...], required)
             expected = as_json(measure(offline, wanted, evidence))
             for ours, theirs in zip(said["results"], expected["results"], strict=True):
-                assert canonical(ours) == canonical(theirs)
+                assert canonical(ours) == canonical(theirs), f"{ours} {theirs}"
             assert canonical(said) == canonical(expected)
             assert {"pass"} <= {result["verdict"] for result in said["results"]}
             declared: dict[str, Any] = {
