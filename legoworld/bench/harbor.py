@@ -17,14 +17,15 @@ from legoworld.records.bench_dataset import BenchImage, BenchTrackFile, BenchTru
 
 #: Of task.toml; the version that Harbor reads today.
 _SCHEMA: Final = "1.4"
-_DELIVERED: Final = ("scene.blend", "scene.glb", "final.png")
 #: Where the agent leaves its scene, inside the container.
 _WORKSPACE: Final = "/workspace"
+#: What the verifier finalises: the workspace, and the scenes that `blender mcp` has kept.
+_ARTIFACTS: Final = (_WORKSPACE, f"{_WORKSPACE}.trajectory")
 
 
 @dataclass(frozen=True, kw_only=True)
 class HarborOptions:
-    """What every task says of its machines. verifier_image: has legoworld with its extra `bpy`."""
+    """What every task says of its machines. Both images have legoworld with its extra `bpy`."""
 
     agent_image: str
     verifier_image: str
@@ -121,7 +122,7 @@ def _copy(source: Path, target: Path) -> None:
 def _task_toml(image: BenchImage, options: HarborOptions) -> str:
     tags = [image.family, image.tier, image.environment, image.theme, image.split]
     named = ", ".join(f'"{tag}"' for tag in tags if tag)
-    artifacts = ", ".join(f'"{_WORKSPACE}/{name}"' for name in _DELIVERED)
+    artifacts = ", ".join(f'"{place}"' for place in _ARTIFACTS)
     return f"""schema_version = "{_SCHEMA}"
 artifacts = [{artifacts}]
 
@@ -140,7 +141,12 @@ timeout_sec = {options.agent_timeout_s:.1f}
 [environment]
 cpus = {options.cpus}
 memory_mb = {options.memory_mb}
-mcp_servers = []
+
+[[environment.mcp_servers]]
+name = "blender"
+transport = "stdio"
+command = "legoworld"
+args = ["blender", "mcp", "--workspace", "{_WORKSPACE}"]
 
 [verifier]
 timeout_sec = {options.verifier_timeout_s:.1f}
@@ -154,6 +160,7 @@ memory_mb = {options.memory_mb}
 
 def _agent_dockerfile(options: HarborOptions) -> str:
     return f"""FROM {options.agent_image}
+RUN legoworld agent install
 WORKDIR {_WORKSPACE}
 COPY image.png {_WORKSPACE}/image.png
 """
@@ -171,11 +178,12 @@ _INSTRUCTION: Final = """# Rebuild the scene
 is {hfov:.6f} degrees, its pixels are square, and its principal point is in the middle.
 
 Build the scene it shows in Blender, in metres, with real geometry, materials and lights, and one
-active camera at the place the picture was taken from. Leave in {workspace}:
+active camera at the place the picture was taken from. The tools of the MCP server `blender` drive a
+Blender without a display, which writes to {workspace} alone.
 
-- `scene.blend`: the scene;
-- `scene.glb`: the same scene as glTF;
-- `final.png`: your render of it.
+Save the scene as `{workspace}/scene.blend`; save early, and again. What is saved there when you
+end, or your time is over, is exported and scored; without it, the open scene as your last call
+left it.
 
 The scene is compared with the one behind the picture: its visible surface point by point, in the
 camera's frame and in metres, and a render of it pixel by pixel. Nothing is aligned before. Do not
@@ -187,10 +195,8 @@ Things that may be in the picture: {categories}.
 _TEST: Final = """#!/bin/sh
 # Scores what the agent left and writes /logs/verifier/reward.json; never fails without a reward.
 set -u
-mkdir -p /logs/verifier /tmp/submissions/{stem}
-for name in scene.blend scene.glb final.png; do
-  [ -f "{workspace}/$name" ] && cp "{workspace}/$name" "/tmp/submissions/{stem}/$name"
-done
+mkdir -p /logs/verifier /tmp/submissions {workspace}
+legoworld blender finalise {workspace} -o /tmp/submissions/{stem}
 tests=$(cd "$(dirname "$0")" && pwd)
 legoworld readout /tmp/submissions --task bench --track "$tests/bench/public/track.json" \\
   -o /tmp/run --no-cache -q

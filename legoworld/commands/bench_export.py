@@ -18,9 +18,9 @@ _HELP = {"help_option_names": ["-h", "--help"]}
 @click.option("-o", "--output", type=options.FOLDER, required=True, help="Folder of the tasks.")
 @click.option(
     "--agent-image",
-    default="python:3.11-slim",
+    default="legoworld:latest",
     show_default=True,
-    help="Container image the agent works in.",
+    help="Container image the agent works in; it has legoworld and Blender.",
 )
 @click.option(
     "--verifier-image",

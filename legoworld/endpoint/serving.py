@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,10 +36,29 @@ def serve_endpoint(
     notice: Callable[[str], None],
 ) -> None:
     """Serve until `over` is set or the time limit is reached."""
-    workspace = serving.workspace or Path(f"blender-{serving.port}")
+    with opened(serving, notice=notice) as port:
+        say(f"listening on {HOST}:{port}")
+        over.wait(serving.limits.time_s)
+
+
+def workspace_of(serving: Serving) -> Path:
+    """The folder that Blender can write to."""
+    return serving.workspace or Path(f"blender-{serving.port}")
+
+
+def record_of(workspace: Path) -> Path:
+    """Where the calls and scenes of a workspace are kept."""
+    workspace = workspace.resolve()
+    return workspace.with_name(f"{workspace.name}.trajectory")
+
+
+@contextmanager
+def opened(serving: Serving, *, notice: Callable[[str], None]) -> Iterator[int]:
+    """An endpoint with its Blender; its port."""
+    workspace = workspace_of(serving)
     workspace.mkdir(parents=True, exist_ok=True)
     _refuse_second_scene(serving.scene, workspace)
-    record = workspace.with_name(f"{workspace.name}.trajectory")
+    record = record_of(workspace)
     session = Session(
         Trial(
             workspace=workspace,
@@ -61,8 +80,7 @@ def serve_endpoint(
             why = f" ({held.why_not})" if held.why_not else ""
             notice(f"warning: not kept from it: {', '.join(held.does_not_hold)}{why}")
         notice(f"Blender writes to {workspace}; every scene is kept in {record}")
-        say(f"listening on {HOST}:{server.port}")
-        over.wait(serving.limits.time_s)
+        yield server.port
 
 
 def _refuse_second_scene(scene: Path | None, workspace: Path) -> None:

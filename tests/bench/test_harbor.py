@@ -35,9 +35,12 @@ def test_a_task_is_what_harbor_reads(exported):
     document = tomllib.loads((task / "task.toml").read_text("utf-8"))
     assert document["schema_version"] == "1.4"
     assert document["verifier"]["environment_mode"] == "separate"
-    assert {Path(p).name for p in document["artifacts"]} == {
-        "scene.blend", "scene.glb", "final.png"
-    }  # fmt: skip
+    assert document["artifacts"] == ["/workspace", "/workspace.trajectory"]
+    (server,) = document["environment"]["mcp_servers"]
+    assert (server["transport"], server["command"]) == ("stdio", "legoworld")
+    with pytest.raises(SystemExit) as helped:  # what the agent's harness starts is a command
+        cli.main([*server["args"], "--help"])
+    assert not helped.value.code
     assert "61.92" in (task / "instruction.md").read_text("utf-8")
     assert os.access(task / "tests" / "test.sh", os.X_OK)
 

@@ -1,0 +1,44 @@
+"""`legoworld blender finalise`: a workspace's submission, as a trial's is made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from legoworld.endpoint.finalisation import finalise
+from legoworld.endpoint.serving import record_of
+from legoworld.endpoint.trial_record import TrialRecord, copy_regular
+from legoworld.errors import UsageError
+from legoworld.files import sha256_of_file
+from legoworld.records.agents import Finalisation
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.folder import BLEND
+from legoworld.workers.sandbox import Protections, SandboxLimits
+
+
+def finalise_workspace(
+    workspace: Path, output: Path, *, limits: SandboxLimits, held: Protections
+) -> Finalisation:
+    """Export what a workspace and its record hold into a new folder; which scene was taken.
+
+    The scene.blend of the workspace is the one that was saved last. UsageError for an output that
+    is not empty.
+    """
+    if output.is_dir() and any(output.iterdir()):
+        raise UsageError(
+            "the output folder is not empty", found=str(output), expected="a new folder"
+        )
+    output.mkdir(parents=True, exist_ok=True)
+    record = TrialRecord(record_of(workspace))
+    copy = record.incoming() / "incoming.blend"
+    if copy_regular(workspace / BLEND, copy):
+        sha256, last = sha256_of_file(copy), record.last("saved")
+        if last is None or last.sha256 != sha256:
+            calls = record.calls
+            at_s = calls[-1].at_s + calls[-1].seconds if calls else 0.0
+            record.take(copy, sha256, kind="saved", call=len(calls), at_s=at_s)
+        else:
+            copy.unlink()
+    with BlenderProcess(Limits(memory_bytes=limits.memory_bytes)) as blender:
+        return finalise(
+            record, output, workspace=workspace, limits=limits, held=held, blender=blender
+        )
