@@ -79,8 +79,9 @@ def reconstruct(
 
     A scene folder appears whole, with its reconstruction.json, or not at all.
     """
+    top = output.resolve()  # sandboxes and agents name files from other working folders
     items = [
-        TrialItem(image=image, run=run, scenes=_scenes(output, run, repeat))
+        TrialItem(image=image, run=run, scenes=_scenes(top, run, repeat))
         for run in range(1, repeat + 1)
         for image in images
     ]

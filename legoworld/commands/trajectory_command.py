@@ -56,9 +56,11 @@ def show(scene: Path, scores: Path | None, as_json: bool, quiet: bool, verbose: 
     head = ["call", "s", "command", "status", "checkpoint", "Q", "said"]
     click.echo(options.table(head, rows_of(trial, score)))
     about = trial.about
+    source = about.finalisation.source
+    submitted = "nothing was submitted" if source == "none" else f"submitted: its {source} scene"
     click.echo(
         f"{about.agent}: {about.status}, ended by {about.ended} after {about.agent_seconds:.0f} s; "
-        f"the submission is its {about.finalisation.source} scene"
+        f"{submitted}"
     )
     if score is not None:
         click.echo(f"final Q {score.final_q:.4f}, regret {score.regret:.4f}")
@@ -155,7 +157,7 @@ def report(
     if as_json:
         options.print_json({"page": str(output), "trials": len(trials)})
     else:
-        click.echo(f"{len(trials)} trials -> {output}")
+        click.echo(f"{counted(len(trials), 'trial', 'trials')} -> {output}")
     return 0
 
 

@@ -13,6 +13,7 @@ from typing import Literal
 import pytest
 from agents.tracks import make_track, plan, run, server_or_skip, steps_file
 
+from legoworld import cli
 from legoworld.agents import unfinished
 from legoworld.agents.recorded_steps import steps_left
 from legoworld.endpoint.trial_record import TrialRecord
@@ -147,6 +148,16 @@ def test_killed_in_a_call_that_call_is_made_again_and_none_before_it(track: Path
     played = [call.arguments["code"] for s in made for call in (s.tool_calls or [])]
     assert played == codes(hangs=3)
     assert any("part 2 begins" in str(step.message) for step in trial.trajectory.steps)
+
+
+@pytest.mark.blender
+def test_folders_may_be_named_from_where_the_command_is_run(track: Path, monkeypatch):
+    steps_file(track / "programs" / "room.steps.jsonl", codes(last=1))
+    monkeypatch.chdir(track)
+    words = ["reconstruct", "track.json", "--photos", "photos", "--agent", "program"]
+    words += ["--task", "bench", "--programs", "programs", "-o", "scenes", "-q"]
+    assert cli.run(words) == 0
+    assert read_trial(Path("scenes") / "room").about.status == "ok"
 
 
 @pytest.mark.blender
