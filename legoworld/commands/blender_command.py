@@ -133,6 +133,7 @@ def mcp(
     \b
     Examples:
       legoworld blender mcp --workspace work
+      legoworld blender mcp --workspace work --memory-limit 4
       claude mcp add blender -- legoworld blender mcp --workspace work
     """
     from legoworld.agents.mcp_endpoint import serve_mcp
