@@ -27,7 +27,7 @@ from legoworld.records.execution import ExecutionFile
 from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
 from legoworld.records.labels import LabelsFile
-from legoworld.records.plugin_evidence import EvidenceFile, Outlines
+from legoworld.records.plugin_evidence import EvidenceFile, Outlines, ProviderCamera
 from legoworld.records.plugin_install import InstalledFile
 from legoworld.records.plugin_ledger import Declaration, Entry, HookMark
 from legoworld.records.plugin_requirements import Report
@@ -72,6 +72,7 @@ FORMATS: dict[str, Any] = {
     "frozen": FrozenFile,
     "instances": InstancesFile,
     "labels": LabelsFile,
+    "plugin-camera": ProviderCamera,
     "plugin-evidence": EvidenceFile,
     "plugin-hooks": HookMark,
     "plugin-install": InstalledFile,

@@ -42,6 +42,14 @@ def command() -> None:
     help="depth: larger is farther; disparity: larger is nearer.",
 )  # fmt: skip
 @click.option(
+    "--run", "runs", multiple=True, type=options.EXISTING_FOLDER,
+    help="Folder of `legoworld baseline run` over this photo: masks, boxes or depth; repeat.",
+)  # fmt: skip
+@click.option(
+    "--camera", type=options.EXISTING_FILE,
+    help="A provider's camera (docs/schemas/plugin-camera.schema.json), in place of --fov.",
+)  # fmt: skip
+@click.option(
     "--fov", type=click.FloatRange(min=1.0, max=170.0),
     help="Horizontal field of view in degrees; with it the camera's rotation is estimated.",
 )  # fmt: skip
@@ -53,6 +61,8 @@ def evidence(
     task: Literal["coco", "lvis"] | None,
     depth: Path | None,
     space: Literal["depth", "disparity"],
+    runs: tuple[Path, ...],
+    camera: Path | None,
     fov: float | None,
     output: Path,
 ) -> int:
@@ -65,10 +75,13 @@ def evidence(
       legoworld plugin evidence --photo room.jpg --regions outlines.json -o evidence
       legoworld plugin evidence --photo 139.jpg --regions sam3/predictions.json --task lvis \\
         --image-id 139 --depth depth/139.npz --space disparity --fov 60 -o evidence
+      legoworld plugin evidence --photo 139.jpg --run sam3-run --run da3-run --fov 60 -o evidence
     """
     from legoworld.api.settings import protocol_of
     from legoworld.plugin.evidence_making import Given, make_evidence
 
+    if fov is not None and camera is not None:
+        raise click.UsageError("--fov and --camera say the same: pass one of them")
     protocol = protocol_of(task, None)
     made = make_evidence(
         Given(
@@ -79,14 +92,16 @@ def evidence(
             depth=depth,
             depth_space=space,
             hfov_deg=fov,
+            runs=runs,
+            camera=camera,
         ),
         output,
     )
     source = made.camera.rotation_source
-    camera = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"
+    told = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"
     click.echo(f"regions  {len(made.regions)}")
     click.echo(f"depth    {made.depth.source if made.depth else 'none'}")
-    click.echo(f"camera   {camera}")
+    click.echo(f"camera   {told}")
     click.echo(f"evidence {output}")
     return 0
 

@@ -55,6 +55,8 @@ class Case:
         self._states.mkdir(exist_ok=True)
         self.artefacts = Artefacts(folder / ARTEFACTS)
         self.live, self.evidence, self._limits = live, evidence, limits
+        #: The last state that was read by this process.
+        self.scene: LiveScene | None = None
         self._signatures: tuple[str | None, str | None] = (None, None)
         if self.ledger.entries:
             last = self.ledger.entries[-1]
@@ -209,6 +211,7 @@ class Case:
 
     def note(self, scene: LiveScene) -> None:
         """Have the signatures of a state that was read in the entry of this call."""
+        self.scene = scene
         self._signatures = (scene.state.geometry_signature, scene.state.scene_signature)
 
     def record(

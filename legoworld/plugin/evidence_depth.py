@@ -14,7 +14,7 @@ from legoworld.records.plugin_evidence import DepthEvidence, DepthSpace
 
 
 def write_depth(
-    path: Path, space: DepthSpace, size_wh: tuple[int, int], output: Path
+    path: Path, space: DepthSpace, size_wh: tuple[int, int], output: Path, *, source: str
 ) -> DepthEvidence:
     """Write depth.npz at the photo's size. EvidenceInvalidError for what is no depth of it."""
     values = _array(path)
@@ -30,7 +30,7 @@ def write_depth(
     return DepthEvidence(
         sha256=sha256_of_file(output / DEPTH),
         space=space,
-        source=path.name,
+        source=source,
     )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from legoworld.files import sha256_of_file, write_text
 from legoworld.plugin.evidence import EVIDENCE, Evidence, EvidenceInvalidError
+from legoworld.plugin.evidence_baselines import RunEvidence, of_run
+from legoworld.plugin.evidence_camera import camera_evidence
 from legoworld.plugin.evidence_depth import write_depth
-from legoworld.plugin.vanishing import UntoldError, manhattan_camera
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, readable
 from legoworld.records.plugin_evidence import (
-    CameraEvidence,
+    DepthEvidence,
     DepthSpace,
     EvidenceFile,
     Outlines,
@@ -56,7 +57,8 @@ class Given:
     """What a user brings. regions: a JSON file of outlines, or of results; depth: an array.
 
     image_id: of the photo in a results file; vocabulary: of its category ids; all_images: the
-    results are of a whole track, where a photo without any is no mistake.
+    results are of a whole track, where a photo without any is no mistake. runs: folders of
+    baselines that saw the photo; camera: a provider's file.
     """
 
     photo: Path
@@ -67,30 +69,61 @@ class Given:
     depth_space: DepthSpace
     hfov_deg: float | None
     all_images: bool = False
+    runs: Sequence[Path] = ()
+    camera: Path | None = None
 
 
 def make_evidence(given: Given, output: Path) -> EvidenceFile:
     """Write evidence.json and, with depth, depth.npz. EvidenceInvalidError names what is wrong."""
     photo = read_photo(given.photo)
-    size_wh = photo.shape[1], photo.shape[0]
+    about = _photo_evidence(given.photo, photo)
+    size_wh = about.width, about.height
+    runs = [of_run(folder, about.sha256) for folder in given.runs]
     regions = [r for path in given.regions for r in _regions(path, given, size_wh)]
+    regions += [r for run in runs for r in _of_run(run, given, size_wh)]
     _refuse_repeated(regions)
+    camera = camera_evidence(photo, about, given.hfov_deg, given.camera)
     output.mkdir(parents=True, exist_ok=True)
     file = EvidenceFile(
-        photo=_photo_evidence(given.photo, photo),
+        photo=about,
         regions=tuple(sorted(regions, key=lambda region: region.name)),
-        depth=write_depth(given.depth, given.depth_space, size_wh, output) if given.depth else None,
-        camera=_camera(photo, given.hfov_deg),
+        depth=_depth(given, runs, size_wh, output),
+        camera=camera,
     )
     write_text(output / EVIDENCE, readable(file))
     return file
 
 
+def _depth(
+    given: Given, runs: Sequence[RunEvidence], size_wh: tuple[int, int], output: Path
+) -> DepthEvidence | None:
+    sources = [(run.depth, run.space, run.source) for run in runs if run.depth is not None]
+    if given.depth is not None:
+        sources.append((given.depth, given.depth_space, given.depth.name))
+    if len(sources) > 1:
+        raise EvidenceInvalidError(
+            "there are two depths of the photo",
+            found=", ".join(source for _, _, source in sources),
+            expected="one",
+        )
+    for path, space, source in sources:
+        return write_depth(path, space, size_wh, output, source=source)
+    return None
+
+
+def _of_run(run: RunEvidence, given: Given, size_wh: tuple[int, int]) -> Iterator[Region]:
+    if run.results is not None:
+        about = replace(given, image_id=run.image_id, vocabulary=run.vocabulary, all_images=True)
+        entries = decode(list[Detection], run.results)
+        yield from _of_results(entries, run.source, about, size_wh)
+
+
 def photo_alone(path: Path) -> Evidence:
     """Evidence that is a photo and nothing else."""
     photo = read_photo(path)
+    about = _photo_evidence(path, photo)
     file = EvidenceFile(
-        photo=_photo_evidence(path, photo), regions=(), depth=None, camera=_camera(photo, None)
+        photo=about, regions=(), depth=None, camera=camera_evidence(photo, about, None, None)
     )
     return Evidence(file=file, disparity=None, photo=photo)
 
@@ -222,25 +255,3 @@ def _refuse_repeated(regions: Sequence[Region]) -> None:
             found=", ".join(twice[:5]),
             expected="a name of its own for each region",
         )
-
-
-def _camera(photo: NDArray[np.uint8], hfov_deg: float | None) -> CameraEvidence:
-    import cv2
-
-    def camera(rotation: Any, unknown: str | None) -> CameraEvidence:
-        return CameraEvidence(
-            hfov_deg=hfov_deg,
-            hfov_source=None if hfov_deg is None else "given",
-            world_from_cam_rotation=rotation,
-            rotation_source="vanishing points" if rotation else None,
-            unknown=unknown,
-        )
-
-    if hfov_deg is None:
-        return camera(None, "the field of view is not known")
-    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
-    try:
-        rotation = manhattan_camera(gray, hfov_deg).world_from_cam
-    except UntoldError as error:
-        return camera(None, str(error))
-    return camera(tuple(tuple(float(v) for v in row) for row in rotation), None)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
-from legoworld.plugin import residuals, solids
-from legoworld.plugin.entities import Entities
+from legoworld.plugin import residuals
 from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.measure_world import InTheWorld, UnknownError, UnmetError
 from legoworld.plugin.small_render import rec709_luma, spread
 from legoworld.plugin.state import LiveScene
 from legoworld.records import plugin_requirements as kinds
@@ -27,14 +27,6 @@ Mask = NDArray[np.bool_]
 
 #: All masks that are kept for the next requirement, at most.
 _MASKS_BYTES: Final = 256 << 20
-
-
-class UnknownError(Exception):
-    """A requirement cannot be measured; the text says why."""
-
-
-class UnmetError(Exception):
-    """A requirement fails without a number: what it measures is not there; the text says what."""
 
 
 def measure(
@@ -86,7 +78,7 @@ def surface_view(scene: LiveScene, size_wh: tuple[int, int]) -> Buffers:
     return surfaces_through(camera, scene.snapshot, size_wh)
 
 
-class _Measured:
+class _Measured(InTheWorld):
     """One scene under one photo; everything is computed when first asked for."""
 
     def __init__(
@@ -95,8 +87,8 @@ class _Measured:
         evidence: Evidence | None,
         size_wh: tuple[int, int],
     ) -> None:
-        self.scene, self.evidence, self.size_wh = scene, evidence, size_wh
-        self.entities = Entities(scene.snapshot)
+        super().__init__(scene)
+        self.evidence, self.size_wh = evidence, size_wh
         self._masks: dict[tuple[str, str], Mask] = {}
         self._pairs: dict[tuple[str, str], tuple[float, float] | None] = {}
 
@@ -125,21 +117,21 @@ class _Measured:
         """(measurement, residual); UnknownError where there is nothing to measure."""
         match requirement:
             case kinds.Existence():
-                return self._existence(requirement)
+                return self.existence(requirement)
             case kinds.ValidTransform():
-                return self._valid_transform(requirement)
+                return self.valid_transform(requirement)
             case kinds.Dimensions():
-                return self._dimensions(requirement)
+                return self.dimensions(requirement)
             case kinds.Support():
-                return self._support(requirement)
+                return self.support(requirement)
             case kinds.Containment():
-                return self._containment(requirement)
+                return self.containment(requirement)
             case kinds.Collision():
-                return self._collision(requirement)
+                return self.collision(requirement)
             case kinds.Facing():
-                return self._facing(requirement)
+                return self.facing(requirement)
             case kinds.Layout():
-                return self._layout(requirement)
+                return self.layout(requirement)
             case kinds.Visibility():
                 area = int(np.count_nonzero(self.mask(requirement.entity)))
                 return float(area), float(max(0, requirement.area_px - area))
@@ -151,88 +143,6 @@ class _Measured:
                 return self._luminance(requirement)
             case _:
                 return self._picture(requirement)
-
-    # In the world.
-
-    def surfaces(self, name: str) -> NDArray[np.bool_]:
-        surfaces = self.entities.surfaces(name)
-        if surfaces is None:
-            near = ", ".join(self.entities.nearest(name)) or "none"
-            raise UnknownError(f"no object or collection {name!r}; similar names: {near}")
-        if not surfaces.any():
-            raise UnknownError(f"{name!r} has no surface that renders")
-        return surfaces
-
-    def points(self, name: str) -> NDArray[np.float64]:
-        self.surfaces(name)
-        return self.entities.points_m(name)
-
-    def _existence(self, requirement: kinds.Existence) -> tuple[float, float]:
-        surfaces = self.entities.surfaces(requirement.entity)
-        n_surfaces = 0 if surfaces is None else int(np.count_nonzero(surfaces))
-        return float(n_surfaces), 0.0 if n_surfaces else 1.0
-
-    def _valid_transform(self, requirement: kinds.ValidTransform) -> tuple[float, float]:
-        worst = 1.0
-        for surface in np.flatnonzero(self.surfaces(requirement.entity)).tolist():
-            lengths, determinant = solids.scales(self.scene.snapshot.world_from_mesh[surface])
-            if not np.isfinite(lengths).all() or lengths.min() <= 0 or determinant <= 0:
-                raise UnmetError("a placement is flat, mirrored or not finite")
-            worst = max(worst, float(lengths.max() / lengths.min()))
-        return worst, worst
-
-    def _dimensions(self, requirement: kinds.Dimensions) -> tuple[float, float]:
-        points = self.points(requirement.entity)
-        sides = points.max(axis=0) - points.min(axis=0)
-        low, high = np.array(requirement.low_m), np.array(requirement.high_m)
-        outside = np.maximum(np.maximum(low - sides, sides - high), 0.0)
-        worst = int(np.argmax(outside))
-        return float(sides[worst]), float(outside[worst])
-
-    def _support(self, requirement: kinds.Support) -> tuple[float, float]:
-        own = self.surfaces(requirement.entity)
-        below = ~own if requirement.on is None else self.surfaces(requirement.on) & ~own
-        feet = solids.foot_points(self.points(requirement.entity))
-        gap = solids.support_gap_m(feet, self.entities.triangles_m(below))
-        if gap is None:
-            raise UnmetError("nothing is below a point that it stands on")
-        return gap, max(gap, 0.0)
-
-    def _containment(self, requirement: kinds.Containment) -> tuple[float, float]:
-        share = solids.share_inside(
-            self.points(requirement.entity), self.points(requirement.inside)
-        )
-        if share is None:
-            raise UnknownError(f"{requirement.inside!r} has no volume")
-        return share, max(0.0, requirement.share - share)
-
-    def _collision(self, requirement: kinds.Collision) -> tuple[float, float]:
-        first, second = self.surfaces(requirement.entity), self.surfaces(requirement.other)
-        if (first & second).any():
-            raise UnknownError("the two entities share surfaces")
-        triangles = (self.entities.triangles_m(first), self.entities.triangles_m(second))
-        depth = solids.penetration_m(*triangles)
-        return depth, depth
-
-    def _facing(self, requirement: kinds.Facing) -> tuple[float, float]:
-        first = int(np.flatnonzero(self.surfaces(requirement.entity))[0])
-        here = self._middle(requirement.entity)
-        angle = solids.facing_angle_deg(
-            self.scene.snapshot.world_from_mesh[first], here, self._middle(requirement.towards)
-        )
-        if angle is None:
-            raise UnknownError("one has no direction on the ground")
-        return angle, angle
-
-    def _layout(self, requirement: kinds.Layout) -> tuple[float, float]:
-        deviation = solids.step_deviation([self._middle(name) for name in requirement.entities])
-        if deviation is None:
-            raise UnknownError("all of them are in one place")
-        return deviation, deviation
-
-    def _middle(self, name: str) -> NDArray[np.float64]:
-        points = self.points(name)
-        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
 
     # In the picture.
 

@@ -11,7 +11,7 @@ from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.modules import MODULES, tools_off
 from legoworld.plugin.server_answers import Json, answer, told, typed
-from legoworld.plugin.server_finishing import add_finishing
+from legoworld.plugin.server_finishing import add_finishing, kept_pictures
 from legoworld.plugin.server_initialisation import add_initialisation
 from legoworld.records.base import as_json
 from legoworld.records.plugin_ledger import Declaration
@@ -57,9 +57,14 @@ def plugin_server(
 
     @server.tool()
     @told
-    def measure(requirements: list[Json]) -> Json:
-        """Measure requirements on the scene as it is now: pass, fail or unknown, with residuals."""
-        return answer(case, report=as_json(case.measure(_requirements(requirements))))
+    def measure(requirements: list[Json], pictures: bool = False) -> Json:
+        """Measure requirements on the scene as it is now: pass, fail or unknown, with residuals.
+
+        pictures: also a small picture of each, as the resource legoworld://renders/SHA256.
+        """
+        report = case.measure(_requirements(requirements))
+        drawn = {"pictures": kept_pictures(case, report)} if pictures else {}
+        return answer(case, report=as_json(report), **drawn)
 
     @server.tool()
     @told

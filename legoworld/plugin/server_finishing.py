@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 from legoworld.plugin.case import Case
 from legoworld.plugin.finishing import export, note_review, render_for_review, validate
+from legoworld.plugin.result_pictures import result_pictures
 from legoworld.plugin.server_answers import Json, answer, answer_text, told, typed
+from legoworld.readouts.pictures import png_bytes
 from legoworld.records.base import as_json, readable
-from legoworld.records.plugin_requirements import Requirement
+from legoworld.records.plugin_requirements import Report, Requirement
 
 if TYPE_CHECKING:
     from mcp.server import MCPServer
@@ -20,15 +22,17 @@ def add_finishing(server: MCPServer[Any], case: Case) -> None:
 
     @server.tool(name="validate")
     @told
-    def validate_tool(requirements: list[Json] | None = None) -> Json:
+    def validate_tool(requirements: list[Json] | None = None, pictures: bool = False) -> Json:
         """Measure what all committed transactions required, and more, on the scene as it is now.
 
-        The report is kept as the resource legoworld://reports/REPORT_SHA256.
+        The report is kept as the resource legoworld://reports/REPORT_SHA256. pictures: also a small
+        picture of each result, as the resource legoworld://renders/SHA256.
         """
         given: tuple[Requirement, ...] = typed(tuple[Requirement, ...], requirements or [])
         report = validate(case, given)
         sha256 = case.artefacts.keep(readable(report).encode(), "json")
-        return answer(case, report=as_json(report), report_sha256=sha256)
+        drawn = {"pictures": kept_pictures(case, report)} if pictures else {}
+        return answer(case, report=as_json(report), report_sha256=sha256, **drawn)
 
     @server.tool(name="export")
     @told
@@ -54,6 +58,13 @@ def add_finishing(server: MCPServer[Any], case: Case) -> None:
     def renders(sha256: str) -> bytes:
         """A render or another picture, by its hash."""
         return case.artefacts.read(sha256, "png")
+
+
+def kept_pictures(case: Case, report: Report) -> list[str | None]:
+    """sha256 of a small picture of each result, null where there is nothing to see."""
+    assert case.scene is not None  # the report is of it
+    pictures = result_pictures(case.scene, case.evidence, report)
+    return [None if p is None else case.artefacts.keep(png_bytes(p), "png") for p in pictures]
 
 
 def _add_review(server: MCPServer[Any], case: Case) -> None:

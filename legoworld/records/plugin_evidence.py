@@ -65,6 +65,27 @@ class CameraEvidence(Record, frozen=True, kw_only=True):
     unknown: str | None
 
 
+class ProviderCamera(Record, frozen=True, kw_only=True):
+    """A camera that a provider recovered from the photo, as `plugin evidence --camera` reads it.
+
+    source: the provider and its version, such as "vggt 1b". width, height: of the picture that the
+    intrinsics are in, which shows all of the photo in its shape; fx, fy, cx, cy: pixels of it,
+    origin in its upper left corner. world_from_cam_rotation: as in `CameraEvidence`; null where the
+    provider does not tell up, as of one photo alone: it is estimated then.
+    """
+
+    schema_version: Literal[1]
+    source: Annotated[str, Meta(min_length=1, max_length=200)]
+    photo_sha256: Sha256
+    width: Side
+    height: Side
+    fx: Annotated[float, Meta(gt=0)]
+    fy: Annotated[float, Meta(gt=0)]
+    cx: float
+    cy: float
+    world_from_cam_rotation: Rows | None = None
+
+
 class EvidenceFile(Record, frozen=True, kw_only=True):
     """evidence.json; regions sorted by name."""
 

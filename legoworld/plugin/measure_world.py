@@ -1,0 +1,121 @@
+"""Requirements on entities in the world: what each measures there, and its residual."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.plugin import solids
+from legoworld.plugin.entities import Entities
+from legoworld.plugin.state import LiveScene
+from legoworld.records import plugin_requirements as kinds
+
+
+class UnknownError(Exception):
+    """A requirement cannot be measured; the text says why."""
+
+
+class UnmetError(Exception):
+    """A requirement fails without a number: what it measures is not there; the text says what."""
+
+
+class InTheWorld:
+    """One scene; each method gives (measurement, residual) of a kind of requirement.
+
+    UnknownError where there is nothing to measure, UnmetError where that itself is the failure.
+    """
+
+    def __init__(self, scene: LiveScene) -> None:
+        self.scene = scene
+        self.entities = Entities(scene.snapshot)
+
+    def surfaces(self, name: str) -> NDArray[np.bool_]:
+        """(S,) bool: an entity's surfaces. UnknownError where it has none."""
+        surfaces = self.entities.surfaces(name)
+        if surfaces is None:
+            near = ", ".join(self.entities.nearest(name)) or "none"
+            raise UnknownError(f"no object or collection {name!r}; similar names: {near}")
+        if not surfaces.any():
+            raise UnknownError(f"{name!r} has no surface that renders")
+        return surfaces
+
+    def points(self, name: str) -> NDArray[np.float64]:
+        """(N, 3) an entity's vertices in the world, metres."""
+        self.surfaces(name)
+        return self.entities.points_m(name)
+
+    def existence(self, requirement: kinds.Existence) -> tuple[float, float]:
+        """How many surfaces render; the residual is 1 without any."""
+        surfaces = self.entities.surfaces(requirement.entity)
+        n_surfaces = 0 if surfaces is None else int(np.count_nonzero(surfaces))
+        return float(n_surfaces), 0.0 if n_surfaces else 1.0
+
+    def valid_transform(self, requirement: kinds.ValidTransform) -> tuple[float, float]:
+        """Largest over smallest axis scale of any placement."""
+        worst = 1.0
+        for surface in np.flatnonzero(self.surfaces(requirement.entity)).tolist():
+            lengths, determinant = solids.scales(self.scene.snapshot.world_from_mesh[surface])
+            if not np.isfinite(lengths).all() or lengths.min() <= 0 or determinant <= 0:
+                raise UnmetError("a placement is flat, mirrored or not finite")
+            worst = max(worst, float(lengths.max() / lengths.min()))
+        return worst, worst
+
+    def dimensions(self, requirement: kinds.Dimensions) -> tuple[float, float]:
+        """The side of the world box that is farthest outside of its limits, metres."""
+        points = self.points(requirement.entity)
+        sides = points.max(axis=0) - points.min(axis=0)
+        low, high = np.array(requirement.low_m), np.array(requirement.high_m)
+        outside = np.maximum(np.maximum(low - sides, sides - high), 0.0)
+        worst = int(np.argmax(outside))
+        return float(sides[worst]), float(outside[worst])
+
+    def support(self, requirement: kinds.Support) -> tuple[float, float]:
+        """The largest gap below a foot point, metres; below 0 where it is sunk in."""
+        own = self.surfaces(requirement.entity)
+        below = ~own if requirement.on is None else self.surfaces(requirement.on) & ~own
+        feet = solids.foot_points(self.points(requirement.entity))
+        gap = solids.support_gap_m(feet, self.entities.triangles_m(below))
+        if gap is None:
+            raise UnmetError("nothing is below a point that it stands on")
+        return gap, max(gap, 0.0)
+
+    def containment(self, requirement: kinds.Containment) -> tuple[float, float]:
+        """Share of vertices in the convex hull; the residual is what is missing."""
+        share = solids.share_inside(
+            self.points(requirement.entity), self.points(requirement.inside)
+        )
+        if share is None:
+            raise UnknownError(f"{requirement.inside!r} has no volume")
+        return share, max(0.0, requirement.share - share)
+
+    def collision(self, requirement: kinds.Collision) -> tuple[float, float]:
+        """Penetration depth, metres."""
+        first, second = self.surfaces(requirement.entity), self.surfaces(requirement.other)
+        if (first & second).any():
+            raise UnknownError("the two entities share surfaces")
+        triangles = (self.entities.triangles_m(first), self.entities.triangles_m(second))
+        depth = solids.penetration_m(*triangles)
+        return depth, depth
+
+    def facing(self, requirement: kinds.Facing) -> tuple[float, float]:
+        """Angle on the ground between its front and the way to the other, degrees."""
+        first = int(np.flatnonzero(self.surfaces(requirement.entity))[0])
+        here = self.middle(requirement.entity)
+        angle = solids.facing_angle_deg(
+            self.scene.snapshot.world_from_mesh[first], here, self.middle(requirement.towards)
+        )
+        if angle is None:
+            raise UnknownError("one has no direction on the ground")
+        return angle, angle
+
+    def layout(self, requirement: kinds.Layout) -> tuple[float, float]:
+        """Largest deviation of a step from the mean step, over its length."""
+        deviation = solids.step_deviation([self.middle(name) for name in requirement.entities])
+        if deviation is None:
+            raise UnknownError("all of them are in one place")
+        return deviation, deviation
+
+    def middle(self, name: str) -> NDArray[np.float64]:
+        """(3,) the middle of an entity's world box, metres."""
+        points = self.points(name)
+        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
