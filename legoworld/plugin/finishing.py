@@ -20,6 +20,7 @@ from legoworld.records.base import as_json, to_record
 from legoworld.records.plugin_ledger import Declaration, Entry, Export, Review
 from legoworld.records.plugin_requirements import Report, Requirement
 from legoworld.scene.artefacts import decoded_picture
+from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND
 from legoworld.workers.sandbox import SandboxLimits, protections
 
@@ -28,8 +29,9 @@ RENDER: Final = "render.png"
 #: What a case delivers, beside the scene.
 RENDER_WH: Final = (1920, 1080)
 _REVIEW_LONGEST_PX: Final = 800
-_REVIEW_SAMPLES: Final = 16
-_EXPORT_SAMPLES: Final = 32
+_SAMPLES: Final = 16
+#: A full-size render of a lit interior takes minutes on two cores.
+_RENDER_LIMITS: Final = Limits(time_s=1800.0)
 _EXPORT_LIMITS: Final = SandboxLimits(time_s=600.0, memory_bytes=8 << 30)
 
 
@@ -68,11 +70,11 @@ def render_for_review(case: Case) -> tuple[Review, bytes]:
     made: list[bytes] = []
 
     def call() -> Review:
-        with case.live.copied() as copy:
+        with case.live.copied() as copy, BlenderProcess(_RENDER_LIMITS) as renderer:
             scene = read_live(copy, case.live.reader)
             case.note(scene)
             size = _review_size(case, scene)
-            png = render_copy(copy, case.live.reader, size, samples=_REVIEW_SAMPLES)
+            png = render_copy(copy, renderer, size, samples=_SAMPLES, denoise=True)
         made.append(_beside_photo(png, case))
         return Review(render_sha256=case.artefacts.keep(made[0], "png"), findings=None)
 
@@ -138,19 +140,20 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
             )
         into = case.folder / EXPORT
         into.mkdir(exist_ok=True)
-        with case.live.copied() as copy:
-            scene = read_live(copy, case.live.reader)
-            case.note(scene)
-            warnings = export_submission(
-                copy,
-                into,
-                workspace=copy.parent,
-                limits=_EXPORT_LIMITS,
-                held=protections("auto"),
-                blender=case.live.reader,
-            )
-        _refuse_other_geometry(read_live(into / BLEND, case.live.reader), scene)
-        png = render_copy(into / BLEND, case.live.reader, render_wh, samples=_EXPORT_SAMPLES)
+        with BlenderProcess(_RENDER_LIMITS) as renderer:
+            with case.live.copied() as copy:
+                scene = read_live(copy, case.live.reader)
+                case.note(scene)
+                warnings = export_submission(
+                    copy,
+                    into,
+                    workspace=copy.parent,
+                    limits=_EXPORT_LIMITS,
+                    held=protections("auto"),
+                    blender=renderer,
+                )
+            _refuse_other_geometry(read_live(into / BLEND, case.live.reader), scene)
+            png = render_copy(into / BLEND, renderer, render_wh, samples=_SAMPLES, denoise=True)
         with atomic_path(into / RENDER) as temporary:
             temporary.write_bytes(png)
         return Export(files=_hashes(into), warnings=tuple(warnings))

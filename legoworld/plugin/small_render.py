@@ -33,12 +33,17 @@ def render_luma(
 
 
 def render_copy(
-    blend: Path, blender: BlenderProcess, size_wh: tuple[int, int], *, samples: int
+    blend: Path,
+    blender: BlenderProcess,
+    size_wh: tuple[int, int],
+    *,
+    samples: int,
+    denoise: bool = False,
 ) -> bytes:
     """The PNG of a .blend's camera view at a size, without metadata: equal scenes, equal bytes."""
     output = blender.workspace("legoworld-live-") / "render.png"
     output.unlink(missing_ok=True)
-    card = CardRender(size_wh=size_wh, samples=samples, seed=0, denoise=False)
+    card = CardRender(size_wh=size_wh, samples=samples, seed=0, denoise=denoise)
     request = {"kind": "card_render", "blend": str(blend.resolve()), "output": str(output)}
     blender.request({**request, "card": vars(card)})
     return without_metadata(output.read_bytes())
