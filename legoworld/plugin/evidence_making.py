@@ -97,7 +97,9 @@ def make_evidence(given: Given, output: Path) -> EvidenceFile:
 def _depth(
     given: Given, runs: Sequence[RunEvidence], size_wh: tuple[int, int], output: Path
 ) -> DepthEvidence | None:
-    sources = [(run.depth, run.space, run.source) for run in runs if run.depth is not None]
+    sources: list[tuple[Path, DepthSpace, str]] = [
+        (run.depth, run.space, run.source) for run in runs if run.depth is not None
+    ]
     if given.depth is not None:
         sources.append((given.depth, given.depth_space, given.depth.name))
     if len(sources) > 1:
