@@ -54,6 +54,7 @@ def test_runs_give_regions_and_depth_of_their_photo(tmp_path, made):
     with np.load(made / "eth3d" / "depth" / "one.npz") as stored:
         depth = stored["values"].astype(float)
     assert known.disparity == pytest.approx(1 / depth)
+    assert known.photo is not None
     assert known.photo.shape == (SIZE_WH[1], SIZE_WH[0], 3)
 
 

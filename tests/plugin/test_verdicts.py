@@ -94,7 +94,11 @@ def seen(live):
     buffers = surface_view(scene, SIZE)
     entities = Entities(scene.snapshot)
     names = ("Cup", "Table", "Chair", "Floor", "Crate")
-    masks = {n: np.append(entities.surfaces(n), False)[buffers.instance] for n in names}
+    masks = {}
+    for name in names:
+        surfaces = entities.surfaces(name)
+        assert surfaces is not None
+        masks[name] = np.append(surfaces, False)[buffers.instance]
     dot = np.zeros(masks["Cup"].shape, bool)
     dot[0, :3] = True
     disparity = 1 / buffers.depth_z_m.astype(float)
@@ -120,8 +124,8 @@ def result(seen, kind, fields):
     scene, evidence = seen
     if fields.pop("sunk", False):
         scene = sunk(scene, "Cup", 0.02)
-    requirement = to_record(kinds.Requirement, {"kind": kind, **fields})
-    report = measure(scene, [requirement], evidence, size_wh=SIZE)
+    requirements = to_record(tuple[kinds.Requirement, ...], [{"kind": kind, **fields}])
+    report = measure(scene, requirements, evidence, size_wh=SIZE)
     return report.results[0], report
 
 
@@ -152,6 +156,7 @@ def test_every_kind_has_a_small_picture(seen, kind):
     fields = CASES[kind][0]
     _, report = result(seen, kind, fields)
     (picture,) = result_pictures(scene, evidence, report)
+    assert picture is not None
     assert picture.dtype == np.uint8
     assert max(picture.shape[:2]) <= 240
     blue = (picture[..., 2].astype(int) - picture[..., 0]) > 60
