@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
@@ -20,6 +21,8 @@ from plugin.synthetic import ROOM, SIZE, camera, picture, room, seen_faces
 
 from legoworld.plugin.room_fit import FACES, NORMALS, fit_box, rays
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+from legoworld.records.plugin_evidence import Rows
+from legoworld.records.plugin_room import Structure
 
 
 def true_distances(estimate, world_from_cam, place):
@@ -50,8 +53,14 @@ def main() -> int:
             untold += 1
             continue
         seen = seen_faces(triangles, world_from_cam, place, hfov)
-        labels = {"wall": (seen >= 0) & (seen < 4), "floor": seen == 4, "ceiling": seen == 5}
-        fit = fit_box(rays(tuple(map(tuple, estimate)), hfov, SIZE), labels)
+        labels: dict[Structure, NDArray[np.bool_]] = {
+            "wall": (seen >= 0) & (seen < 4),
+            "floor": seen == 4,
+            "ceiling": seen == 5,
+        }
+        a, b, c = estimate.tolist()
+        rotation: Rows = (tuple(a), tuple(b), tuple(c))
+        fit = fit_box(rays(rotation, hfov, SIZE), labels)
         truth = true_distances(estimate, world_from_cam, place)
         for face in fit.faces:
             if face.distance is None:
