@@ -57,19 +57,26 @@ SCROLLED = """async () => {
 def main() -> int:
     """A line of the table for each number of images."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--truth", type=Path, required=True)
-    parser.add_argument("--results", type=Path, required=True)
-    parser.add_argument("--photos", type=Path, required=True)
+    parser.add_argument("--truth", type=Path)
+    parser.add_argument("--results", type=Path)
+    parser.add_argument("--photos", type=Path)
+    parser.add_argument("--page", type=Path, help="Time this page of boxes and make none.")
     parser.add_argument("--images", default="12,500,5000")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--chromium", default=shutil.which("chromium"))
     options = parser.parse_args()
+    if not options.page and not (options.truth and options.results and options.photos):
+        parser.error("--truth, --results and --photos, or --page")
     print("| images | making, s | page, MB | beside, MB | load, s | load, CPU s | filter, ms | "
           "filter, CPU ms | scrolling: median and longest frame, ms | a frame, CPU ms | "
           "cards in the page |")  # fmt: skip
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as work:
         browser = playwright.chromium.launch(executable_path=options.chromium)
+        if options.page:
+            print(timed(browser, options.page.resolve(), options.rounds), os.getloadavg()[0])
+            browser.close()
+            return 0
         for n in map(int, options.images.split(",")):
             folder = Path(work) / str(n)
             start = time.perf_counter()
