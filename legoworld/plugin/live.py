@@ -17,6 +17,7 @@ from legoworld.plugin.small_render import render_luma
 from legoworld.plugin.state import LiveScene, read_live
 from legoworld.records.plugin_state import SceneState
 from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.cache import bpy_version
 
 #: Beside the scene, so that what it names by relative paths is found from the copy, too.
 _COPY: Final = ".legoworld-live.blend"
@@ -24,8 +25,10 @@ _SAVE: Final = """
 import bpy, json, os
 folder = os.path.dirname(bpy.data.filepath) or os.getcwd()
 path = os.path.join(folder, {name!r})
-bpy.ops.wm.save_as_mainfile(filepath=path, copy=True, compress=False, relative_remap=False)
-print(json.dumps({{"copy": path, "filepath": bpy.data.filepath}}))
+version = bpy.app.version[:2]
+if version <= {newest!r}:
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True, compress=False, relative_remap=False)
+print(json.dumps({{"copy": path, "filepath": bpy.data.filepath, "version": version}}))
 """
 _RESTORE: Final = """
 import bpy, os
@@ -44,6 +47,12 @@ if kept:
             os.replace(aside, kept)
 print("restored")
 """
+
+
+def _newest() -> tuple[int, int]:
+    """Blender's newest version whose files the reader opens: its own."""
+    major, minor = bpy_version().split(".")[:2]
+    return int(major), int(minor)
 
 
 class NotRestoredError(LegoWorldError):
@@ -113,16 +122,25 @@ class LiveBlender:
 
     def _save(self) -> tuple[Path, str]:
         """A copy of the live scene that this process can read, and the open file's own path."""
-        said = self._blender.run(_SAVE.format(name=_COPY))
+        newest = _newest()
+        said = self._blender.run(_SAVE.format(name=_COPY, newest=newest))
         try:
             answer = json.loads(said.strip().splitlines()[-1])
             copy, filepath = Path(answer["copy"]), str(answer["filepath"])
+            major, minor = answer["version"]
         except (ValueError, LookupError, TypeError) as error:
             raise BlenderRefusedError(
                 "Blender did not say where it saved the copy",
                 found=said[-200:],
                 expected="one line of JSON",
             ) from error
+        if (major, minor) > newest:
+            raise BlenderRefusedError(
+                "this Blender is newer than the one that reads its scenes",
+                found=f"Blender {major}.{minor}",
+                expected=f"Blender {newest[0]}.{newest[1]} or older",
+                next_step="drive the scene with that version, or `legoworld blender serve`",
+            )
         if copy.name != _COPY or not copy.is_file():
             raise BlenderRefusedError(
                 "the copy of the live scene cannot be read from here",
