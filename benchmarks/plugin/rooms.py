@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
-from plugin.synthetic import ROOM, SIZE, camera, picture, room, seen_faces
+from plugin.synthetic import (  # pyright: ignore[reportMissingImports]
+    ROOM,
+    SIZE,
+    camera,
+    picture,
+    room,
+    seen_faces,
+)
 
 from legoworld.plugin.room_fit import FACES, NORMALS, fit_box, rays
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
