@@ -111,8 +111,8 @@ def publish_folder(folder: Path, url: str, *, last: str) -> None:
 def folders_holding(url: str, names: tuple[str, ...]) -> list[str]:
     """Sorted paths, below a URL, of the folders that contain a file with one of these names."""
     with _reaching(url) as (system, top):
-        found = [PurePosixPath(name) for name in _names_below(system, top)]
-    visible = [p for p in found if not any(part.startswith(".") for part in p.parts[:-1])]
+        paths = [PurePosixPath(name) for name in _names_below(system, top)]
+    visible = [p for p in paths if not any(part.startswith(".") for part in p.parts[:-1])]
     return sorted({p.parent.as_posix() for p in visible if p.name in names})
 
 

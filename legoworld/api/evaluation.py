@@ -148,15 +148,15 @@ def evaluate(
         output_url=written if isinstance(written, str) else None,
     )
     with read_from(source) as here, written_whole(written, last=EVIDENCE) as folder:
-        found = read_run(here)
-        listener.total(len(found.images))
+        run_read = read_run(here)
+        listener.total(len(run_read.images))
         _refuse_others_options(
-            found.task, evaluator=evaluator, camera_model=camera_model,
+            run_read.task, evaluator=evaluator, camera_model=camera_model,
             reference_sampling=reference_sampling, diagnostics=diagnostics,
         )  # fmt: skip
-        draws = draws or (10_000 if found.task == "bench" else 2000)
+        draws = draws or (10_000 if run_read.task == "bench" else 2000)
         summary: TaskSummary
-        if found.task == "bench":
+        if run_read.task == "bench":
             from legoworld.evaluation.reconstruction.choices import Choices
             from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 
@@ -172,7 +172,7 @@ def evaluate(
                 pool=pool,
                 origins=origins,
             )
-        elif found.task == "eth3d":
+        elif run_read.task == "eth3d":
             from legoworld.evaluation.depth.evaluate import evaluate_depth
 
             summary = evaluate_depth(

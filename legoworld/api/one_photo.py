@@ -128,8 +128,8 @@ def _image_name(request: PhotoRequest) -> str:
     parts = request.photo.resolve().parts
     tails = ["/".join(parts[-n:]) for n in range(len(parts), 0, -1)]
     names = {name for image in images for name in photo_names(image)}
-    found = next((tail for tail in tails if tail in names), None)
-    if found is None:
+    known = next((tail for tail in tails if tail in names), None)
+    if known is None:
         raise UsageError(
             "the ground truth lists no photo of this name",
             found=request.photo.name,
@@ -137,7 +137,7 @@ def _image_name(request: PhotoRequest) -> str:
             + (f", such as {min(names)}" if names else ""),
             next_step="use the dataset's file name for the photo, or pass --image ID",
         )
-    return found
+    return known
 
 
 def _read(

@@ -229,10 +229,10 @@ class SceneView:
             )
         inspection = self._inspection
         exports = protocol.task.predict(image_id, inspection.grouping.instances, inspection.view)
-        found: list[dict[str, Any]] = json.loads(
+        entries: list[dict[str, Any]] = json.loads(
             canonical([prediction for prediction, _ in exports])
         )
-        return found
+        return entries
 
     def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB: outlines, boxes and names over a photo of the same size.

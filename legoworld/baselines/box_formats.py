@@ -84,13 +84,13 @@ def _shares_outside(
         return {}
     a, b = given[:, :2], given[:, 2:]
     low_and_size = {"xywh": (a, b), "xyxy": (a, b - a), "cxcywh": (a - b / 2, b)}
-    found: dict[BoxFormat, float] = {}
+    shares: dict[BoxFormat, float] = {}
     for box_format in BOX_FORMATS:
         low, size = low_and_size[box_format]
         tolerance = TOLERANCE_PX + TOLERANCE_SHARE * np.maximum(size, 0)
         outside = (low < -tolerance) | (low + size > sizes + tolerance) | (size < 0)
-        found[box_format] = float(outside.any(axis=1).mean())
-    return found
+        shares[box_format] = float(outside.any(axis=1).mean())
+    return shares
 
 
 def _is_box(entry: Entry) -> bool:

@@ -33,14 +33,14 @@ _SHOWN_CATEGORIES: Final = 8
 def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int, int]]:
     """Every numbering applicable to this vocabulary, as a map to the vocabulary's ids."""
     own = [category.id for category in vocabulary.categories]
-    found: dict[CategoryIds, dict[int, int]] = {"dataset": {i: i for i in own}}
+    by_numbering: dict[CategoryIds, dict[int, int]] = {"dataset": {i: i for i in own}}
     dataset = dataset_of(task)
     if dataset_version(vocabulary, task) == "custom":
-        return found
+        return by_numbering
     for name, (of, first) in _CONTIGUOUS.items():
         if of == dataset:
-            found[name] = dict(enumerate(own, start=first))
-    return found
+            by_numbering[name] = dict(enumerate(own, start=first))
+    return by_numbering
 
 
 def numbering(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[int, int]:

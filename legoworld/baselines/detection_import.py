@@ -75,11 +75,11 @@ class DetectionSource:
 def import_detections(request: ImportRequest, source: DetectionSource, *, notice: Say) -> RunResult:
     """Import boxes or masks. Nothing is written if any of them is refused."""
     images = list(request.track.images)
-    found = read_results(source.path)
-    box_format = source.box_format or found.box_format or "xywh"
-    placed = place(found.entries, found.images, images, subset=request.subset)
-    _say_placed(placed, len(found.entries), notice)
-    named = _named(request, source, found, placed)
+    results = read_results(source.path)
+    box_format = source.box_format or results.box_format or "xywh"
+    placed = place(results.entries, results.images, images, subset=request.subset)
+    _say_placed(placed, len(results.entries), notice)
+    named = _named(request, source, results, placed)
     checked = _checked(request, box_format, named.entries, notice)
     _say_categories(request, source, named, checked, notice)
     groups = by_image(checked.entries)

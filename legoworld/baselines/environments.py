@@ -123,10 +123,10 @@ def problems(card: IsolatedProject, python: Path) -> list[str]:
     """
     needed = requirements(card)
     pins = [m for text in (*needed.dependencies, *needed.no_deps) if (m := _PIN.match(text))]
-    found = _ask(python, [pin["name"] for pin in pins])
+    versions = _ask(python, [pin["name"] for pin in pins])
     lacking = []
     for pin in pins:
-        version, wanted = found[pin["name"]], pin["version"]
+        version, wanted = versions[pin["name"]], pin["version"]
         if version is None:
             lacking.append(f"{pin['name']} is not installed")
         elif wanted and version.partition("+")[0] != wanted.partition("+")[0]:

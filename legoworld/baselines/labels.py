@@ -41,7 +41,7 @@ def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
     path: JSON {"their label": "category name", "another": null}. LabelsUnmatchedError if a category
     name is not in the vocabulary, with the nearest names.
     """
-    found: LabelMap = {
+    labels: LabelMap = {
         old: name
         for old, name in OLD_NAMES.items()
         if dataset_of(task) == "coco" and vocabulary.match(name) and not vocabulary.match(old)
@@ -54,8 +54,8 @@ def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
                 f"{path.name} maps to {len(unknown)} unknown names", unknown, vocabulary
             )
         taken = {normal_name(label) for label in own}
-        found = {old: name for old, name in found.items() if normal_name(old) not in taken} | own
-    return found
+        labels = {old: name for old, name in labels.items() if normal_name(old) not in taken} | own
+    return labels
 
 
 class Matcher:

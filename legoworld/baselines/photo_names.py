@@ -143,8 +143,8 @@ def _image_id(
     named: the file names its photos, so an id without a name is not the track's.
     """
     if name is not None:
-        found = places[name] if name in places else photos.find(name)
-        return _OUTSIDE if found is None else found
+        photo_id = places[name] if name in places else photos.find(name)
+        return _OUTSIDE if photo_id is None else photo_id
     image_id = entry.get("image_id")
     if type(image_id) is not int:
         return None
@@ -153,7 +153,7 @@ def _image_id(
 
 def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
     """Maps the file's photo names to the track's images; refuses duplicates and wrong sizes."""
-    found: dict[str, int] = {}
+    ids_by_name: dict[str, int] = {}
     taken: dict[int, str] = {}
     resized = []
     for info in infos.values():
@@ -168,7 +168,7 @@ def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
                 expected="one image entry for each photo",
                 next_step="use the track's file names in the file",
             )
-        found[name] = image_id
+        ids_by_name[name] = image_id
         taken[image_id] = name
         size = (info.get("width"), info.get("height"))
         if all(type(side) is int for side in size) and photos.size_wh[image_id] not in (None, size):
@@ -181,7 +181,7 @@ def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
             expected=f"{own[0]}x{own[1]}, as in the track" if own else "the track's size",
             next_step="import results in pixels of the track's photos",
         )
-    return found
+    return ids_by_name
 
 
 def _refuse_positions(entries: Sequence[Entry], images: Sequence[TrackImage]) -> None:

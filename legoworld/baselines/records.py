@@ -187,15 +187,15 @@ def _check_depth_answer(said: DepthSaid | None, row: RunRow) -> None:
     """Check that the written file is the one the child reported."""
     assert row.depth
     assert row.rendered_wh
-    found = DepthSaid(
+    answered = DepthSaid(
         sha256=row.depth.sha256 or "",
         size_wh=row.rendered_wh,
         space=row.depth.space or "",
         unit=None if row.depth.unit is UNSET else row.depth.unit,
     )
-    if said != found:
+    if said != answered:
         raise AnswerInvalidError(
             "the depth file is not the one the baseline spoke of",
-            found=canonical(found),
+            found=canonical(answered),
             expected=canonical(said) if said else "a word about the file",
         )

@@ -140,7 +140,7 @@ def child_request(
     return ChildRequest(
         schema_version=SCHEMA_VERSION,
         task=request.protocol.task.name,
-        images=tuple(_requested(*found) for found in images),
+        images=tuple(_requested(*placed) for placed in images),
         categories=tuple(
             RequestedCategory(id=c.id, name=c.name, synonyms=c.synonyms)
             for c in (vocabulary.categories if vocabulary else ())

@@ -218,14 +218,14 @@ def _images(document: Entry, path: Path) -> dict[Any, Entry]:
     usable = isinstance(images, list) and all(
         isinstance(i, dict) and isinstance(i.get("id"), Hashable) for i in images
     )
-    found = {i.get("id"): i for i in images} if usable else {}
-    if not usable or len(found) != len(images) or None in found:
+    by_id = {i.get("id"): i for i in images} if usable else {}
+    if not usable or len(by_id) != len(images) or None in by_id:
         raise PredictionsInvalidError(
             f"{path.name} has images that cannot be used",
-            found=f"{len(images)} entries, {len(found)} ids" if usable else repr(images)[:60],
+            found=f"{len(images)} entries, {len(by_id)} ids" if usable else repr(images)[:60],
             expected='"images": [{"id", "file_name"}], ids distinct',
         )
-    return found
+    return by_id
 
 
 def by_image(predictions: Iterable[Prediction]) -> dict[int, list[Prediction]]:

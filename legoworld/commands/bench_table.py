@@ -99,13 +99,13 @@ def judges_command(
     from legoworld.records.base import as_json as plain
     from legoworld.records.base import readable
 
-    found = judge_agreement(judgements)
+    aspects = judge_agreement(judgements)
     if output is not None:
-        write_text(output, readable(found))
+        write_text(output, readable(aspects))
     if as_json:
-        options.print_json(plain(found))
+        options.print_json(plain(aspects))
         return 0
-    for aspect, agreement in found.aspects.items():
+    for aspect, agreement in aspects.aspects.items():
         click.echo(f"{aspect}\n{_matrix(agreement)}\n")
     return 0
 

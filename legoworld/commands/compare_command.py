@@ -93,7 +93,7 @@ def command(
         joined = make_joined(evaluations, output, overwrite=overwrite)
         _show(Comparison(folder=output, document=joined, below=()), as_json, verbose, joined=True)
         return exit_codes.DONE
-    found = compare(
+    comparison = compare(
         evaluations,
         output,
         draws=2000 if draws is None else draws,
@@ -103,10 +103,10 @@ def command(
         overwrite=overwrite,
         listener=Listener(notice=options.notifier(quiet or not (verbose or options.on_terminal()))),
     )
-    _show(found, as_json, verbose)
-    for one in found.below:
+    _show(comparison, as_json, verbose)
+    for one in comparison.below:
         click.echo(f"legoworld: below its threshold: {one}", err=True)
-    return exit_codes.BELOW if found.below else exit_codes.DONE
+    return exit_codes.BELOW if comparison.below else exit_codes.DONE
 
 
 def _show(found: Comparison, as_json: bool, verbose: bool, *, joined: bool = False) -> None:

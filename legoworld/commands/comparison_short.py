@@ -56,8 +56,8 @@ def _table(pair: Pair) -> str:
 
 def _word(row: ComparisonRow) -> str:
     """The side that the interval of the difference favours, in a word that fits the table."""
-    found = standing(row)
-    return "undecided" if found == "not told apart" else found
+    verdict = standing(row)
+    return "undecided" if verdict == "not told apart" else verdict
 
 
 def _number(side: Difference, *, signed: bool = False) -> str:

@@ -38,13 +38,13 @@ def short_detections(summary: DetectionSummary) -> str:
             f"AP over {counted(ties.draws, 'tie order', 'tie orders')}: "
             f"{_value(ties.expected)}, between {_value(ties.worst)} and {_value(ties.best)}"
         )
-    found = summary.matched.class_aware
+    matched = summary.matched.class_aware
     lines.append(
-        f"at IoU 0.5: recall {_value(found.recall_50)} of "
-        f"{counted(found.n_gt, 'annotation', 'annotations')}, "
-        f"precision {_value(found.precision_50)} of "
-        f"{counted(found.n_dt, 'prediction', 'predictions')}; mean IoU "
-        f"{_value(found.miou_gt_micro)}"
+        f"at IoU 0.5: recall {_value(matched.recall_50)} of "
+        f"{counted(matched.n_gt, 'annotation', 'annotations')}, "
+        f"precision {_value(matched.precision_50)} of "
+        f"{counted(matched.n_dt, 'prediction', 'predictions')}; mean IoU "
+        f"{_value(matched.miou_gt_micro)}"
     )
     return "\n".join([*lines, *_ends(summary)])
 

@@ -126,8 +126,8 @@ def command(
             if output is not None:
                 blend.save(output / "blend", photo)
                 glb.save(output / "glb", photo)
-            found = blend.compared_with(glb)
-            return sources.show(found, as_json=as_json, quiet=quiet, verbose=verbose)
+            differences = blend.compared_with(glb)
+            return sources.show(differences, as_json=as_json, quiet=quiet, verbose=verbose)
         view = look(here, source, size_wh)
         if output is not None:
             view.save(output, photo)

@@ -99,7 +99,7 @@ def command(
     with scratch_folder("legoworld-score-") as scratch:
         folder = output or scratch / "score"
         kept = options.cache_choice(cache, no_cache) or scratch / "snapshots"
-        found = score_photo(
+        score = score_photo(
             PhotoRequest(
                 program_or_scene=program_or_scene,
                 photo=photo,
@@ -114,14 +114,14 @@ def command(
             options.notifier(quiet or not (verbose or options.on_terminal())),
             options.tracer(verbose),
         )
-        overlay = found.overlay
+        overlay = score.overlay
         if overlay is not None and output is None:
             overlay = _kept_overlay(overlay, photo, task)
     if as_json:
-        options.print_json(_document(found, overlay))
+        options.print_json(_document(score, overlay))
     else:
-        _print(found, overlay, output, verbose=verbose, quiet=quiet)
-    return exit_codes.DONE if found.row.status == "ok" else exit_codes.INCOMPLETE
+        _print(score, overlay, output, verbose=verbose, quiet=quiet)
+    return exit_codes.DONE if score.row.status == "ok" else exit_codes.INCOMPLETE
 
 
 def _kept_overlay(overlay: Path, photo: Path, task: str) -> Path:

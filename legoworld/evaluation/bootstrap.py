@@ -73,9 +73,9 @@ def centred_interval(
     the shift. value: NaN where the metric is undefined.
     """
     mean = float(np.mean(samples[~np.isnan(samples)])) if not np.isnan(samples).all() else np.nan
-    found = interval(samples - mean + value, unit=unit)
-    low, high = (None if e is None else min(1.0, max(least, e)) for e in (found.low, found.high))
-    return replace(found, low=low, high=high, bootstrap_mean=None if np.isnan(mean) else mean)
+    around = interval(samples - mean + value, unit=unit)
+    low, high = (None if e is None else min(1.0, max(least, e)) for e in (around.low, around.high))
+    return replace(around, low=low, high=high, bootstrap_mean=None if np.isnan(mean) else mean)
 
 
 def interval(samples: NDArray[np.float64], *, unit: str) -> Interval:

@@ -29,7 +29,7 @@ def recorded_inputs(inputs: Sequence[InputFile], run: Path, origins: Origins) ->
     A file of a run at a URL is named by its own URL. Where the evaluation goes to a URL, a file
     of this machine has no path relative to it, and is named by its whole path.
     """
-    return [replace(found, recorded=_recorded(found.path, run, origins)) for found in inputs]
+    return [replace(file, recorded=_recorded(file.path, run, origins)) for file in inputs]
 
 
 def _recorded(path: Path, run: Path, origins: Origins) -> str | None:

@@ -195,16 +195,16 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     """
     require_finished(folder)
     evidence = read_evaluation_evidence(folder)
-    found = [name for name in READ if name in evidence.files]
+    present = [name for name in READ if name in evidence.files]
     needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
-    if missing := sorted(needed - {*found}):
+    if missing := sorted(needed - {*present}):
         raise EvaluationChangedError(
             f"{folder.name} has a different version",
             found=f"no {', '.join(missing)}",
             expected="a folder of this version's `legoworld evaluate`",
             next_step="evaluate again with --overwrite",
         )
-    for name in found:
+    for name in present:
         checked(folder, evidence, name)
     summary = read_summary(folder)
     with reading(folder, RUN_VIEW) as path:
@@ -219,7 +219,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
         evidence=evidence,
         run=run,
         rows=tuple(read_image_rows(folder, summary)),
-        categories=tuple(read_category_rows(folder)) if PER_CATEGORY in found else (),
+        categories=tuple(read_category_rows(folder)) if PER_CATEGORY in present else (),
     )
 
 

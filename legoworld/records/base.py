@@ -104,8 +104,8 @@ def _nested_beyond(levels: int, value: object) -> bool:
     level: list[Any] = [value] if type(value) in _CONTAINERS else []
     for _ in range(levels):
         inside: list[Any] = []
-        for found in level:
-            values = found.values() if isinstance(found, dict) else found
+        for container in level:
+            values = container.values() if isinstance(container, dict) else container
             if not _CONTAINERS.isdisjoint(map(type, values)):  # most hold numbers alone
                 inside += [inner for inner in values if type(inner) in _CONTAINERS]
         level = inside

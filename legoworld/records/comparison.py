@@ -168,5 +168,5 @@ class JoinedComparison(Record, frozen=True, kw_only=True, tag_field="kind", tag=
 def comparison_of(data: bytes) -> Comparison | JoinedComparison:
     """The content of a comparison.json. RecordError."""
     kind: Any = Comparison | JoinedComparison
-    found: Comparison | JoinedComparison = decode(kind, data)
-    return found
+    comparison: Comparison | JoinedComparison = decode(kind, data)
+    return comparison

@@ -120,8 +120,8 @@ class Matched(Record, frozen=True, kw_only=True):
     def values(self) -> Values:
         """The numbers that are no counts, in the order they are shown."""
         names = (name for name in self.__struct_fields__ if not name.startswith("n_"))
-        found = {name: getattr(self, name) for name in names}
-        return {name: value for name, value in found.items() if value is not UNSET}
+        present = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in present.items() if value is not UNSET}
 
 
 class MatchedKinds(Record, frozen=True, kw_only=True):

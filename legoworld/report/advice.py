@@ -51,18 +51,18 @@ def detection_advice(
     task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str], *, scene: bool
 ) -> tuple[Advice, ...]:
     """Everything to say of one side's answer to a photo; what to do only where it is a scene."""
-    found = failure_advice(side.run_row)
-    if not found:
+    advice = failure_advice(side.run_row)
+    if not advice:
         parts = parts_of_truths(task, image, side)
-        found += _missed(task, image, side, names, parts)
-        found += _parts(image, parts, names) + _false(task, image, side, names, parts)
-        found += _loose(image, side, names) + _counted(side)
+        advice += _missed(task, image, side, names, parts)
+        advice += _parts(image, parts, names) + _false(task, image, side, names, parts)
+        advice += _loose(image, side, names) + _counted(side)
         if scene:
-            found += _labels(side.run_row)
+            advice += _labels(side.run_row)
     if not scene:
-        found = [replace(a, do="") for a in found]
-    found += [Advice(level="warn", what=w) for w in side.run_row.warnings]
-    return sorted_advice(found)
+        advice = [replace(a, do="") for a in advice]
+    advice += [Advice(level="warn", what=w) for w in side.run_row.warnings]
+    return sorted_advice(advice)
 
 
 def failure_advice(run_row: RunRow) -> list[Advice]:
@@ -83,7 +83,7 @@ def _missed(
 ) -> list[Advice]:
     """Truths that nothing counted is near: covered by what is not counted, or not there at all."""
     covered = {p.truth for p in parts}
-    found: list[Advice] = []
+    advice: list[Advice] = []
     by_name: dict[str, list[int]] = {}
     for g, (truth, state) in enumerate(zip(image.truths, side.errors.truth, strict=True)):
         cover = side.errors.cover[g]
@@ -95,7 +95,7 @@ def _missed(
         else:
             iou = side.errors.cover_iou[g] or 0.0
             one = _covered(task, name, side.entries[cover], names, iou)
-            found.append(replace(one, truths=(g,), predictions=(cover,)))
+            advice.append(replace(one, truths=(g,), predictions=(cover,)))
     unlabelled = [u.name for u in side.run_row.unlabelled or ()]
     for name, missed in sorted(by_name.items(), key=lambda x: (-len(x[1]), x[0])):
         alike = [u for u in unlabelled if _alike(name, u)]
@@ -104,16 +104,16 @@ def _missed(
         else:
             do = "build it, or label the object that shows it (objects without category: below)"
         what = f"missed: {len(missed)} x {name}"
-        found.append(Advice(level="bad", what=what, do=do, truths=tuple(missed)))
+        advice.append(Advice(level="bad", what=what, do=do, truths=tuple(missed)))
     if not side.entries:
-        found.append(
+        advice.append(
             Advice(
                 level="bad",
                 what="nothing was exported from this scene",
                 do="give objects the custom property `category` with a name of the vocabulary",
             )
         )
-    return found
+    return advice
 
 
 def _covered(
@@ -129,7 +129,7 @@ def _covered(
 
 
 def _parts(image: DetectionImage, parts: Sequence[Parts], names: Mapping[int, str]) -> list[Advice]:
-    found = []
+    advice = []
     for p in parts:
         name = names[image.truths[p.truth].category_id]
         what = (
@@ -138,8 +138,8 @@ def _parts(image: DetectionImage, parts: Sequence[Parts], names: Mapping[int, st
         )
         do = "label the whole once: the category on the parts' parent or collection, not on each"
         about = {"truths": (p.truth,), "predictions": tuple(p.predictions)}
-        found.append(Advice(level="bad", what=what, do=do, **about))
-    return found
+        advice.append(Advice(level="bad", what=what, do=do, **about))
+    return advice
 
 
 def _false(
@@ -150,7 +150,7 @@ def _false(
     parts: Sequence[Parts],
 ) -> list[Advice]:
     """A finding of every false positive that is no part, the same ones together."""
-    found: dict[Advice, list[int]] = {}
+    by_advice: dict[Advice, list[int]] = {}
     about: dict[Advice, list[int]] = {}
     told = {d for p in parts for d in p.predictions}
     for d, p in enumerate(drawn_predictions(task, image, side)):
@@ -164,7 +164,7 @@ def _false(
         else:
             taken = t is not None and side.errors.truth[t] == "found"
             one = _false_one(p, truth, names, taken=taken)
-        found.setdefault(one, []).append(d)
+        by_advice.setdefault(one, []).append(d)
         about.setdefault(one, []).extend([] if t is None else [t])
     return [
         replace(
@@ -173,7 +173,7 @@ def _false(
             truths=tuple(about[a]),
             predictions=tuple(which),
         )
-        for a, which in found.items()
+        for a, which in by_advice.items()
     ]
 
 
@@ -265,20 +265,20 @@ def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> 
 
 def _counted(side: SideImage) -> list[Advice]:
     row = side.row
-    found = []
+    advice = []
     if row.n_unverified:
         are = counted(row.n_unverified, "prediction is", "predictions are")
         what = f"{are} of categories that are not annotated in this image"
-        found.append(Advice(level="note", what=f"{what}: LVIS does not count them"))
+        advice.append(Advice(level="note", what=f"{what}: LVIS does not count them"))
     if row.n_lost_to_cap:
         are = counted(row.n_lost_to_cap, "prediction is", "predictions are")
         what = f"{are} beyond the evaluator's cap"
-        found.append(Advice(level="warn", what=what, do="export fewer objects"))
-    return found
+        advice.append(Advice(level="warn", what=what, do="export fewer objects"))
+    return advice
 
 
 def _labels(run_row: RunRow) -> list[Advice]:
-    found = [
+    advice = [
         Advice(
             level="warn",
             what=f"the label {u.label!r} ({u.count} x) is not in the vocabulary",
@@ -288,13 +288,13 @@ def _labels(run_row: RunRow) -> list[Advice]:
     ]
     for one in run_row.unexported or ():
         what = f"{one.name} ({one.category}) is labelled but has no pixel: {one.reason}"
-        found.append(Advice(level="warn", what=what, do=_UNSEEN.get(one.reason, "")))
+        advice.append(Advice(level="warn", what=what, do=_UNSEEN.get(one.reason, "")))
     nested = run_row.nested
     if nested and nested.instances:
         are = counted(nested.instances, "instance is", "instances are")
         what = f"{are} nested in another: {nested.px} px"
-        found.append(Advice(level="note", what=f"{what} are cut out of the outer one"))
-    return found
+        advice.append(Advice(level="note", what=f"{what} are cut out of the outer one"))
+    return advice
 
 
 def _edges(box: Sequence[float], truth: Sequence[float]) -> str:

@@ -104,28 +104,28 @@ def encoded(z_m: F32, z0_m: float, step: float) -> str:
 
 def _errors(aligned: F32, truth: F32) -> NDArray[np.float64]:
     both = np.isfinite(aligned) & np.isfinite(truth)
-    found: NDArray[np.float64] = np.abs(aligned[both].astype(np.float64) - truth[both])
-    return found
+    errors_m: NDArray[np.float64] = np.abs(aligned[both].astype(np.float64) - truth[both])
+    return errors_m
 
 
 def depth_advice(row: DepthRow, run_row: RunRow, *, scene: bool) -> tuple[Advice, ...]:
     """Everything to say of one side's depth of a photo; what to do only where it is a scene."""
-    found = failure_advice(run_row)
-    if not found and isinstance(row, ScoredDepthRow):
-        found += _scored(row)
-    elif not found:
-        found.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
+    advice = failure_advice(run_row)
+    if not advice and isinstance(row, ScoredDepthRow):
+        advice += _scored(row)
+    elif not advice:
+        advice.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
     if not scene:
-        found = [replace(a, do="") for a in found]
+        advice = [replace(a, do="") for a in advice]
     warnings = {*row.warnings, *run_row.warnings}
-    found += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
-    return sorted_advice(found)
+    advice += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
+    return sorted_advice(advice)
 
 
 def _scored(row: ScoredDepthRow) -> list[Advice]:
-    found = []
+    advice = []
     if row.worse_than_constant:
-        found.append(
+        advice.append(
             Advice(
                 level="bad",
                 what="a constant depth would score better",
@@ -134,9 +134,9 @@ def _scored(row: ScoredDepthRow) -> list[Advice]:
         )
     if row.status == "inverted":
         what = "near and far are exchanged: the aligned scale is negative"
-        found.append(Advice(level="bad", what=what, do="check the order of things along the view"))
+        advice.append(Advice(level="bad", what=what, do="check the order of things along the view"))
     if row.hole_share > _MANY_HOLES:
-        found.append(
+        advice.append(
             Advice(
                 level="bad",
                 what=f"{row.hole_share:.1%} of the measured pixels have no geometry",
@@ -145,8 +145,8 @@ def _scored(row: ScoredDepthRow) -> list[Advice]:
         )
     if row.outside_view_share > _MANY_HOLES:
         what = f"{row.outside_view_share:.1%} of the measured pixels are outside the view"
-        found.append(Advice(level="warn", what=what, do="widen the camera's field of view"))
+        advice.append(Advice(level="warn", what=what, do="widen the camera's field of view"))
     if row.clamped_share > _MUCH_CLAMPED:
         what = f"{row.clamped_share:.1%} of the pixels were held at the deepest truth"
-        found.append(Advice(level="warn", what=what, do="the far end of the scene is too far"))
-    return found
+        advice.append(Advice(level="warn", what=what, do="the far end of the scene is too far"))
+    return advice

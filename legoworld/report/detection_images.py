@@ -47,9 +47,9 @@ class SideImage:
     @property
     def quality(self) -> float | None:
         """Sum of IoU over pairs at 0.5, by TP + FP / 2 + FN / 2 (Kirillov et al., CVPR 2019)."""
-        found = self.row.class_aware
-        total = found.n_gt + found.n_dt
-        return 2 * found.quality_sum / total if total else None
+        measures = self.row.class_aware
+        total = measures.n_gt + measures.n_dt
+        return 2 * measures.quality_sum / total if total else None
 
     @property
     def missed(self) -> int:
@@ -73,7 +73,7 @@ def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
     entries = [_by_image(side.prediction_views()) for side in sides]
     rows = [{row.image_id: row for row in side.detection_rows} for side in sides]
     for image in sorted(truth.images, key=lambda i: i.id):
-        found = tuple(truths.get(image.id, ()))
+        annotated = tuple(truths.get(image.id, ()))
         answers = []
         for side, mine, row in zip(sides, entries, rows, strict=True):
             predictions = tuple(mine.get(image.id, ()))
@@ -83,10 +83,10 @@ def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
                     run_row=side.run_rows[image.id],
                     scene=side.source(image.id),
                     entries=predictions,
-                    errors=_errors(side.task, image, found, predictions),
+                    errors=_errors(side.task, image, annotated, predictions),
                 )
             )
-        yield DetectionImage(image=image, truths=found, sides=tuple(answers))
+        yield DetectionImage(image=image, truths=annotated, sides=tuple(answers))
 
 
 def _errors(
@@ -96,7 +96,7 @@ def _errors(
     predictions: Sequence[ShownPrediction],
 ) -> ImageErrors:
     outcome = [p.outcome_50 for p in predictions]
-    found = image_errors(
+    errors = image_errors(
         outcome=outcome,
         category=np.array([p.category_id for p in predictions], np.int64),
         score=np.array([p.score for p in predictions], np.float64),
@@ -104,14 +104,14 @@ def _errors(
         ignored=np.array([_ignored(task, t) for t in truths], bool),
         iou=_overlaps(task, image, truths, predictions),
     )
-    if outcome.count("tp") != sum(f is not None for f in found.finder):
+    if outcome.count("tp") != sum(f is not None for f in errors.finder):
         raise ReportInputError(
             f"view/ does not repeat the matches of image {image.id}",
-            found=f"{counted(sum(f is not None for f in found.finder), 'truth', 'truths')} found",
+            found=f"{counted(sum(f is not None for f in errors.finder), 'truth', 'truths')} found",
             expected=f"{outcome.count('tp')} true positives",
             next_step="evaluate again",
         )
-    return found
+    return errors
 
 
 def _ignored(task: str, truth: TrueAnnotation) -> bool:
@@ -130,8 +130,8 @@ def _overlaps(
     """(D, G) IoU as the evaluator measures it: of boxes, or of masks."""
     if not truths or not predictions:
         return np.zeros((len(predictions), len(truths)))
-    found = shapes(task, image, predictions), shapes(task, image, truths)
-    return overlaps(*found, [0] * len(truths))
+    shapes_of_both = shapes(task, image, predictions), shapes(task, image, truths)
+    return overlaps(*shapes_of_both, [0] * len(truths))
 
 
 def shapes(
@@ -158,7 +158,7 @@ def as_lists(segmentation: Segmentation | UnsetType) -> dict[str, Any] | list[li
 
 
 def _by_image(rows: Sequence[R]) -> dict[int, list[R]]:
-    found: dict[int, list[R]] = {}
+    by_image: dict[int, list[R]] = {}
     for row in rows:
-        found.setdefault(row.image_id, []).append(row)
-    return found
+        by_image.setdefault(row.image_id, []).append(row)
+    return by_image

@@ -74,8 +74,8 @@ def detection_section(
         rows.append((math.inf if quality is None else quality, row))
         document.views.append(view)
         used |= view.categories
-        for found, side in zip(errors, image.sides, strict=True):
-            found.add(image, side)
+        for of_side, side in zip(errors, image.sides, strict=True):
+            of_side.add(image, side)
     return replace(
         made,
         first=first_screen(section, [e.by_image for e in errors], names),

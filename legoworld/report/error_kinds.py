@@ -52,8 +52,8 @@ class ImageErrors:
 
     def counts(self) -> dict[str, int]:
         """How many of each of KINDS."""
-        found: dict[str, int] = {kind: sum(k == kind for k in self.kind) for kind in KINDS[:-1]}
-        return {**found, "missed": self.truth.count("missed")}
+        by_kind: dict[str, int] = {kind: sum(k == kind for k in self.kind) for kind in KINDS[:-1]}
+        return {**by_kind, "missed": self.truth.count("missed")}
 
 
 def image_errors(

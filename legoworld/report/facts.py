@@ -12,12 +12,12 @@ Pairs = list[tuple[str, str]]
 
 def run_facts(row: RunRow, source: ImageSource | None) -> Pairs:
     """Verdict, camera and hashes as name and text."""
-    found: Pairs = [("verdict", row.status)]
+    facts: Pairs = [("verdict", row.status)]
     if row.code not in ("", row.status):
-        found.append(("code", row.code))
+        facts.append(("code", row.code))
     if row.instances:
         n = row.instances
-        found.append(
+        facts.append(
             (
                 "objects",
                 f"{n.total}: {n.visible_labelled} of {n.labelled} with a category are "
@@ -28,14 +28,14 @@ def run_facts(row: RunRow, source: ImageSource | None) -> Pairs:
         w, h = row.rendered_wh
         hit = row.geometry_px
         share = f", geometry in {hit / (w * h):.1%}" if isinstance(hit, int) else ""
-        found.append(("view", f"{w}x{h}{share}"))
+        facts.append(("view", f"{w}x{h}{share}"))
     if row.scene_size_wh:
         w, h = row.scene_size_wh
         differs = " (another aspect than the photo)" if row.aspect_differs else ""
-        found.append(("the scene's own picture", f"{w}x{h}{differs}"))
+        facts.append(("the scene's own picture", f"{w}x{h}{differs}"))
     if source is not None:
-        found += _camera(source) + _files(source)
-    return found
+        facts += _camera(source) + _files(source)
+    return facts
 
 
 def run_tables(row: RunRow) -> list[FactTable]:
@@ -69,20 +69,20 @@ def _table(title: str, head: list[str], rows: list[list[str]]) -> FactTable:
 
 
 def _camera(source: ImageSource) -> Pairs:
-    found: Pairs = []
+    facts: Pairs = []
     if source.camera:
         camera = source.camera
         shift = f", shift {camera.shift_x:.3g}, {camera.shift_y:.3g}"
         clip = f", clip {camera.clip_start:.3g} to {camera.clip_end:.4g} m"
         text = f"{camera.name}: {_lens(camera)}, fit {camera.sensor_fit.lower()}{shift}{clip}"
-        found.append(("camera", text))
+        facts.append(("camera", text))
         origin = ", ".join(f"{row[3]:.3f}" for row in camera.world_from_camera[:3])
-        found.append(("camera at", f"({origin}) m"))
+        facts.append(("camera at", f"({origin}) m"))
     if source.projection:
         p = source.projection
         text = f"fx {p.fx:.2f}, fy {p.fy:.2f}, cx {p.cx:.2f}, cy {p.cy:.2f}"
-        found.append(("intrinsics, px", text))
-    return found
+        facts.append(("intrinsics, px", text))
+    return facts
 
 
 def _lens(camera: CameraOfScene) -> str:
@@ -94,11 +94,11 @@ def _lens(camera: CameraOfScene) -> str:
 def _files(source: ImageSource) -> Pairs:
     provenance = None if source.provenance is UNSET else source.provenance
     scene, frozen = source.scene or None, source.frozen or None
-    found: Pairs = [("scene", str(scene)), ("frozen", str(frozen))]
+    facts: Pairs = [("scene", str(scene)), ("frozen", str(frozen))]
     for name, sha256 in sorted((source.files or {}).items()):
-        found.append((name, f"sha256 {sha256}" if sha256 else "none"))
+        facts.append((name, f"sha256 {sha256}" if sha256 else "none"))
     if isinstance(provenance, dict):
-        found += [(f"provenance: {k}", str(v)) for k, v in sorted(provenance.items())]
+        facts += [(f"provenance: {k}", str(v)) for k, v in sorted(provenance.items())]
     else:
-        found.append(("provenance", str(provenance)))
-    return found
+        facts.append(("provenance", str(provenance)))
+    return facts

@@ -39,7 +39,7 @@ def parts_of_truths(task: str, image: DetectionImage, side: SideImage) -> list[P
     predicted = shapes(task, image.image, side.entries)
     truths = shapes(task, image.image, image.truths)
     inside = overlaps(predicted, truths, [1] * len(truths))
-    found = []
+    parts = []
     for g, state in enumerate(side.errors.truth):
         members = _members(image, side, g, inside[:, g])
         if state == "ignored" or len(members) < 2:
@@ -48,8 +48,8 @@ def parts_of_truths(task: str, image: DetectionImage, side: SideImage) -> list[P
         best = float(overlaps(shared, [truths[g]], [0]).max())
         together = float(overlaps([_together(task, shared)], [truths[g]], [0])[0, 0])
         if together >= max(FOREGROUND_IOU, best + _GAIN):
-            found.append(Parts(truth=g, predictions=members, best_iou=best, together_iou=together))
-    return found
+            parts.append(Parts(truth=g, predictions=members, best_iou=best, together_iou=together))
+    return parts
 
 
 def lone_part(task: str, image: DetectionImage, entry: int, side: SideImage) -> int | None:

@@ -135,10 +135,12 @@ class DepthPixels:
         place = np.clip(np.searchsorted(edges, truth, side="right") - 1, 0, _DEPTH_BINS - 1)
         order = np.argsort(place, kind="stable")
         cells = np.split(error[order], np.searchsorted(place[order], np.arange(1, _DEPTH_BINS)))
-        found = [np.percentile(c, _DEPTH_PERCENT).tolist() if len(c) else [None] * 3 for c in cells]
+        percentiles = [
+            np.percentile(c, _DEPTH_PERCENT).tolist() if len(c) else [None] * 3 for c in cells
+        ]
         low, median, high = (
             tuple(None if v is None else round(v, 5) for v in column)
-            for column in zip(*found, strict=True)
+            for column in zip(*percentiles, strict=True)
         )
         return DepthError(
             label=label,

@@ -18,31 +18,31 @@ _PLACES = 2
 def drawn_truths(task: str, image: DetectionImage) -> list[Drawn]:
     """Each truth: its box, and its mask or polygons where masks are scored."""
     masks = detection_protocol(task).iou_type == "segm"
-    found = []
+    drawn = []
     for truth in image.truths:
         shape, box = truth.segmentation, _rounded(truth.bbox)
         if not masks:
-            found.append(Drawn(c=truth.category_id, box=box))
+            drawn.append(Drawn(c=truth.category_id, box=box))
         elif isinstance(shape, Rle):
             rle = _text(mask_of(truth, image.image))
-            found.append(Drawn(c=truth.category_id, box=box, rle=rle))
+            drawn.append(Drawn(c=truth.category_id, box=box, rle=rle))
         else:
             polygons = tuple(map(_rounded, shape or ()))
-            found.append(Drawn(c=truth.category_id, box=box, polygons=polygons))
-    return found
+            drawn.append(Drawn(c=truth.category_id, box=box, polygons=polygons))
+    return drawn
 
 
 def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list[DrawnPrediction]:
     """Each prediction with what became of it."""
     masks = detection_protocol(task).iou_type == "segm"
-    found = []
+    drawn = []
     for (entry, kind, about, iou), own in zip(
         zip(side.entries, side.errors.kind, side.errors.about, side.errors.iou, strict=True),
         _scene_objects(side),
         strict=True,
     ):
         mask = mask_of(entry, image.image) if masks else None
-        found.append(
+        drawn.append(
             DrawnPrediction(
                 n=own.name if own else UNSET,
                 m=own.objects if own else UNSET,
@@ -56,7 +56,7 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
                 i=None if iou is None else round(iou, 4),
             )
         )
-    return found
+    return drawn
 
 
 def _scene_objects(side: SideImage) -> Sequence[Exported | None]:

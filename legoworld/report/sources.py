@@ -64,8 +64,8 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     for side in sides.values():
         groups.setdefault((side.task, _truth_of(side)), []).append(side)
     sections = [
-        _section(task, found, _comparison_of(found, task, comparisons))
-        for (task, _), found in sorted(groups.items(), key=lambda g: _TASKS.index(g[0][0]))
+        _section(task, group, _comparison_of(group, task, comparisons))
+        for (task, _), group in sorted(groups.items(), key=lambda g: _TASKS.index(g[0][0]))
     ]
     shown = [s.comparison for s in sections if s.comparison is not None]
     lone = [document for document, _ in comparisons if document not in shown]
@@ -132,7 +132,7 @@ def _comparison(folder: Path) -> tuple[Comparison, tuple[Path, ...]]:
             expected=repr(KIND),
             next_step="name the comparisons it joins instead",
         )
-    found: dict[Path, None] = {}
+    folders: dict[Path, None] = {}
     for entry in evidence.inputs:
         path = folder / entry.path
         if path.name == SUMMARY and path.is_file():
@@ -143,8 +143,8 @@ def _comparison(folder: Path) -> tuple[Comparison, tuple[Path, ...]]:
                     expected=f"sha256 {entry.sha256}",
                     next_step="compare again",
                 )
-            found[path.parent] = None
-    return document, tuple(found)
+            folders[path.parent] = None
+    return document, tuple(folders)
 
 
 def _comparison_of(

@@ -40,12 +40,12 @@ def score_free_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
 
 
 def _detection_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    found: dict[str, list[NumberCell | None]] = {}
+    by_metric: dict[str, list[NumberCell | None]] = {}
     for k, side in enumerate(sides):
         for name, value, spread, over in metric_rows(side.detection, detection_protocol(side.task)):
             cell = NumberCell(value=value, spread=spread, over=over)
-            found.setdefault(name, [None] * len(sides))[k] = cell
-    return [NumberRow(name=name, cells=tuple(cells)) for name, cells in found.items()]
+            by_metric.setdefault(name, [None] * len(sides))[k] = cell
+    return [NumberRow(name=name, cells=tuple(cells)) for name, cells in by_metric.items()]
 
 
 def depth_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
@@ -120,11 +120,11 @@ def coverage_notes(side: Evaluated) -> list[str]:
 
 def category_rows(sides: Sequence[Evaluated]) -> list[CategoryLine]:
     """A row of each category that has truth or predictions on any side, ascending id."""
-    found: dict[int, list[CategoryRow | None]] = {}
+    by_category: dict[int, list[CategoryRow | None]] = {}
     for k, side in enumerate(sides):
         for row in side.categories:
-            found.setdefault(row.category_id, [None] * len(sides))[k] = row
-    return [_category(found[key]) for key in sorted(found)]
+            by_category.setdefault(row.category_id, [None] * len(sides))[k] = row
+    return [_category(by_category[key]) for key in sorted(by_category)]
 
 
 def _category(rows: Sequence[CategoryRow | None]) -> CategoryLine:

@@ -125,8 +125,8 @@ def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:
     return [
         f"{BLEND} reads {PurePath(name).name} from outside of the scenes: on another machine the "
         "scene is not this one; pack the file into the .blend or put it beside it"
-        for name, found in dependencies.items()
-        if found is not None and leaves_scenes(name, folder)
+        for name, hashed in dependencies.items()
+        if hashed is not None and leaves_scenes(name, folder)
     ]
 
 

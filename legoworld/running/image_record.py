@@ -108,10 +108,10 @@ def _labels_of(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Lab
     """The labels of a scene under a protocol. Raises LabelsInvalidError."""
     if protocol.vocabulary is None:
         return Labels(objects={}, collections={}, warnings=())
-    found = read_hashed_side_file(folder, LABELS, LabelsFile, scene.files)
+    side_file = read_hashed_side_file(folder, LABELS, LabelsFile, scene.files)
     return resolve_labels(
         scene.snapshot,
-        labels_in(found),
+        labels_in(side_file),
         protocol.vocabulary,
         protocol.override_property,
     )
@@ -233,13 +233,13 @@ def _unexported(
     options: ImageOptions,
 ) -> tuple[Unexported, ...]:
     """Labelled instances without a pixel, by name."""
-    found: list[Unexported] = []
+    unexported: list[Unexported] = []
     unseen = [i.id for i in labelled if seen.area_px[i.id] == 0]
     if unseen:
         reasons = unseen_reasons(
             scene.snapshot, grouping, seen, among=unseen, threads=options.threads
         )
-        found = [
+        unexported = [
             Unexported(name=i.name, category=i.category.name, reason=reasons[i.id])
             for i in labelled
             if i.category is not None and i.id in reasons
@@ -249,8 +249,8 @@ def _unexported(
     for name, text in grouping.unseen_owners:
         match = vocabulary.match(text)
         category = match.name if match else text
-        found.append(Unexported(name=name, category=category, reason="not_rendered"))
-    return tuple(sorted(found, key=lambda u: (u.name, u.reason)))
+        unexported.append(Unexported(name=name, category=category, reason="not_rendered"))
+    return tuple(sorted(unexported, key=lambda u: (u.name, u.reason)))
 
 
 def _exported(instance: Instance) -> Exported:
@@ -302,4 +302,4 @@ def source_of(
 
 def sha256_by_name(files: Hashes) -> dict[str, str | None]:
     """Hashes as run.json records them."""
-    return {name: found.sha256 if found else None for name, found in files.items()}
+    return {name: hashed.sha256 if hashed else None for name, hashed in files.items()}

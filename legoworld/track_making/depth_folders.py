@@ -62,20 +62,20 @@ def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> S
     without: list[str] = []
     read: set[str] = set()
     for name in _photos_below(photos):
-        found = [p for p in files_named(folder / scene_name(name)) if not _same(p, photos / name)]
-        if not found:
+        files = [p for p in files_named(folder / scene_name(name)) if not _same(p, photos / name)]
+        if not files:
             without.append(name)
             continue
-        if len(found) > 1:
+        if len(files) > 1:
             raise CatalogError(
                 f"{name} has more than one depth file",
-                found=", ".join(path.name for path in found),
+                found=", ".join(path.name for path in files),
                 expected="one",
             )
         width, height = _size_of(
-            found[0], photos / name, declared, whole=found[0].suffix not in read
+            files[0], photos / name, declared, whole=files[0].suffix not in read
         )
-        read.add(found[0].suffix)
+        read.add(files[0].suffix)
         number = len(images) + 1
         images.append(ImageInfo(id=number, file_name=name, width=width, height=height))
     if not images:
@@ -105,15 +105,15 @@ def _size_of(path: Path, photo: Path, declared: Declaration, *, whole: bool) -> 
     height, width = read_photo(photo).shape[:2]
     if whole:
         planar_metres(read_labelled(path, declared), declared, path.name)
-    found = claimed_size(path, declared)
-    if found != (width, height):
+    size_wh = claimed_size(path, declared)
+    if size_wh != (width, height):
         raise CatalogError(
             f"{path.name} and its photo have different sizes",
-            found=f"{found[0]}x{found[1]}",
+            found=f"{size_wh[0]}x{size_wh[1]}",
             expected=f"{width}x{height}",
             next_step="resize the photos to the size of their depth",
         )
-    return found
+    return size_wh
 
 
 def _photos_below(photos: Path) -> list[str]:

@@ -94,15 +94,15 @@ def read_calibration(folder: Path) -> Calibration:
 
 def _unique(entries: Iterator[tuple[K, V]], what: str, path: Path) -> dict[K, V]:
     """The entries by key; repeated entries must be equal."""
-    found: dict[K, V] = {}
+    by_key: dict[K, V] = {}
     for key, value in entries:
-        if found.setdefault(key, value) != value:
+        if by_key.setdefault(key, value) != value:
             raise CalibrationError(
                 f"{path.name} has two entries for {what} {key}",
-                found=f"{found[key]} and {value}",
+                found=f"{by_key[key]} and {value}",
                 expected="one",
             )
-    return found
+    return by_key
 
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:

@@ -83,15 +83,15 @@ def track_of_folder(scenes: Place) -> Track:
     """Every folder below SCENES with a scene file is an image, numbered in sorted order."""
     if isinstance(scenes, str):
         top = PurePosixPath(scenes).name
-        found = folders_holding(scenes, _SCENE_FILES)
+        folders = folders_holding(scenes, _SCENE_FILES)
     else:
         top = scenes.resolve().name
-        found = sorted(
+        folders = sorted(
             Path(folder).relative_to(scenes).as_posix()
             for folder, files in _visible_folders(scenes)
             if any(name in files for name in _SCENE_FILES)
         )
-    if not found:
+    if not folders:
         raise CatalogError(
             "no scene to read",
             found=f"no scene.blend or scene.glb below {top}",
@@ -100,7 +100,7 @@ def track_of_folder(scenes: Place) -> Track:
         )
     images = tuple(
         TrackImage(id=i, file_name=top if name == "." else name, size_wh=None, scene=name)
-        for i, name in enumerate(found, start=1)
+        for i, name in enumerate(folders, start=1)
     )
     return Track(images=images, vocabulary=None, sha256=None, made_for=None)
 

@@ -47,15 +47,15 @@ class Vocabulary:
 
         A synonym or bare word shared by several categories matches none of them.
         """
-        found = self._matched.get(text, _UNASKED)
-        if found is _UNASKED:
+        category = self._matched.get(text, _UNASKED)
+        if category is _UNASKED:
             key = normal_name(text)
-            found = (
+            category = (
                 self._by_name.get(key) or self._by_synonym.get(key) or self._by_bare_word.get(key)
             )
             if len(self._matched) < _REMEMBERED:
-                self._matched[text] = found
-        return found
+                self._matched[text] = category
+        return category
 
     def candidates(self, text: str) -> list[str]:
         """The names of all categories that a bare word may mean; empty without `bare_words`."""
@@ -109,7 +109,7 @@ class Vocabulary:
         for category in self.categories:
             for synonym in {normal_name(s) for s in category.synonyms}:
                 owners.setdefault(synonym, []).append(category)
-        return {name: found[0] for name, found in owners.items() if len(found) == 1}
+        return {name: categories[0] for name, categories in owners.items() if len(categories) == 1}
 
     @cached_property
     def _bare_words(self) -> dict[str, set[str]]:
@@ -126,12 +126,12 @@ class Vocabulary:
     @cached_property
     def _by_bare_word(self) -> dict[str, Category]:
         """Bare words of names only: those of synonyms make a word ambiguous, but match nothing."""
-        found = {}
+        by_word = {}
         for category in self.categories:
             word = _bare_word(category.name)
             if word is not None and self._bare_words.get(word) == {category.name}:
-                found[word] = category
-        return found
+                by_word[word] = category
+        return by_word
 
 
 def normal_name(text: str) -> str:

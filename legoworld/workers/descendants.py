@@ -24,12 +24,12 @@ def descendants(ancestor: int) -> list[int]:
     children: dict[int, list[int]] = {}
     for pid, parent in _parents():
         children.setdefault(parent, []).append(pid)
-    found: list[int] = []
+    below: list[int] = []
     level = children.get(ancestor, [])
     while level:
-        found += level
+        below += level
         level = [child for pid in level for child in children.get(pid, [])]
-    return found
+    return below
 
 
 def memory_bytes(pids: list[int], enough: int) -> int:

@@ -56,9 +56,9 @@ def _empty(top: int) -> None:
 def _remove_files(folder: int) -> list[str]:
     """Remove everything but folders; return the names of the folders."""
     with os.scandir(folder) as entries:
-        found = [(entry.name, entry.is_dir(follow_symlinks=False)) for entry in entries]
-    for name, is_folder in found:
+        listed = [(entry.name, entry.is_dir(follow_symlinks=False)) for entry in entries]
+    for name, is_folder in listed:
         if not is_folder:
             with contextlib.suppress(OSError):
                 os.unlink(name, dir_fd=folder)
-    return [name for name, is_folder in found if is_folder]
+    return [name for name, is_folder in listed if is_folder]

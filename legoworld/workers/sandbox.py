@@ -140,18 +140,18 @@ def protections(confinement: Confinement, *, network: bool = False) -> Protectio
     if confinement == "limits":
         why_not = "not asked for"
         return Protections(bubblewrap=None, why_not=why_not, network=network, counted=counted)
-    found = find_bubblewrap()
-    if isinstance(found, Bubblewrap):
-        version = found.version
+    usable = find_bubblewrap()
+    if isinstance(usable, Bubblewrap):
+        version = usable.version
         return Protections(bubblewrap=version, why_not=None, network=network, counted=counted)
     if confinement == "bubblewrap":
         raise SandboxUnavailableError(
             "bubblewrap cannot be used",
-            found=found,
+            found=usable,
             expected="a bubblewrap that may make user namespaces",
             next_step="apt-get install bubblewrap, or allow user namespaces on this machine",
         )
-    return Protections(bubblewrap=None, why_not=found, network=network, counted=counted)
+    return Protections(bubblewrap=None, why_not=usable, network=network, counted=counted)
 
 
 class Sandbox:
@@ -219,10 +219,10 @@ class Sandbox:
         self._printed = open(read_output, "rb", buffering=0)  # noqa: SIM115, PTH123
         command = list(argv)
         if self._confined:
-            found = find_bubblewrap()
-            assert isinstance(found, Bubblewrap)
+            bubblewrap = find_bubblewrap()
+            assert isinstance(bubblewrap, Bubblewrap)
             command = confined(
-                found,
+                bubblewrap,
                 argv,
                 scratch=self.scratch,
                 read_only=read_only,

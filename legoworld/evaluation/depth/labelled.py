@@ -107,17 +107,17 @@ def _read_npz(
 def _picture_name(path: Path, contents: Npz, declared: str | None) -> str:
     """The depth array's name: the declared one, else depth_z_m or values, else the only one."""
     candidates = (declared,) if declared else (DEPTH_Z_M, VALUES)
-    found = [name for name in candidates if name in contents.names]
-    if not found and not declared and len(contents.pictures) == 1:
+    present = [name for name in candidates if name in contents.names]
+    if not present and not declared and len(contents.pictures) == 1:
         return contents.pictures[0]
-    if len(found) != 1:
+    if len(present) != 1:
         raise DepthFileError(
             f"{path.name} does not have one depth array",
             found=", ".join(contents.names) or "no arrays",
             expected=" or ".join(str(c) for c in candidates),
             next_step=f'name it in {DECLARATION}: array = "..."',
         )
-    return found[0]
+    return present[0]
 
 
 def _array(

@@ -57,11 +57,11 @@ class Npz:
 
 def files_named(stem: Path) -> list[Path]:
     """The depth files of a path without suffix, whose suffix may be in capitals."""
-    found = []
+    files = []
     for suffix in SUFFIXES:
         small, capital = (stem.with_name(stem.name + s) for s in (suffix, suffix.upper()))
-        found += [small] if names_a_file(small) else [capital] if names_a_file(capital) else []
-    return found
+        files += [small] if names_a_file(small) else [capital] if names_a_file(capital) else []
+    return files
 
 
 def read_picture(
@@ -102,16 +102,16 @@ def npz_contents(path: Path, labels: Container[str]) -> Npz:
         names = [member.filename.removesuffix(".npy") for member in members]
         if len(set(names)) != len(names):
             raise ValueError("two arrays of one name")
-        found, pictures = {}, []
+        arrays, pictures = {}, []
         for name, member in zip(names, members, strict=True):
             if name in labels:
-                found[name] = _label(path, archive, member)
+                arrays[name] = _label(path, archive, member)
                 continue
             with _member(archive, member) as stream:
                 shape, dtype = npy_claim(path, stream, member.file_size)
             if dtype.kind in "fiu" and len(shape) >= 2:
                 pictures.append(name)
-    return Npz(names=tuple(names), pictures=tuple(pictures), labels=found)
+    return Npz(names=tuple(names), pictures=tuple(pictures), labels=arrays)
 
 
 def read_npz_array(path: Path, name: str, check_size: SizeCheck | None) -> NDArray[Any]:

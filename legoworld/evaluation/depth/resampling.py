@@ -89,10 +89,10 @@ def bilinear(prediction: DepthArray, xy_px: F64) -> Sampled:
             weight = row_weight * col_weight * predicted
             total += weight * disparity
             weights += weight
-    found = inside & (weights >= _MIN_WEIGHT)
+    sampled = inside & (weights >= _MIN_WEIGHT)
     values = np.zeros(len(x))
-    np.divide(total, weights, out=values, where=found)
-    return Sampled(disparity=values, predicted=found, outside=~inside)
+    np.divide(total, weights, out=values, where=sampled)
+    return Sampled(disparity=values, predicted=sampled, outside=~inside)
 
 
 def _same_pixels(prediction: DepthArray, rows: Index, cols: Index) -> Sampled:

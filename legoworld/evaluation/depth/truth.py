@@ -69,7 +69,7 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
     DepthTruthError or DepthFileError: nothing is scored against incomplete ground truth.
     """
     declared = read_declaration(truth)
-    found: list[TruthFile] = []
+    files: list[TruthFile] = []
     absent: list[RunImage] = []
     calibrations: dict[Path, Calibration] = {}
     for image in images:
@@ -77,7 +77,7 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
         if file is None:
             absent.append(image)
         else:
-            found.append(file)
+            files.append(file)
     if absent:
         raise DepthTruthError(
             f"{truth.name or truth} lacks the depth of "
@@ -87,7 +87,7 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
             f" {photo_stem(absent[0].file_name)} with one of {' '.join(SUFFIXES)}",
             next_step="point --truth at the dataset's folder, or use a track of the present images",
         )
-    return tuple(found)
+    return tuple(files)
 
 
 def load_truth(file: TruthFile) -> DepthTruth:
@@ -203,19 +203,19 @@ def _eth3d(
 
 
 def _array(truth: Path, image: RunImage, declared: Declaration) -> TruthFile | None:
-    found = files_named(truth / photo_stem(image.file_name))
-    if len(found) > 1:
+    files = files_named(truth / photo_stem(image.file_name))
+    if len(files) > 1:
         raise DepthTruthError(
             f"{image.file_name} has more than one ground-truth file",
-            found=", ".join(p.name for p in found),
+            found=", ".join(p.name for p in files),
             expected="one depth file",
         )
-    if not found:
+    if not files:
         return None
-    refuse_photo(found[0])
+    refuse_photo(files[0])
     return TruthFile(
         kind="array",
-        path=found[0],
+        path=files[0],
         declared=declared,
         size_wh=None,
         size_from="file",

@@ -39,9 +39,9 @@ def depth_checks(
         settings=_settings(summary),
     )
     # All that the file says: a key that no reader knows follows from no row.
-    found, recorded = as_json(again), json.loads((folder / SUMMARY).read_bytes())
-    for key in sorted({*found, *recorded}):
-        yield agreement(f"{key} from the rows", found.get(key), recorded.get(key))
+    recomputed, recorded = as_json(again), json.loads((folder / SUMMARY).read_bytes())
+    for key in sorted({*recomputed, *recorded}):
+        yield agreement(f"{key} from the rows", recomputed.get(key), recorded.get(key))
     yield agreement("metrics in the evidence", evidence.metrics, summary.metrics)
 
 

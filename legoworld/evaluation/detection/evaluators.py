@@ -65,12 +65,12 @@ def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> O
         true.dataset = truth.document()
         true.createIndex()
         if len(predictions.entries):
-            found = true.loadRes(predictions.entries.results())
+            results = true.loadRes(predictions.entries.results())
         else:  # loadRes cannot read an empty list
-            found = new()
-            found.dataset = {**truth.document(), "annotations": []}
-            found.createIndex()
-        evaluation = COCOeval(true, found, iou_type)
+            results = new()
+            results.dataset = {**truth.document(), "annotations": []}
+            results.createIndex()
+        evaluation = COCOeval(true, results, iou_type)
         evaluation.params.imgIds = [i["id"] for i in truth.images]
         evaluation.evaluate()
         evaluation.accumulate()
@@ -91,8 +91,8 @@ def _lvis(truth: Truth, predictions: Predictions) -> OfficialScores:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), lvis_package.quiet():
         true = lvis_package.dataset(package, truth.document())
-        found = lvis_package.results(package, true, predictions.entries.results())
-        evaluation = package.LVISEval(true, found, "segm")
+        results = lvis_package.results(package, true, predictions.entries.results())
+        evaluation = package.LVISEval(true, results, "segm")
         evaluation.params.img_ids = [i["id"] for i in truth.images]
         evaluation.run()
         evaluation.print_results()
@@ -111,14 +111,14 @@ def _hotcoco(truth: Truth, predictions: Predictions, protocol: DetectionProtocol
     true = hotcoco.COCO(truth.document())
     results = predictions.entries.results()
     if not results:
-        found = hotcoco.COCO({**truth.document(), "annotations": []})
+        detections = hotcoco.COCO({**truth.document(), "annotations": []})
     elif protocol.federated:
-        found = hotcoco.LVISResults(true, results, max_dets=protocol.per_image_cap)
+        detections = hotcoco.LVISResults(true, results, max_dets=protocol.per_image_cap)
     else:
-        found = true.load_res(results)
+        detections = true.load_res(results)
     del results  # it has copied what it read, and evaluates in gigabytes
     evaluation: Any = hotcoco.COCOeval(
-        true, found, protocol.iou_type, lvis_style=protocol.federated
+        true, detections, protocol.iou_type, lvis_style=protocol.federated
     )
     evaluation.params.img_ids = [i["id"] for i in truth.images]
     evaluation.evaluate()

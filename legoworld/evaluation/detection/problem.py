@@ -169,14 +169,14 @@ def _federated(
 def _cells(truth: Truth, key: str, category_ids: Ints) -> Ints:
     """image * n_categories + category for an LVIS image's list of category ids."""
     known = set(category_ids.tolist())
-    found = [(i, c) for i, image in enumerate(truth.images) for c in image[key] if c in known]
-    if not found:
+    pairs = [(i, c) for i, image in enumerate(truth.images) for c in image[key] if c in known]
+    if not pairs:
         return np.empty(0, np.int64)
-    images, categories = np.array(found, np.int64).T
+    images, categories = np.array(pairs, np.int64).T
     cells: Ints = images * len(category_ids) + _positions(category_ids, categories)
     return cells
 
 
 def _positions(sorted_ids: Ints, ids: Any) -> Ints:
-    found: Ints = np.searchsorted(sorted_ids, np.asarray(ids, np.int64)).astype(np.int64)
-    return found
+    positions: Ints = np.searchsorted(sorted_ids, np.asarray(ids, np.int64)).astype(np.int64)
+    return positions

@@ -155,24 +155,24 @@ def _intervals(
 ) -> dict[str, Interval]:
     """Bootstrap intervals over images of every official and every score-free number."""
     protocol = request.protocol
-    found = resampled_metrics(table, protocol, samples, frequencies_of(request.truth))
+    metrics = resampled_metrics(table, protocol, samples, frequencies_of(request.truth))
     values = dict(zip((m.name for m in protocol.metrics), scores.official, strict=True))
     whole = np.ones((1, samples.shape[1]), np.int32)
     for prefix, counts in (("class_aware", aware), ("class_agnostic", agnostic)):
         resampled, point = matched_metrics(counts, samples), matched_metrics(counts, whole)
         for name in resampled:
             if not name.startswith("n_"):
-                found[f"{prefix}.{name}"] = resampled[name]
+                metrics[f"{prefix}.{name}"] = resampled[name]
                 values[f"{prefix}.{name}"] = float(point[name][0])
-    del found["class_aware.label_accuracy"]
+    del metrics["class_aware.label_accuracy"]
     lone = metrics_of_one_image(table, protocol, frequencies_of(request.truth))
     if len(np.unique(table.truth_image)) < 2:
-        lone = set(found)
+        lone = set(metrics)
     return {
         name: centred_interval(
             resampled, np.nan if name in lone else _defined(values[name]), unit="image"
         )
-        for name, resampled in found.items()
+        for name, resampled in metrics.items()
     }
 
 

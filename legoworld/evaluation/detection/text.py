@@ -74,30 +74,30 @@ def metric_rows(summary: DetectionSummary, protocol: DetectionProtocol) -> list[
         rows.append(_row(summary, metric.name, summary.metrics[metric.name], where))
     rows += _tie_rows(summary, categories)
     matched = summary.matched
-    for prefix, found in (
+    for prefix, measures in (
         ("class_aware", matched.class_aware),
         ("class_agnostic", matched.class_agnostic),
     ):
-        truths = _many(found.n_gt, "annotation")
+        truths = _many(measures.n_gt, "annotation")
         over = {
             "miou_gt_micro": truths,
             "miou_gt_macro": with_truth,
-            "miou_matched": _many(found.n_matched, "pair"),
-            "precision_50": _many(found.n_dt, "prediction"),
+            "miou_matched": _many(measures.n_matched, "pair"),
+            "precision_50": _many(measures.n_dt, "prediction"),
             "recall_50": truths,
-            "label_accuracy": _many(found.n_hits_50, "pair") + " at IoU 0.5",
+            "label_accuracy": _many(measures.n_hits_50, "pair") + " at IoU 0.5",
         }
-        for name, value in found.values().items():
-            default = f"{truths}, {_many(found.n_dt, 'prediction')}"
+        for name, value in measures.values().items():
+            default = f"{truths}, {_many(measures.n_dt, 'prediction')}"
             rows.append(_row(summary, f"{prefix}.{name}", value, over.get(name, default)))
     return rows
 
 
 def _row(summary: DetectionSummary, name: str, value: float | None, over: str) -> tuple[str, ...]:
-    found = summary.intervals.get(name)
+    interval = summary.intervals.get(name)
     spread = "-"
-    if value is not None and found and found.ends:
-        spread = "{:.4f} .. {:.4f}".format(*found.ends)
+    if value is not None and interval and interval.ends:
+        spread = "{:.4f} .. {:.4f}".format(*interval.ends)
     return name, "-" if value is None else f"{value:.4f}", spread, over
 
 

@@ -233,10 +233,10 @@ def _relative(path: Path, folder: Path) -> str:
 
 def _inputs_by_role(entries: Sequence[Input]) -> dict[str, Any]:
     """Hashes by role: the same bytes are the same input wherever they lie."""
-    found: dict[str, list[str]] = {}
+    by_role: dict[str, list[str]] = {}
     for entry in entries:
-        found.setdefault(f"input {entry.role}", []).append(entry.sha256)
-    return dict(found)
+        by_role.setdefault(f"input {entry.role}", []).append(entry.sha256)
+    return dict(by_role)
 
 
 def _is_ours(name: str) -> bool:

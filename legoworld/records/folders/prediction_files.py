@@ -81,11 +81,11 @@ def predictions_of(
     """
     stored = chain.from_iterable(stored_batches(files, Prediction))
     groups = groupby(stored, key=attrgetter("image_id"))
-    found = ((image_id, tuple(entries)) for image_id, entries in groups)
-    at, predictions = next(found, (None, ()))
+    by_image = ((image_id, tuple(entries)) for image_id, entries in groups)
+    at, predictions = next(by_image, (None, ()))
     for image_id in image_ids:
         while at is not None and at < image_id:
-            at, predictions = next(found, (None, ()))
+            at, predictions = next(by_image, (None, ()))
         yield predictions if at == image_id else ()
 
 

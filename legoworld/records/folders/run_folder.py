@@ -178,13 +178,13 @@ def _refuse_changes(
 
 def _flat(values: Mapping[str, object], prefix: str = "") -> Mapping[str, object]:
     """Nested objects as one, under dotted keys; an empty object stays itself."""
-    found: dict[str, object] = {}
+    flat: dict[str, object] = {}
     for key, value in values.items():
         if isinstance(value, dict) and value:
-            found |= _flat(value, f"{prefix}{key}.")
+            flat |= _flat(value, f"{prefix}{key}.")
         else:
-            found[f"{prefix}{key}"] = value
-    return found
+            flat[f"{prefix}{key}"] = value
+    return flat
 
 
 def divided(configuration: Configuration, images_per_file: int | None) -> Configuration:

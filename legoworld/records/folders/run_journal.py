@@ -83,9 +83,9 @@ def journal_records(folder: Path) -> tuple[list[ImageRecord], int]:
     if not path.is_file():
         return [], 0
     with path.open("rb") as stream:
-        found = [_record_in(line) for line in stream]
-    good = [record for record in found if record is not None]
-    return good, len(found) - len(good)
+        records = [_record_in(line) for line in stream]
+    good = [record for record in records if record is not None]
+    return good, len(records) - len(good)
 
 
 def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]]:

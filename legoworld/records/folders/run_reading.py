@@ -127,8 +127,8 @@ def altered(folder: Path, document: RunHead, files: Iterable[Path]) -> list[str]
     recorded = document.results_sha256
     if not recorded:
         return []
-    found = hashes(folder, files)
-    return [name for name, sha256 in found.items() if recorded.get(name) != sha256]
+    hashed = hashes(folder, files)
+    return [name for name, sha256 in hashed.items() if recorded.get(name) != sha256]
 
 
 def hashes(folder: Path, files: Iterable[Path]) -> dict[str, str]:

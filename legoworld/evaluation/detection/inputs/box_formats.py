@@ -49,16 +49,16 @@ def check_box_format(
     """Counted anomalies of scorable boxes. BoxFormatError for boxes that cannot be scored."""
     if not boxes:
         return {}
-    found = _checked(image_ids, boxes, sizes_wh)
+    boxes_xywh = _checked(image_ids, boxes, sizes_wh)
     sizes = _sizes(image_ids, sizes_wh)
-    outside = _outside(found[:, :2], found[:, :2] + found[:, 2:], sizes)
-    if (found <= 1.0).all() and (found % 1 != 0).any() and (sizes > 8).all():
+    outside = _outside(boxes_xywh[:, :2], boxes_xywh[:, :2] + boxes_xywh[:, 2:], sizes)
+    if (boxes_xywh <= 1.0).all() and (boxes_xywh % 1 != 0).any() and (sizes > 8).all():
         raise _error(
             _shown(image_ids[0], boxes[0]),
             "pixels",
             "these look like fractions of the image's size",
         )
-    hint = _hint(found, sizes)
+    hint = _hint(boxes_xywh, sizes)
     if outside.mean() > (MAX_SHARE_OUTSIDE if hint != _XYWH else _MAX_SHARE_UNEXPLAINED):
         worst = int(np.argmax(outside))
         raise _error(
@@ -67,10 +67,10 @@ def check_box_format(
             "boxes inside their images",
             hint,
         )
-    over = _outside(found[:, :2], found[:, :2] + found[:, 2:], sizes, share=0.0)
+    over = _outside(boxes_xywh[:, :2], boxes_xywh[:, :2] + boxes_xywh[:, 2:], sizes, share=0.0)
     odd = {
         "boxes that leave their image by over 2 px": int(over.sum()),
-        "boxes without any area": int((found[:, 2:] == 0).any(axis=1).sum()),
+        "boxes without any area": int((boxes_xywh[:, 2:] == 0).any(axis=1).sum()),
     }
     return {what: count for what, count in odd.items() if count}
 
@@ -86,15 +86,15 @@ def _checked(
     if numbers is None:
         bad = next(k for k, box in enumerate(boxes) if not all(map(is_finite, box)))  # type: ignore[call-overload]
         raise _error(_shown(image_ids[bad], boxes[bad]), "four finite numbers")
-    found = numbers.reshape(-1, 4)
-    negative = np.flatnonzero((found[:, 2:] < 0).any(axis=1))
+    boxes_xywh = numbers.reshape(-1, 4)
+    negative = np.flatnonzero((boxes_xywh[:, 2:] < 0).any(axis=1))
     if len(negative):
         raise _error(
             _shown(image_ids[negative[0]], boxes[negative[0]]),
             "a width and height of at least 0",
-            _hint(found, _sizes(image_ids, sizes_wh)),
+            _hint(boxes_xywh, _sizes(image_ids, sizes_wh)),
         )
-    return found
+    return boxes_xywh
 
 
 def _sizes(image_ids: Sequence[int], sizes_wh: Sizes) -> NDArray[np.float64]:
@@ -110,8 +110,8 @@ def _outside(
     share: float = TOLERANCE_SHARE,
 ) -> NDArray[np.bool_]:
     tolerance = TOLERANCE_PX + share * np.maximum(high - low, 0)
-    found: NDArray[np.bool_] = ((low < -tolerance) | (high > sizes + tolerance)).any(axis=1)
-    return found
+    outside: NDArray[np.bool_] = ((low < -tolerance) | (high > sizes + tolerance)).any(axis=1)
+    return outside
 
 
 def _hint(boxes: NDArray[np.float64], sizes: NDArray[np.float64]) -> str:
@@ -147,11 +147,11 @@ def is_finite(value: object) -> bool:
 
 def finite_floats(values: Iterable[object]) -> NDArray[np.float64] | None:
     """(n,) JSON values as float64; None where any is of another type, or none a float can hold."""
-    found = list(values)
-    if not set(map(type, found)) <= {int, float}:
+    floats = list(values)
+    if not set(map(type, floats)) <= {int, float}:
         return None
     try:
-        array = np.array(found, np.float64)
+        array = np.array(floats, np.float64)
     except OverflowError:  # an integer of 400 digits
         return None
     return array if np.isfinite(array).all() else None

@@ -117,8 +117,8 @@ def _document(path: Path) -> dict[str, Any]:
                 expected="COCO instances or LVIS JSON with images, annotations and categories",
                 next_step="a track is no truth: pass the dataset's own annotation file",
             )
-    found: dict[str, Any] = document
-    return found
+    checked: dict[str, Any] = document
+    return checked
 
 
 def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run) -> None:

@@ -51,7 +51,7 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
     """
     _refuse(name, "images", entries, _object_fault)
     _refuse(name, "images", entries, _key_fault("id"), "an integer id")
-    found: dict[int, Entry] = {}
+    by_id: dict[int, Entry] = {}
     twice: list[int] = []
     for entry in entries:
         image_id = _whole(entry["id"], "image ids", repairs)
@@ -62,9 +62,9 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
                 expected="0 to 2**53, the integers that every JSON reader keeps",
                 next_step=_CORRECT,
             )
-        if image_id in found:
+        if image_id in by_id:
             twice.append(image_id)
-        found[image_id] = {**entry, "id": image_id}
+        by_id[image_id] = {**entry, "id": image_id}
     if twice:
         raise TruthInvalidError(
             f"image ids repeat in {name}",
@@ -72,7 +72,7 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
             expected="distinct ids",
             next_step=_CORRECT,
         )
-    return found
+    return by_id
 
 
 def check_image_values(name: str, images: Sequence[Entry], *, federated: bool) -> None:

@@ -112,12 +112,12 @@ def matched_metrics(counts: MatchedCounts, samples: NDArray[np.int32]) -> dict[s
 
 def matched_document(counts: MatchedCounts, *, class_aware: bool) -> Matched:
     """The run's own numbers as summary.json holds them: counts as integers, NaN as None."""
-    found = matched_metrics(counts, np.ones((1, len(counts.per_image)), np.int32))
+    metrics = matched_metrics(counts, np.ones((1, len(counts.per_image)), np.int32))
     if class_aware:
-        del found["label_accuracy"]  # right by construction
+        del metrics["label_accuracy"]  # right by construction
     point: dict[str, Any] = {
         name: int(value[0]) if name.startswith("n_") else number(value[0])
-        for name, value in found.items()
+        for name, value in metrics.items()
     }
     return Matched(**point)
 
@@ -125,14 +125,14 @@ def matched_document(counts: MatchedCounts, *, class_aware: bool) -> Matched:
 def image_sums(counts: MatchedCounts, *, class_aware: bool) -> list[PairSums]:
     """The sums of each image, as per_image.jsonl holds them."""
     columns = _COLUMNS[:-1] if class_aware else _COLUMNS  # the last is right by construction
-    found = []
+    of_images = []
     for row in counts.per_image:
         sums: dict[str, Any] = {
             name: float(value) if name.endswith("_sum") else int(value)
             for name, value in zip(columns, row, strict=False)
         }
-        found.append(PairSums(**sums))
-    return found
+        of_images.append(PairSums(**sums))
+    return of_images
 
 
 def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:

@@ -35,7 +35,7 @@ _TABLE: Final = (
 
 def arrays_of(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]]:
     """Everything matches.npz holds. Positions point into image_ids and category_ids."""
-    found: dict[str, NDArray[Any]] = {
+    arrays: dict[str, NDArray[Any]] = {
         "image_ids": score.table.image_ids,
         "category_ids": score.table.category_ids,
         "iou_thresholds": IOU_THRESHOLDS,
@@ -44,10 +44,10 @@ def arrays_of(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]
     ranked: tuple[tuple[str, RankedScore | None], ...] = ((OWN, score), (EQUAL, equal))
     for prefix, one in ranked:
         if one is not None:
-            found |= {prefix + name: getattr(one.table, name) for name in _TABLE}
+            arrays |= {prefix + name: getattr(one.table, name) for name in _TABLE}
     for prefix, counts in (("aware_", score.aware), ("agnostic_", score.agnostic)):
-        found |= {prefix + name: getattr(counts, name) for name in _COUNTS}
-    return found
+        arrays |= {prefix + name: getattr(counts, name) for name in _COUNTS}
+    return arrays
 
 
 def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:

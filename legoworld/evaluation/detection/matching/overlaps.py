@@ -39,13 +39,13 @@ def overlaps_of(chunk: Chunk) -> Overlaps:
 def _of_boxes(chunk: Chunk) -> Floats:
     first_detection, first_truth = chunk.first_detection.tolist(), chunk.first_truth.tolist()
     crowd = chunk.truths.crowd.astype(int).tolist()
-    found = []
+    ious = []
     for i in range(len(chunk.sizes_hw)):
         mine = slice(first_detection[i], first_detection[i + 1])
         true = slice(first_truth[i], first_truth[i + 1])
         if mine.start < mine.stop and true.start < true.stop:
-            found.append(overlaps(chunk.boxes[mine], chunk.true_boxes[true], crowd[true]))
-    return np.concatenate([*(iou.ravel() for iou in found), np.empty(0)])
+            ious.append(overlaps(chunk.boxes[mine], chunk.true_boxes[true], crowd[true]))
+    return np.concatenate([*(iou.ravel() for iou in ious), np.empty(0)])
 
 
 def _of_masks(chunk: Chunk) -> Floats:

@@ -73,7 +73,7 @@ def _distributions() -> tuple[int | None, ...]:
 
     loaded = ctypes.CDLL(_generator.__file__)
     try:
-        found = [getattr(loaded, name) for name in _DISTRIBUTIONS]
+        functions = [getattr(loaded, name) for name in _DISTRIBUTIONS]
     except AttributeError as error:
         raise InstallationError(
             "this numpy does not hand out its random distributions",
@@ -81,4 +81,4 @@ def _distributions() -> tuple[int | None, ...]:
             expected=", ".join(_DISTRIBUTIONS),
             next_step="install numpy from its own wheels",
         ) from error
-    return tuple(ctypes.cast(function, ctypes.c_void_p).value for function in found)
+    return tuple(ctypes.cast(function, ctypes.c_void_p).value for function in functions)

@@ -53,14 +53,14 @@ def resampled_metrics(
                 (int(k), [m for m in protocol.metrics if m.area == area and _is_in(m, group_of[k])])
                 for k in np.unique(table.truth_category[table.n_truths[a] > 0])
             ]
-            found = pool.map(
+            by_category = pool.map(
                 lambda job, a=a, n=truths: _category(
                     table, a, rows[job[0]], laned, n[job[0]], job[1]
                 ),
                 jobs,
             )
             # Added in category order: order-independent, bit-identical.
-            for (k, _), values in zip(jobs, found, strict=True):
+            for (k, _), values in zip(jobs, by_category, strict=True):
                 has = truths[k] > 0
                 for metric, value in values.items():
                     sums[metric] += np.where(has, value, 0.0)
@@ -108,8 +108,8 @@ def _category(
     )
     ranks = list(dict.fromkeys(m.max_rank for m in metrics if m.kind == "AR"))
     some = np.maximum(n_truths, 1)
-    precision, found = resample(ranking, laned, some, ranks)
-    recall = {rank: found[r] / some for r, rank in enumerate(ranks)}
+    precision, recalls = resample(ranking, laned, some, ranks)
+    recall = {rank: recalls[r] / some for r, rank in enumerate(ranks)}
     values = {}
     for m in metrics:
         which = slice(None) if m.iou is None else m.iou == IOU_THRESHOLDS

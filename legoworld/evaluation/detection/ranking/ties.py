@@ -104,8 +104,8 @@ def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
         return _bounds(ranking, first_reached(int(n_truths[k])))
 
     with category_threads() as pool:
-        for found in pool.map(bounds_of, scored.tolist()):
-            bounds += found
+        for of_category in pool.map(bounds_of, scored.tolist()):
+            bounds += of_category
     n = len(scored)
     aps = order_aps(table, draws=draws, seed=seed)
     worst, best = bounds / n if n else (np.nan, np.nan)
