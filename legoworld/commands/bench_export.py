@@ -37,11 +37,15 @@ _HELP = {"help_option_names": ["-h", "--help"]}
     help="Seconds the verifier has.",
 )  # fmt: skip
 @click.option(
-    "--cpus", type=click.IntRange(min=1), default=2, show_default=True, help="Cores of both."
+    "--cpus",
+    type=click.IntRange(min=1),
+    default=2,
+    show_default=True,
+    help="CPU cores of agent and verifier.",
 )
 @click.option(
     "--memory-mb", type=click.IntRange(min=512), default=8192, show_default=True,
-    help="Memory of both.",
+    help="Memory of agent and verifier.",
 )  # fmt: skip
 def export_command(
     dataset: Path,

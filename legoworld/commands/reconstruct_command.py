@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--photos", type=options.EXISTING_FOLDER, required=True, help="The track's photos.")
 @click.option("--agent", required=True, help="An agent's name, or the path of a card (.toml).")
 @click.option("-o", "--output", type=options.FOLDER, required=True, help="The folder of scenes.")
-@click.option("--task", help="What the agent is told to build for [default: the track's].")
+@click.option("--task", help="Task that the agent builds for [default: the track's].")
 @click.option("--programs", type=options.EXISTING_FOLDER, help="Programs that `program` plays.")
 @click.option("--model", help="The agent's model [default: the agent's own].")
 @click.option("--prices", type=options.EXISTING_FILE,

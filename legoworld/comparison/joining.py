@@ -91,7 +91,7 @@ def _images_note(documents: Sequence[Comparison], common: int) -> str:
 
 
 def _provenance(documents: Sequence[Comparison]) -> ByField:
-    """field -> "task method" -> value -> images; what nobody of a task recorded is so named."""
+    """field -> "task method" -> value -> images; what no image of a task recorded is so named."""
     fields = [name for d in documents for name in d.provenance]
     return {
         field: {

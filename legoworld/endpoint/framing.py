@@ -27,7 +27,7 @@ class MessageSplitter:
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self._most = most_bytes
         self._data = bytearray()
-        self._at = 0  # where looking goes on
+        self._at = 0  # where the search resumes
         self._depth = 0
         self._quoted = False
         #: Whether the client ends its messages with newlines, and so wants to read them.

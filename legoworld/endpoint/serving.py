@@ -1,4 +1,4 @@
-"""`legoworld blender serve`: one session and its port, until it is told to end."""
+"""`legoworld blender serve`: one session and its port, until interrupted."""
 
 from __future__ import annotations
 

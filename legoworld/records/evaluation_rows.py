@@ -21,7 +21,7 @@ class ImageRow(Record, frozen=True, kw_only=True):
 
 
 class Outcomes(Record, frozen=True, kw_only=True):
-    """What became of predictions at IoU 0.5."""
+    """Outcomes of predictions at IoU 0.5."""
 
     tp: int
     fp: int

@@ -42,7 +42,7 @@ class Interval(Record, frozen=True, kw_only=True):
 
 
 class Coverage(Record, frozen=True, kw_only=True):
-    """Images by what became of them: the denominators of every number."""
+    """Images by outcome: the denominators of every number."""
 
     attempted: int
     scored: int

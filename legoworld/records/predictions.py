@@ -28,13 +28,13 @@ class Scored(Record, frozen=True, kw_only=True, gc=False):
 
 
 class BoxPrediction(Scored, frozen=True, kw_only=True, gc=False):
-    """A prediction where boxes are scored, whoever wrote it; whatever else it says is not read."""
+    """A prediction where boxes are scored, from any source; other fields are ignored."""
 
     bbox: Box
 
 
 class MaskPrediction(Scored, frozen=True, kw_only=True, gc=False):
-    """A prediction where masks are scored, whoever wrote it. bbox: is there, and is not scored."""
+    """A prediction where masks are scored, from any source. bbox: allowed, not scored."""
 
     segmentation: Rle
     bbox: object = UNSET

@@ -50,7 +50,7 @@ class CategoryInfo(Record, frozen=True, kw_only=True):
 
 
 class TrackFile(Private, frozen=True, kw_only=True):
-    """TRACK.json, whoever made it. info: anything."""
+    """TRACK.json from any source. info: anything."""
 
     images: Annotated[tuple[ImageInfo, ...], Meta(min_length=1)]
     categories: tuple[CategoryInfo, ...] | None = None

@@ -1,4 +1,4 @@
-"""What a run recorded of one scene: camera, files, objects without a category, foreign labels."""
+"""A run's record of one scene: camera, files, unlabelled objects, unmatched labels."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _FOLDERS: Final = ("", "train2017", "val2017")
 
 @dataclass(frozen=True, kw_only=True)
 class Photo:
-    """A photo for the page. webp: None where there is none; said: what the page says of it."""
+    """A photo for the page. webp: None where there is none; said: its note on the page."""
 
     webp: bytes | None
     said: str

@@ -33,7 +33,7 @@ def drawn_truths(task: str, image: DetectionImage) -> list[Drawn]:
 
 
 def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list[DrawnPrediction]:
-    """Each prediction with what became of it."""
+    """Each prediction with its outcome."""
     masks = detection_protocol(task).iou_type == "segm"
     drawn = []
     for (entry, kind, about, iou), own in zip(

@@ -83,7 +83,7 @@ def _require_known_task(folder: Path) -> None:
         try:
             task = decode(_OfTask, (folder / name).read_bytes()).task
         except (OSError, RecordError):
-            continue  # whoever reads the file says what is wrong with it
+            continue  # reading the file reports what is wrong with it
         if task is not UNSET and task not in _TASKS:
             raise ReportInputError(
                 f"{folder.name} cannot be shown in a report",

@@ -68,7 +68,7 @@ def _depth_cell(summary: DepthSummary, metric: str, policy: str) -> NumberCell:
     by_scene = f", {scenes}" if groups.unit == "scene" else ""
     return NumberCell(
         value=_number(summary.metrics[metric][policy]),
-        spread="{:.4f} .. {:.4f}".format(*ends) if ends else "-",
+        spread="[{:.4f}, {:.4f}]".format(*ends) if ends else "-",
         over=share(coverage.scored, coverage.attempted, "image", "images") + by_scene,
         constant=_number(summary.constant[metric][policy]),
     )
@@ -186,7 +186,7 @@ def _compared(cell: Difference, *, signed: bool = False) -> NumberCell:
     spread, over = "-", ""
     if cell.ends:
         sign = "+" if signed else ""
-        spread = f"{cell.ends[0]:{sign}.4f} .. {cell.ends[1]:{sign}.4f}"
+        spread = f"[{cell.ends[0]:{sign}.4f}, {cell.ends[1]:{sign}.4f}]"
     if isinstance(cell, Measured):
         if not cell.ends and isinstance(cell.sd, float):
             spread = f"sd {cell.sd:.4f}"

@@ -196,6 +196,6 @@ def _changed(scene: SceneFolder, name: str) -> SceneInvalidError:
     return SceneInvalidError(
         f"{name} changed while it was read",
         found="another sha256 after reading than before",
-        expected="a scene that nobody writes to",
+        expected="a scene that is not being written to",
         next_step="wait until the scene is complete, then run again",
     )

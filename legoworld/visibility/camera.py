@@ -38,7 +38,7 @@ def projection(camera: SceneCamera, render: RenderSettings, size_wh: tuple[int, 
 
 
 def aspect_differs(render: RenderSettings, size_wh: tuple[int, int]) -> bool:
-    """Whether the picture's sides are in another proportion than the scene's own picture.
+    """Whether the aspect ratio differs from that of the scene's own render.
 
     One pixel of rounding on either side is not a difference.
     """

@@ -65,7 +65,7 @@ def compiler() -> list[str]:
 def compile_kernel(folder: Path, output: Path) -> list[str]:
     """Compiles the .cpp files of `folder` into `output`; returns the command that was run.
 
-    The library is written beside its place and moved there, so a failed build leaves nothing new.
+    The library is written to a temporary file and moved, so a failed build leaves nothing behind.
     """
     command = [*compiler(), *FLAGS, f'-DLEGOWORLD_SOURCE_HASH="{source_hash(folder)}"']
     if sys.platform != "win32":

@@ -1,9 +1,9 @@
 """The visibility kernel: which instance, and how far, at every pixel centre.
 
-A float64 z-buffer rasteriser in C++ (kernel.cpp), loaded with ctypes. It answers what the ideal
+A float64 z-buffer rasteriser in C++ (kernel.cpp), loaded with ctypes. It computes what the ideal
 ray through each pixel centre hits first, double-sided, with z_near and z_far applied per sample.
-Among samples of one stored depth the lower instance id wins. The bytes are the same for every
-number of threads, every order of placements, meshes and triangles, and every instruction set.
+At equal stored depth the lower instance id wins. Output is bit-identical for any number of
+threads, any order of placements, meshes and triangles, and any instruction set.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MAX_SIDE = 8192
 #: Set to "baseline" to keep the kernel from using the CPU's wider vectors; the bytes are the same.
 LEVEL_VARIABLE = "LEGOWORLD_KERNEL_LEVEL"
 
-#: More threads than this cost more than they bring.
+#: More threads than this are slower.
 MAX_THREADS = 64
 
 STATUS_MESSAGES = {
@@ -69,9 +69,9 @@ def render(
 ) -> Buffers:
     """Instance and depth of the nearest surface at each pixel centre.
 
-    size_wh: pixels, 1..8192 each; depth_scale: metres per scene unit, multiplies z in float64
-    before it is rounded to float32; threads: None = one per CPU this process may use. Where the
-    system starts fewer threads, fewer draw: the bytes are the same.
+    size_wh: pixels, in [1, 8192] each; depth_scale: metres per scene unit, multiplies z in float64
+    before it is rounded to float32; threads: None = one per CPU this process may use. If the
+    system starts fewer threads, the output is the same.
     Raises ShapeError for arrays or numbers the kernel cannot work with, KernelBuildError when the
     library is missing or stale, LegoWorldError when memory runs out.
     """
@@ -98,10 +98,10 @@ def coverage(
     *,
     threads: int | None = None,
 ) -> NDArray[np.uint8]:
-    """Why each placement, on its own, would show something or nothing: (P,) uint8.
+    """Visibility class of each placement drawn alone: (P,) uint8.
 
-    5: it covers a pixel centre within z_near..z_far (if it is not seen, something nearer hides it
-    or its own alpha cuts it away); 4: in view, but between pixel centres; 3: outside the view;
+    5: it covers a pixel centre within [z_near, z_far] (if unseen, it is occluded or removed by
+    its own alpha); 4: in view, but between pixel centres; 3: outside the view;
     2: entirely beyond z_far; 1: entirely nearer than z_near, or behind the camera; 0: no triangle,
     or none with an area. The highest code of its triangles counts. Raises as render() does.
     """

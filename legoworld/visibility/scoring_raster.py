@@ -7,7 +7,7 @@ from typing import Final
 
 from legoworld.visibility.projection import Projection
 
-#: Points of a cloud at most; readouts/bench.toml states it.
+#: Largest number of points of a cloud; stated in readouts/bench.toml.
 POINT_CAP: Final = 100_000
 
 

@@ -1,4 +1,4 @@
-"""What the kernel draws, as plain arrays, and the checks they pass once before they are trusted."""
+"""The kernel's input as plain arrays, and their checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from legoworld.errors import ShapeError
 
-#: Placement id of a surface that hides what is behind it and is then erased itself.
+#: Placement id of a holdout: it occludes what is behind it and is erased itself.
 HOLDOUT = -2
 
 WRAPS = ("repeat", "extend", "clip", "mirror")
@@ -25,7 +25,7 @@ _LARGEST_INT32: Final = 2**31 - 1
 
 @dataclass(frozen=True, kw_only=True)
 class Cutouts:
-    """Alpha on some triangles: a sample where it is below the threshold is not there.
+    """Alpha on some triangles: samples below the threshold are dropped.
 
     Alpha is the image's (its texel / 255) times what the corners hold, where there is corner_alpha.
 
@@ -84,8 +84,8 @@ class Buffers:
 def check_surfaces(surfaces: Surfaces) -> None:
     """Raises ShapeError unless every array has its type, shape and range.
 
-    Two checks over the big arrays are left to the kernel, which makes them on the fly: finite
-    vertices and triangle indices inside their mesh.
+    The kernel checks the large arrays while it draws: finite vertices, and triangle indices
+    within their mesh.
     """
     vertices = _array("vertices", surfaces.vertices, np.float32, (None, 3))
     triangles = _array("triangles", surfaces.triangles, np.int32, (None, 3))
@@ -181,8 +181,8 @@ def _starts(name: str, starts: Any, meshes: int, total: int) -> None:
     if array[0] != 0 or array[-1] != total or (sizes < 0).any():
         raise ShapeError(
             f"{name} does not divide its array among the meshes",
-            found=f"{array[0]} .. {array[-1]}",
-            expected=f"0 .. {total}, never falling",
+            found=f"{array[0]} to {array[-1]}",
+            expected=f"0 to {total}, non-decreasing",
         )
     if meshes and sizes.max() > _LARGEST_INT32:
         raise ShapeError(f"a mesh is too large for int32 indices, by {name}")
@@ -192,6 +192,6 @@ def _range(name: str, array: NDArray[np.int32], low: int, high: int) -> None:
     if array.size and (array.min() < low or array.max() > high):
         raise ShapeError(
             f"{name} is out of range",
-            found=f"{array.min()} .. {array.max()}",
-            expected=f"{low} .. {high}",
+            found=f"[{array.min()}, {array.max()}]",
+            expected=f"[{low}, {high}]",
         )

@@ -108,7 +108,7 @@ class Team {
   std::atomic<bool> failed_{false};
 };
 
-// Hands out [begin, end) in steps to whoever asks next.
+// Hands out [begin, end) in steps to the next thread that asks.
 class Queue {
  public:
   void reset(int64_t end, int64_t step) {

@@ -60,7 +60,7 @@ def view_through(
     *,
     threads: int | None = None,
 ) -> View:
-    """Render a snapshot's instances from its camera's pose, with another projection than its own.
+    """Render a snapshot's instances from its camera's pose with a given projection.
 
     camera: in pixels of `size_wh` and scene units.
     """
@@ -90,7 +90,7 @@ def surfaces_through(
     *,
     threads: int | None = None,
 ) -> Buffers:
-    """Which surface of a snapshot (its index) each pixel shows, and how far; no label enters."""
+    """Surface index and depth at each pixel, without regard to labels."""
     numbers = np.arange(len(snapshot.surface_mesh), dtype=np.int32)
     return render(
         _surfaces(snapshot, numbers),
@@ -109,9 +109,9 @@ def unseen_reasons(
     among: Sequence[int] | None = None,
     threads: int | None = None,
 ) -> dict[int, str]:
-    """Why each instance without a pixel has none: a word of `UNSEEN_REASONS` by instance id.
+    """The reason, of `UNSEEN_REASONS`, for each instance without a visible pixel, by instance id.
 
-    among: the instances that are asked about, None for all.
+    among: instance ids, None for all.
     """
     is_asked = seen.area_px == 0
     if among is not None:

@@ -72,7 +72,7 @@ def _wait(child: int, waking: int) -> int | None:
         if pid == child:
             return os.waitstatus_to_exitcode(status)
         if pid:
-            continue  # somebody's orphan
+            continue  # an orphan
         ready, _, _ = select.select([_LINE, waking], [], [])
         if _LINE in ready:
             return None

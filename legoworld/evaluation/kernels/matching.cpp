@@ -1,4 +1,4 @@
-// What becomes of the detections of a chunk of images: greedy matching as pycocotools and lvis do
+// Outcomes of the detections of a chunk of images: greedy matching as pycocotools and lvis do
 // it, and pairs that are free of scores. The Python formulation that both are held to, bit for bit,
 // is in tests/evaluation/reference_matching.py.
 
@@ -184,7 +184,7 @@ private:
 
 }  // namespace
 
-// state: (A, T, D), all zero; what becomes of every detection at every area and threshold.
+// state: (A, T, D), all zero; outcome of every detection at every area and threshold.
 LW_API int32_t lw_match(const LwChunk *chunk, const LwRules *rules, uint8_t *state) try {
     const LwChunk &of = *chunk;
     const int64_t detections = of.first_detection[of.images];

@@ -13,7 +13,7 @@ namespace {
 // 7 bits over what any image needs.
 constexpr int kMostDigits = 7;
 
-// Run lengths of one text, appended to `runs`; false where it is cut, foreign, or holds a negative
+// Run lengths of one text, appended to `runs`; false where it is truncated, malformed, or holds a negative
 // run. Five bits a character with a continuation bit, sign-extended; from the fourth number on,
 // each is the difference to the last but one.
 bool read_runs(const uint8_t *text, const uint8_t *end, std::vector<int64_t> &runs) {

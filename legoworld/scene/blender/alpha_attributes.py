@@ -53,8 +53,8 @@ _STORED: Final = {
 class AttributeSource:
     """One number of a mesh's attribute.
 
-    node: the Color Attribute node and the Attribute node differ in what they make of an attribute
-    that is missing. name: "" of a Color Attribute node is the colour that a render uses by default.
+    node: the Color Attribute node and the Attribute node treat a missing attribute
+    differently. name: "" of a Color Attribute node is the colour that a render uses by default.
     channel: the output, as a value socket gets it: "luminance" of Color, "mean" of Vector. "fac" is
     the mean, too, but the first of two numbers.
     """

@@ -91,7 +91,7 @@ class AlphaTable:
 
     @staticmethod
     def is_there(rules: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """Which rules' numbers leave something to be seen."""
+        """Which rules' numbers leave something visible."""
         there: NDArray[np.bool_] = (rules != _GONE) & (rules != _HOLDOUT)
         return there
 
@@ -102,7 +102,7 @@ class AlphaTable:
         return holdout
 
     def sort_key(self, cut: int) -> str:
-        """Orders the entries of `cuts` without regard to the order they were met in."""
+        """Sort key for `cuts` that does not depend on the order of discovery."""
         return repr(self.cuts[cut])
 
     def _number(self, rule: AlphaRule) -> int:

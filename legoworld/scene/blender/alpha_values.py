@@ -170,7 +170,7 @@ _MATH: Final[dict[str, tuple[Callable[..., float], int]]] = {
 
 
 def _camera_ray(fact: str) -> float:
-    """What a Light Path node says of a ray that comes straight from the camera."""
+    """The output of a Light Path node for a camera ray."""
     if fact in ("Ray Length", "Transparent Depth"):
         raise UnreadableAlphaError(f"alpha comes from a Light Path node ({fact.lower()})")
     return 1.0 if fact == "Is Camera Ray" else 0.0

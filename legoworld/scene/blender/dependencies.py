@@ -15,7 +15,7 @@ _BLEND: Final = re.compile(r"\.blend\d*$", re.IGNORECASE)
 
 
 def dependencies(blend: Path) -> list[str]:
-    """Linked libraries, unpacked images, caches and so on, existing or not, sorted.
+    """Linked libraries, unpacked images, caches and other files, existing or not, sorted.
 
     Paths are relative to the .blend's folder; one that the file gives as an absolute path outside
     of that folder stays absolute, because it means the same wherever the scene stands. What ships

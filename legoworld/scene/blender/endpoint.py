@@ -1,7 +1,7 @@
 """The Blender of an endpoint: requests from a socket, one after the other, on the main thread.
 
 It runs the code of an agent by design, in a sandbox; see `legoworld.endpoint`. The other end of its
-socket believes it nothing but how the agent's own calls ended.
+socket trusts it only for how the agent's own calls ended.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _time_is_over(_number: int, _frame: object) -> None:
 
 
 def _no_more_alarms() -> None:
-    """End the timer; the agent's code may have taken the handler away, and is not believed."""
+    """Stop the timer; the agent's code, which is untrusted, may have removed the handler."""
     while True:
         try:
             signal.setitimer(signal.ITIMER_REAL, 0)

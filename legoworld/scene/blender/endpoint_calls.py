@@ -1,4 +1,4 @@
-"""What an endpoint's Blender does when asked: run code, tell of the scene, render, save, export."""
+"""Calls of an endpoint's Blender: run code, describe the scene, render, save, export."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def get_scene_info() -> dict[str, Any]:
 
 
 def get_object_info(name: str) -> dict[str, Any]:
-    """One object: where it is, what it is made of, and its bounds."""
+    """One object: its transform, mesh, materials and bounds."""
     thing = bpy.data.objects.get(name)
     if thing is None:
         raise ValueError(f"Object not found: {name}")

@@ -1,4 +1,4 @@
-"""What an open .blend holds that may be a picture instead of geometry, and what is jointed."""
+"""Facts of an open .blend: images that may stand in for geometry, and joints."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def scene_facts(
 ) -> tuple[dict[str, Any], NDArray[np.uint8]]:
     """The facts of a .blend as JSON values, and its images scaled down, (N, H, W, 3) uint8.
 
-    Every list is in an order that only names decide. Raises what `open_blend` does.
+    Every list is sorted by name. Raises what `open_blend` does.
     """
     scene = open_blend(blend).scene
     users = _image_users(scene)
@@ -75,7 +75,7 @@ def _image(
 
 
 def _thumbnail(image: bpy.types.Image, size_wh: tuple[int, int]) -> NDArray[np.uint8] | None:
-    """(H, W, 3) uint8, top row first; None where Blender has no pixels of it."""
+    """(H, W, 3) uint8, top row first; None if Blender has no pixels."""
     copied = image.copy()
     try:
         copied.scale(*size_wh)

@@ -134,7 +134,7 @@ def _run(program: Path, skipped: list[str]) -> ProgramError | None:
         if done.code in (None, 0):
             return None
         return _error(done, program)
-    except BaseException as error:  # noqa: BLE001  any error of a foreign program is its verdict
+    except BaseException as error:  # noqa: BLE001  any error of an untrusted program is its verdict
         return _error(error, program)
     finally:
         # A program may have taken any of it away.

@@ -19,7 +19,7 @@ _FIXED: Final = ("LIGHT", "LIGHT_PROBE", "CAMERA", "SPEAKER")
 
 
 def cases_of(blend: Path) -> dict[str, Any]:
-    """What a reference scene says of its cases, as JSON values.
+    """The declared cases of a reference scene, as JSON values.
 
     views: names of cameras; tiers: those it has, or [None]; unscored: names of owners with a false
     `scored`; joints: as `joint_facts` has them; environment, theme, split: of the scene's own

@@ -1,4 +1,4 @@
-"""Files that ship with Blender: they belong to a version, not to a scene.
+"""Files that ship with Blender: part of a version, not of a scene.
 
 A .blend names such files (node groups that operators link, fonts, pictures) by the path they had
 where it was saved. Read elsewhere, that path leads nowhere; here it is always taken for the file of

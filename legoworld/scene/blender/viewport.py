@@ -1,4 +1,4 @@
-"""Opening a file without the viewport's evaluation, which no readout looks at.
+"""Opening a file without the viewport's evaluation, which no readout uses.
 
 Blender evaluates the scene of its window as soon as a file is read, and a render evaluates it
 again in its own way: with 10,000 objects the first is half of the time. A handler that runs in

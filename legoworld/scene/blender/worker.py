@@ -39,7 +39,7 @@ def main() -> int:
 
 
 def _die_with_parent() -> None:
-    """A killed command leaves no Blender behind, even one that will never look at its input."""
+    """End Blender with the command, even if it never reads its input again."""
     if sys.platform == "linux":
         import ctypes
 
@@ -48,7 +48,7 @@ def _die_with_parent() -> None:
 
 
 def _leave_no_core() -> None:
-    """A crash over a damaged file is an answer; an image of the process's memory is litter."""
+    """No core dump: a crash over a damaged file is a result."""
     if sys.platform != "win32":
         import resource
 
@@ -66,7 +66,7 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
         if error.errno in _DISK:
             return {"ok": False, "reason": {"code": "disk", "errno": error.errno}}
         return _surprise(error)
-    except Exception as error:  # noqa: BLE001  reported with its place; the other scenes go on
+    except Exception as error:  # noqa: BLE001  reported with its place; the run continues
         return _surprise(error)
 
 

@@ -29,7 +29,7 @@ _UNSIGNED: Final = (5121, 5123, 5125)
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """What an accessor says of itself. element_bytes: of one element, column padding included."""
+    """An accessor's declared type and size. element_bytes: with column padding."""
 
     place: str
     kind: str

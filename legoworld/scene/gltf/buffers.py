@@ -1,4 +1,4 @@
-"""Where a document's bytes lie: the binary chunk, data URIs, and files inside the scene folder."""
+"""A document's bytes: the binary chunk, data URIs, and files inside the scene folder."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ MESHOPT: Final = "EXT_meshopt_compression"
 
 
 def external_files(document: Fields, folder: Path) -> list[str]:
-    """The files beside scene.glb that it names, there or not, relative to the scene folder.
+    """External files that scene.glb refers to, existing or not, relative to the scene folder.
 
-    Raises SceneInvalidError for a URI that leads out of the folder.
+    Raises SceneInvalidError for a URI that points outside the folder.
     """
     owners = (*document.children("buffers"), *document.children("images"))
     uris = {owner.text("uri") for owner in owners if "uri" in owner}
@@ -58,7 +58,7 @@ class Buffers:
         return data[start : start + length], stride
 
     def uri(self, owner: Fields) -> memoryview | None:
-        """The bytes a `uri` stands for; None for a file that is not there."""
+        """The bytes of a `uri`; None for a missing file."""
         uri = owner.text("uri")
         if uri.startswith(_DATA):
             return self._data_uri(owner, uri)

@@ -16,7 +16,7 @@ _BINARY: Final = 0x004E4942
 _HEADER: Final = struct.Struct("<III")
 _CHUNK: Final = struct.Struct("<II")
 
-#: What the reader understands, or may leave aside since no surface depends on it.
+#: Extensions the reader supports, or may ignore because no surface depends on them.
 _READ: Final = frozenset(
     {
         "EXT_mesh_gpu_instancing",
@@ -47,7 +47,7 @@ class Glb:
 
 
 def parse_glb(data: bytes) -> Glb:
-    """Take a .glb apart. Raises UnreadableGltfError, or UnsupportedGltfError for what it requires.
+    """Parse a .glb. Raises UnreadableGltfError, or UnsupportedGltfError for what it requires.
 
     Checked: magic, version, the lengths of the file and of every chunk, the JSON, asset.version
     and extensionsRequired. Chunks of other kinds are skipped as the specification says.

@@ -1,4 +1,4 @@
-"""Primitives under their material's alpha: which triangles are left, and what decides in them."""
+"""Primitives under their material's alpha: the remaining triangles and their cut-outs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class CutSurfaces:
         self._materials = document.children("materials")
 
     def cut(self, primitive: Primitive) -> Left | None:
-        """What of a primitive is there; None where nothing is."""
+        """The visible part of a primitive; None if nothing is visible."""
         number = primitive.fields.index("material", len(self._materials))
         if number < 0:
             return primitive.triangles, None

@@ -23,7 +23,7 @@ PictureCut = tuple[int, NDArray[np.float32]]
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """What decides within the triangles of a primitive.
+    """Alpha within the triangles of a primitive.
 
     cutout: (T,) int32 index of a cut-out, -1 for none; uv: (T, 3, 2) float32, v upwards; alpha:
     (T, 3) float32 at the corners, None for 1.
@@ -48,7 +48,7 @@ class Pictures:
         self._known: dict[tuple[Any, ...], int] = {}
 
     def plain(self) -> int:
-        """The cut-out of one opaque texel: only the corners' alpha decides."""
+        """The cut-out of one opaque texel: alpha comes from the corners alone."""
         if ("plain",) not in self._known:
             self._known[("plain",)] = len(self.cutouts)
             self.cutouts.append(Cutout(name="", wrap="extend", interpolation="closest"))
@@ -60,7 +60,7 @@ class Pictures:
     ) -> PictureCut | None:
         """The cut-out of triangles with glTF texture coordinates uv (T, 3, 2); None if opaque.
 
-        enough: the alpha of a picture, 0..1, that cuts nothing.
+        enough: the image alpha, in [0, 1], from which nothing is cut.
         """
         alpha = self._alpha(rule.image, material)
         if alpha is None or (alpha >= enough * 255).all():
@@ -85,7 +85,7 @@ class Pictures:
         return self._known[key], ((uv_up - (left, low)) / (across, up)).astype(np.float32)
 
     def _alpha(self, image: int, material: str) -> NDArray[np.uint8] | None:
-        """(H, W) uint8 alpha, top row first; None where it is 1 or cannot be known."""
+        """(H, W) uint8 alpha, top row first; None where it is 1 or unknown."""
         if image not in self._decoded:
             self._decoded[image] = self._decode(image, material)
         return self._decoded[image]
@@ -114,7 +114,7 @@ class Pictures:
 def threshold_at_half(alpha: NDArray[np.uint8], cutoff: float) -> NDArray[np.uint8]:
     """(H, W) uint8 alpha moved so that >= cutoff becomes >= `ALPHA_THRESHOLD`.
 
-    The map is affine and stays within 0..255, so that interpolation between texels meets the
+    The map is affine and stays within [0, 255], so that interpolation between texels meets the
     threshold in the same place, up to a step of the coarser 8 bits; texels themselves are exact.
     """
     if cutoff == ALPHA_THRESHOLD:

@@ -1,7 +1,7 @@
-"""Draco-compressed primitives (KHR_draco_mesh_compression), decoded in a process of their own.
+"""Draco-compressed primitives (KHR_draco_mesh_compression), decoded in a separate process.
 
-A native decoder of foreign bytes may crash, hang or fill the memory; in a process with limits each
-of these is the file's verdict. The decoder is Google's, through DracoPy, an optional dependency.
+A native decoder of untrusted bytes may crash, hang or exhaust memory; in a process with limits each
+of these is a verdict on the file. The decoder is Google's, through DracoPy, an optional dependency.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _DTYPES: Final = ("<i1", "|i1", "<u1", "|u1", "<i2", "<u2", "<i4", "<u4", "<f4")
 
 @dataclass(frozen=True, kw_only=True)
 class DracoPayload:
-    """Compressed bytes and the unique ids of the attributes that are wanted."""
+    """Compressed bytes and the unique ids of the requested attributes."""
 
     place: str
     data: bytes
@@ -85,7 +85,7 @@ def _decoded(input_bytes: bytes) -> tuple[list[Any], memoryview]:
 
 
 def _environment() -> dict[str, str]:
-    """Nothing of the caller's but where its packages are: the data is untrusted."""
+    """Only the location of the caller's packages: the data is untrusted."""
     nowhere = Path(os.devnull)  # it writes no file
     return child_environment(ChildKind.BLENDER, home=nowhere, temporary=nowhere) | {
         "PYTHONPATH": python_path(),

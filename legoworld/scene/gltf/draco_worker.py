@@ -2,7 +2,7 @@
 
 Standard input: one line of JSON, {"limit_bytes", "payloads": [[length, [attribute ids]]]}, and the
 payloads. Standard output: one line of JSON, per payload a list of [dtype, [rows, columns]] (the
-triangles first) or the text of what is wrong, and the arrays' bytes one after another.
+triangles first) or an error text, then the arrays' bytes, concatenated.
 """
 
 from __future__ import annotations

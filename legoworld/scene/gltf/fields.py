@@ -1,4 +1,4 @@
-"""Typed access to foreign JSON: every value is checked where it is read, and named when wrong."""
+"""Typed access to untrusted JSON: values are checked when read; errors name the place."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Fields:
         return name in self.values
 
     def at(self, name: str) -> str:
-        """Where a value of this object stands."""
+        """The place of one of this object's values."""
         return f"{self.place}.{name}" if self.place else name
 
     def wrong(self, name: str, expected: str) -> UnreadableGltfError:
@@ -36,7 +36,7 @@ class Fields:
         return unreadable(f"{self.at(name)} is {one_line(value, 80)}", expected)
 
     def integer(self, name: str, default: int | None = None) -> int:
-        """An integer in 0..2^53; `default` where it is absent, which None forbids."""
+        """An integer in [0, 2^53]; `default` if absent, None: required."""
         value = self.values.get(name, default)
         if isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -54,7 +54,7 @@ class Fields:
         return value
 
     def number(self, name: str, default: float | None = None) -> float:
-        """A finite number; `default` where it is absent, which None forbids."""
+        """A finite number; `default` if absent, None: required."""
         value: Any = self.values.get(name, default)
         if type(value) not in (int, float) or not _finite(value):
             raise self.wrong(name, "a finite number")
@@ -81,7 +81,7 @@ class Fields:
         return tuple(value)
 
     def text(self, name: str, default: str = "") -> str:
-        """A text; lone surrogates, which no encoding can hold, become question marks."""
+        """A string; lone surrogates, which cannot be encoded, become question marks."""
         value = self.values.get(name, default)
         if not isinstance(value, str):
             raise self.wrong(name, "a text")
@@ -117,13 +117,13 @@ class Fields:
         return tuple(Fields(v, f"{place}[{i}]") for i, v in enumerate(value))
 
     def extension(self, name: str) -> Fields | None:
-        """One of the object's extensions; None where it does not have it."""
+        """One of the object's extensions; None if absent."""
         extensions = self.child("extensions")
         return extensions.child(name) if name in extensions else None
 
 
 def _shown(value: Any) -> str:
-    """A value's text, cut before it is made: a list may be as long as the file."""
+    """A value as text, truncated while it is built: a list may be as long as the file."""
     try:
         return reprlib.repr(value)
     except ValueError:  # an integer of more digits than Python writes

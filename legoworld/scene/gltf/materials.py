@@ -55,7 +55,7 @@ class VertexAlpha:
 
 
 def material_alpha(document: Fields, material: Fields, vertex_alpha: float) -> Alpha:
-    """A material's alpha rule on a surface of one vertex colour alpha."""
+    """A material's alpha rule on a surface with constant vertex alpha."""
     threshold = _threshold(material)
     factor, texture = _base_color(material)
     factor *= vertex_alpha
@@ -69,7 +69,7 @@ def material_alpha(document: Fields, material: Fields, vertex_alpha: float) -> A
 
 
 def varying_alpha(document: Fields, material: Fields) -> Literal["opaque", "gone"] | VertexAlpha:
-    """A material's alpha rule on a surface whose vertex colours differ in alpha."""
+    """A material's alpha rule on a surface with varying vertex alpha."""
     threshold = _threshold(material)
     factor, texture = _base_color(material)
     if threshold <= 0:
@@ -83,7 +83,7 @@ def varying_alpha(document: Fields, material: Fields) -> Literal["opaque", "gone
 
 
 def _threshold(material: Fields) -> float:
-    """The alpha from which on a surface is there; 0 where it always is."""
+    """The lowest alpha at which a surface is visible; 0: always visible."""
     mode = material.text("alphaMode", "OPAQUE")
     if mode not in ("OPAQUE", "BLEND", "MASK"):
         raise material.wrong("alphaMode", "OPAQUE, BLEND or MASK")

@@ -1,4 +1,4 @@
-"""Meshes as their nodes show them: posed, cut out, all primitives of a mesh in one."""
+"""Meshes as shown by their nodes: posed, cut out, the primitives of a mesh merged."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Part:
 
 
 class Meshes:
-    """The meshes that nodes show, each built once. parts: per mesh of the snapshot."""
+    """The meshes shown by nodes, each built once. parts: per mesh of the snapshot."""
 
     def __init__(
         self,
@@ -58,11 +58,11 @@ class Meshes:
 
     @property
     def warnings(self) -> set[str]:
-        """What was left aside on the way."""
+        """Warnings about what was ignored."""
         return self._primitives.warnings | self.pictures.warnings
 
     def index(self, node: Node) -> int:
-        """The snapshot's index of the mesh a node shows; -1 where it shows no surface."""
+        """The snapshot's index of a node's mesh; -1 if it shows no surface."""
         mesh = self._meshes[node.mesh]
         weights = default_weights(node.fields, mesh)
         key = (node.mesh, weights, node.skin)

@@ -1,4 +1,4 @@
-"""The node hierarchy of the scene that is shown, and where each node stands.
+"""The node hierarchy of the shown scene, and the world matrix of each node.
 
 glTF 2.0 specification, 3.5. World matrices are in glTF's own axes (y up) here; `BLENDER_FROM_GLTF`
 turns them into Blender's, (x, y, z) -> (x, -z, y), as Blender's importer does.
@@ -41,7 +41,7 @@ class Node:
 
     @property
     def type(self) -> str:
-        """What Blender's importer makes of it."""
+        """The object type that Blender's importer creates."""
         if self.mesh >= 0:
             return "MESH"
         if self.camera >= 0:
@@ -65,7 +65,7 @@ class Tree:
 def node_tree(document: Fields) -> Tree:
     """Read the hierarchy. Raises UnreadableGltfError for cycles and nodes with two parents.
 
-    NonFiniteGeometryError where a node of the scene has no finite place.
+    NonFiniteGeometryError if a node's world matrix is not finite.
     """
     fields = document.children("nodes")
     children = [f.indices("children", len(fields)) for f in fields]

@@ -19,9 +19,9 @@ _JPEG: Final = b"\xff\xd8\xff"
 
 
 def alpha_of(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
-    """(H, W) uint8 alpha, top row first, None where all of it is 1; and why it cannot be known.
+    """(H, W) uint8 alpha, top row first, None if all 1; and the reason if it is unknown.
 
-    The reason is empty where the alpha is known. `size_wh` gives what decoding will allocate.
+    The reason is empty if the alpha is known. `size_wh` gives what decoding will allocate.
     """
     if data[:3] == _JPEG:
         return None, ""
@@ -62,9 +62,9 @@ def size_wh(data: bytes) -> tuple[int, int]:
 
 
 def _plain_png(data: bytes) -> bytes | None:
-    """The PNG with nothing but its picture; None where a chunk is cut short or damaged.
+    """The PNG reduced to its image chunks; None if a chunk is truncated or damaged.
 
-    The decoder makes room for whatever length a chunk claims, so all are checked before.
+    The decoder allocates any length that a chunk claims, so all lengths are checked first.
     """
     kept, offset = [_PNG], len(_PNG)
     while offset + 12 <= len(data):

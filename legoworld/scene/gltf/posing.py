@@ -1,7 +1,7 @@
 """Morph targets and skins, applied in the pose the file stores.
 
-glTF 2.0 specification, 3.7.2.2 and 3.7.3. Animations are not played: a joint stands where its node
-does, a morph target counts with the node's or the mesh's default weight.
+glTF 2.0 specification, 3.7.2.2 and 3.7.3. Animations are not played: a joint has its node's
+matrix, a morph target the node's or the mesh's default weight.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Strands as ribbons that face the camera: how Cycles draws hair unless it is told otherwise."""
+"""Strands as ribbons that face the camera: how Cycles draws hair by default."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def ribbons(strands: Strands, eye: Eye, per_segment: int) -> Triangulated:
     """The mesh of all strands, in their frame.
 
     per_segment: the quads Embree divides a strand into between two keys
-    (RTC_GEOMETRY_TYPE_FLAT_CATMULL_ROM_CURVE). It turns each quad towards each ray that meets it;
-    wide quads are divided so that theirs is the surface all rays meet.
+    (RTC_GEOMETRY_TYPE_FLAT_CATMULL_ROM_CURVE). It turns each quad towards the ray that hits it;
+    wide quads are subdivided so that all rays hit the same surface.
     """
     share = float(eye.share(strands.points, strands.radius).max(initial=0.0))
     fine = min(_FINEST, max(1, math.ceil(min(share, 1.0) / _FLAT)))
@@ -49,7 +49,7 @@ def joined(parts: list[Triangulated]) -> Triangulated:
 
 
 def _narrow(along: Nodes, eye: Eye) -> Triangulated:
-    """Ribbons for which the ray to the strand is as good as the rays to their edges."""
+    """Ribbons narrow enough that the ray to the strand approximates the rays to their edges."""
     across = side(along.tangent, eye.toward(along.points)) * along.radius[:, None]
     vertices = np.empty((len(along.points), 2, 3), np.float32)
     vertices[:, 0], vertices[:, 1] = along.points + across, along.points - across
@@ -80,10 +80,10 @@ def _on_quads(
     v: NDArray[np.float64],
     eye: Eye,
 ) -> NDArray[np.float64]:
-    """(N, 3) points of quads, u of the way along them and v across, as the ray there meets them.
+    """(N, 3) points of quads at (u, v), along and across, where the ray there hits them.
 
     The quad between two nodes has its corners left and right of both, square to the ray; it
-    consists of two triangles. Which ray meets the point is found in four rounds.
+    consists of two triangles. Four iterations find the ray that hits the point.
     """
     u, v = u[:, None], v[:, None]
     point = along.points[here] * (1.0 - u) + along.points[after] * u

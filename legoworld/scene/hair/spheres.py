@@ -1,4 +1,4 @@
-"""Spheres as fine as their size in the view asks for: the points of point clouds."""
+"""Points of point clouds as spheres, tessellated by their size in the view."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def sphere(level: int) -> Triangulated:
 
 @cache
 def sphere_error(level: int) -> float:
-    """By how much a sphere of a level departs from radius 1 at most."""
+    """The largest deviation of a level's sphere from radius 1."""
     vertices, _ = sphere(level)
     return float(np.sqrt(dot(*[vertices.astype(np.float64)] * 2)).max()) - 1.0
 
 
 def sphere_levels(share: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(P,) the coarsest level that departs by `TOLERANCE` of the distance, at most level 6.
+    """(P,) the coarsest level that deviates by at most `TOLERANCE` of the distance, up to 6.
 
-    share: (P,) radius beside distance.
+    share: (P,) radius / distance.
     """
     limits = [TOLERANCE / sphere_error(level) for level in range(_MOST_LEVELS)]
     return np.searchsorted(limits, share, side="left").astype(np.int64)

@@ -1,6 +1,6 @@
 """Strands of hair as Cycles draws them: Catmull-Rom splines through keys, each key with a radius.
 
-Their surfaces are made for one camera, as close to it as it stands: `ribbons` and `tubes`.
+Their surfaces (`ribbons`, `tubes`) are tessellated for one camera, by distance.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from legoworld.scene.affine import cross, dot, inverse, length, transformed, unit
 
-#: What is made may lie beside what Cycles draws by this share of its distance: a twentieth of a
+#: Largest deviation from what Cycles draws, as a share of its distance: a twentieth of a
 #: pixel in a picture 8,000 pixels wide.
 TOLERANCE: Final = 5e-6
 
@@ -34,7 +34,7 @@ class Strands:
     start: NDArray[np.int64]
 
     def parts(self) -> Iterator[Self]:
-        """The same strands, some at a time, so that what is computed of them stays small."""
+        """The same strands in batches, to bound memory."""
         first = 0
         while first < len(self.start) - 1:
             enough = np.searchsorted(self.start, self.start[first] + _KEYS_AT_ONCE)
@@ -51,7 +51,7 @@ class Strands:
 def usable(
     points: NDArray[np.float64], radius: NDArray[np.float64], start: NDArray[np.int64]
 ) -> Strands:
-    """The strands that can be drawn: those of one key are left out."""
+    """The drawable strands: those with more than one key."""
     count = np.diff(start)
     keep = count >= 2
     keys = np.repeat(keep, count)
@@ -64,7 +64,7 @@ def usable(
 
 @dataclass(frozen=True, kw_only=True)
 class Eye:
-    """The camera as it stands in an object's frame.
+    """The camera in an object's frame.
 
     cam_from_mesh: (3, 4) float64, not flat. ortho_scale: the width of an orthographic view in
     scene units; None for a perspective one.
@@ -75,7 +75,7 @@ class Eye:
 
     @classmethod
     def of(cls, cam_from_mesh: NDArray[np.float64], ortho_scale: float | None) -> Self | None:
-        """None where the transform is flat: Cycles then draws nothing."""
+        """None for a singular transform: Cycles then draws nothing."""
         try:
             inverse(cam_from_mesh[:, :3].tolist())
         except ZeroDivisionError:
@@ -84,7 +84,7 @@ class Eye:
 
     @property
     def stretch(self) -> float:
-        """By how much the transform lengthens the axis that it lengthens most."""
+        """The largest scale factor of the transform."""
         return float(length(self.cam_from_mesh[:, :3].T).max())
 
     def toward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -102,7 +102,7 @@ class Eye:
         return length(transformed(self.cam_from_mesh, points))
 
     def share(self, points: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(...) how large something of a size at a point is beside its distance."""
+        """(...) size / distance of something at a point."""
         distance = self.reach(points)
         return np.divide(
             size * self.stretch, distance, out=np.full_like(distance, np.inf), where=distance > 0
@@ -123,12 +123,12 @@ class Nodes:
 
     @property
     def pairs(self) -> NDArray[np.int64]:
-        """(P,) each node that has a next one in its strand."""
+        """(P,) the nodes that are not the last of their strand."""
         return np.flatnonzero(~self.last)
 
 
 def nodes(strands: Strands, eye: Eye, per_segment: int, straighten: bool) -> Nodes:
-    """`per_segment` steps between every two keys, or one where the strand is as good as straight.
+    """`per_segment` steps between every two keys, or one where the strand is nearly straight.
 
     The spline is Cycles' (catmull_rom_basis_eval); at a strand's ends the last key counts twice.
     """
@@ -160,7 +160,7 @@ def nodes(strands: Strands, eye: Eye, per_segment: int, straighten: bool) -> Nod
 
 
 def side(tangent: NDArray[np.float64], ray: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 3) unit vectors to the left of a strand, square to a ray; 0 where it looks along."""
+    """(..., 3) unit vectors to the left of a strand, perpendicular to a ray; 0 if parallel."""
     return unit(cross(tangent, ray))
 
 
@@ -196,7 +196,7 @@ def _weighted(
 
 
 def _moving(slope: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Slopes, with the way to the next key where they are 0."""
+    """Slopes; where they are 0, the step to the next key."""
     standing = dot(slope, slope) <= 1e-18 * dot(way, way)
     return np.where(standing[..., None], way, slope)
 
@@ -208,7 +208,7 @@ def _bends(
     beside: tuple[NDArray[np.int64], NDArray[np.int64]],
     eye: Eye,
 ) -> NDArray[np.bool_]:
-    """(K,) bool: after which keys a strand may depart from a straight band by `TOLERANCE`.
+    """(K,) bool: the keys after which a strand may deviate from a straight band by `TOLERANCE`.
 
     A segment's Bezier form has its inner points a third of the end slopes away from its ends, and
     the segment departs from its chord by no more than they do. Added are what the tangent's turn

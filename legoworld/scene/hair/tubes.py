@@ -19,7 +19,7 @@ _MOST_STEPS: Final = 16
 
 
 def round_tubes(strands: Strands, eye: Eye) -> Triangulated:
-    """Discs swept along the spline, square to it; open at both ends."""
+    """Discs swept along the spline, perpendicular to it; open at both ends."""
     sides, steps = _sides(strands, eye), _steps(strands, eye)
     parts = []
     for part in strands.parts():
@@ -78,7 +78,7 @@ def _rings(
     radius: NDArray[np.float64],
     sides: int,
 ) -> NDArray[np.float64]:
-    """(N, sides, 3): polygons whose corners lie as far outside a circle as their sides inside."""
+    """(N, sides, 3): polygons with corners as far outside a circle as their sides are inside."""
     other = cross(axis, across)
     radius = radius * (2.0 / (1.0 + math.cos(math.pi / sides)))
     corners = [
@@ -99,7 +99,7 @@ def _wall(rings: NDArray[np.int64], sides: int) -> NDArray[np.int32]:
 
 
 def _carried_along(along: Nodes) -> NDArray[np.float64]:
-    """(N, 3) unit vectors square to the tangents that turn as little as they can."""
+    """(N, 3) unit vectors perpendicular to the tangents, with minimal rotation."""
     across = _any_across(along.tangent)
     first = np.flatnonzero(np.concatenate([[True], along.last[:-1]]))
     count = np.diff(np.append(first, len(along.last)))
@@ -113,13 +113,13 @@ def _carried_along(along: Nodes) -> NDArray[np.float64]:
 
 
 def _any_across(axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) unit vectors square to unit vectors."""
+    """(N, 3) unit vectors perpendicular to unit vectors."""
     smallest = np.abs(axis).argmin(axis=1)
     return unit(cross(axis, np.eye(3)[smallest]))
 
 
 def _sides(strands: Strands, eye: Eye) -> int:
-    """How many sides keep a ring's error below `TOLERANCE` of its distance."""
+    """The number of sides that keeps a ring's error below `TOLERANCE` of its distance."""
     share = float(eye.share(strands.points, strands.radius).max(initial=0.0))
     if share <= 2.0 * TOLERANCE:
         return _FEWEST_SIDES
@@ -128,9 +128,9 @@ def _sides(strands: Strands, eye: Eye) -> int:
 
 
 def _steps(strands: Strands, eye: Eye) -> int:
-    """How many steps between two keys keep the spline's error below `TOLERANCE`.
+    """The number of steps between two keys that keeps the spline's error below `TOLERANCE`.
 
-    A spline's chord over 1 / n of a segment departs from it by at most its second derivative over
+    A spline's chord over 1 / n of a segment deviates from it by at most its second derivative over
     8 n^2; a Catmull-Rom segment's is at its ends at most twice the keys' second difference.
     """
     points = strands.points

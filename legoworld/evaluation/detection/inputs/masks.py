@@ -104,7 +104,7 @@ def joined_texts(texts: Sequence[bytes]) -> tuple[bytes, NDArray[np.int64]]:
 def measured(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """(n,) sums of the run lengths in pycocotools' compressed counts, and (n,) pixels of the mask.
 
-    The sum is -1 for a text that is cut or foreign, or that holds a negative run; of such a one
+    The sum is -1 for a truncated or malformed text, or one with a negative run; of such a one
     the pixels say nothing. rleToString in pycocotools' maskApi.c is what defines the format.
     """
     texts = counts if isinstance(counts, Texts) else texts_of(counts)

@@ -34,7 +34,7 @@ class PredictionsInvalidError(LegoWorldError):
 
 
 def as_predictions(entries: Sequence[Mapping[str, object]], kind: type[_P]) -> list[_P]:
-    """Results that somebody else wrote, as a kind of prediction.
+    """External results as a kind of prediction.
 
     PredictionsInvalidError names the place of the first that is none.
     """

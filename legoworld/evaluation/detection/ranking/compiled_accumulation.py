@@ -44,7 +44,7 @@ class Ranking:
     """One category's detections at one area, by rank, without those ignored at every threshold.
 
     image, rank: (D,) as in MatchTable; block_end: (D,) where each one's run of the same image and
-    score ends; is_true, is_ignored: (D,) bit t says what became of it at threshold t.
+    score ends; is_true, is_ignored: (D,) bit t is its outcome at threshold t.
     """
 
     image: Counts

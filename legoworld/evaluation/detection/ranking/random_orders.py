@@ -52,7 +52,7 @@ def random_orders(
 
     start: (R + 1,) where each run of equal scores begins among them, and S; plain_in,
     plain_before: (R,) plain false positives in the run, and before it. Both returned are (n, S).
-    Nobody else may draw from the generator meanwhile.
+    The generator must not be used concurrently.
     """
     order, plain = np.empty((2, n, int(start[-1])), np.int32)
     bits: Any = random.bit_generator
