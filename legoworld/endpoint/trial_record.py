@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
@@ -91,11 +90,6 @@ def read_rows(path: Path, kind: type[_Row]) -> list[_Row]:
         except RecordError:
             continue
     return rows
-
-
-def write_rows(path: Path, rows: Sequence[Record]) -> None:
-    """Write rows as JSON Lines."""
-    path.write_text("".join(canonical(row) + "\n" for row in rows), encoding="utf-8")
 
 
 def _append(path: Path, row: Record) -> None:

@@ -5,12 +5,9 @@ Everything here is a function of rows; nothing is read and nothing is run.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
-
-from msgspec.structs import replace
 
 from legoworld.records.trajectory_scores import (
     CAUSES,
@@ -204,19 +201,6 @@ def moments(
     return found
 
 
-def with_pick(score: TrajectoryScore, ordinal: int | None) -> TrajectoryScore:
-    """The score with what a selection by public signals alone chose, and its Q."""
-    chosen = next((s for s in score.scenes if s.ordinal == ordinal), None)
-    return replace(score, picked=ordinal, picked_q=(chosen.Q or 0.0) if chosen else None)
-
-
 def drops(score: TrajectoryScore) -> list[Edit]:
     """The edits that lowered Q, worst first."""
     return sorted((e for e in score.edits if e.d_q < -TIE), key=lambda e: e.d_q)
-
-
-def is_in_order(scenes: Sequence[ScoredScene]) -> bool:
-    """Whether scenes follow each other in time and calls."""
-    return all(
-        a.when.at_s <= b.when.at_s and a.call <= b.call for a, b in itertools.pairwise(scenes)
-    )
