@@ -22,7 +22,8 @@ from typing import Any
 
 from legoworld.endpoint.server import HOST, EndpointServer
 from legoworld.endpoint.session import Session, Trial
-from legoworld.workers.sandbox import SandboxLimits, protections
+from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import SandboxLimits
 
 ROOM = """
 import bpy, random

@@ -23,7 +23,8 @@ from legoworld.agents.stopping import Stop
 from legoworld.agents.unfinished import Unfinished
 from legoworld.agents.workspaces import PROMPT, Workspace
 from legoworld.endpoint.trial_record import copy_regular
-from legoworld.workers.sandbox import Ending, Protections, Sandbox, SandboxLimits
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits
 
 _STDOUT: Final = "stdout.jsonl"
 _STEPS: Final = "steps.jsonl"

@@ -10,7 +10,8 @@ from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import commission
 from legoworld.errors import UsageError
-from legoworld.workers.sandbox import Confinement, SandboxLimits, protections
+from legoworld.workers.protections import Confinement, protections
+from legoworld.workers.sandbox import SandboxLimits
 
 
 def plan_run(

@@ -9,7 +9,8 @@ from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.prices import PriceCard
 from legoworld.agents.trial_plugin import PluginPlan
 from legoworld.agents.workspaces import Commission
-from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import SandboxLimits
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,7 +58,7 @@ def check(name: str, as_json: bool, quiet: bool, verbose: bool) -> int:
       legoworld agent check my-agent.toml
     """
     from legoworld.agents.agent_cards import agent_problems, agent_version, load_agent
-    from legoworld.workers.sandbox import protections
+    from legoworld.workers.protections import protections
 
     card = load_agent(name)
     problems, version = agent_problems(card), agent_version(card)

@@ -94,7 +94,8 @@ def serve(
       BLENDER_PORT=9900 DISABLE_TELEMETRY=1 mcp-for-blender
     """
     from legoworld.endpoint.serving import Serving, serve_endpoint
-    from legoworld.workers.sandbox import SandboxLimits, protections
+    from legoworld.workers.protections import protections
+    from legoworld.workers.sandbox import SandboxLimits
 
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda _number, _frame: over.set())

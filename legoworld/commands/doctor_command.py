@@ -141,7 +141,7 @@ def _kernel() -> Finding:
 
 def _sandbox() -> Finding:
     """Whether `execute` can sandbox a program; without bubblewrap it only applies limits."""
-    from legoworld.workers.sandbox import protections
+    from legoworld.workers.protections import protections
 
     held = protections("auto")
     by = "the kernel" if held.counted else "looking 20 times a second"

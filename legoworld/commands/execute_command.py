@@ -61,7 +61,7 @@ def command(
     """
     from legoworld.api.settings import limits_of
     from legoworld.scene.programs.execution import execute
-    from legoworld.workers.sandbox import protections
+    from legoworld.workers.protections import protections
 
     notice = options.notifier(quiet)
     held = protections(sandbox)

@@ -101,7 +101,8 @@ def score(
     """
     from legoworld.trajectories.scoring import ScoringPlan, score_trajectories
     from legoworld.trajectories.showing import table_rows
-    from legoworld.workers.sandbox import SandboxLimits, protections
+    from legoworld.workers.protections import protections
+    from legoworld.workers.sandbox import SandboxLimits
 
     plan = ScoringPlan(
         private=truth,
@@ -195,7 +196,8 @@ def pick(
     """
     from legoworld.trajectories import picking
     from legoworld.trajectories.showing import q_of_scores, read_scores
-    from legoworld.workers.sandbox import SandboxLimits, protections
+    from legoworld.workers.protections import protections
+    from legoworld.workers.sandbox import SandboxLimits
 
     plan = picking.PickPlan(
         by=by,

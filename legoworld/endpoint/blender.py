@@ -20,7 +20,8 @@ from legoworld.records.base import RecordError, canonical, decode
 from legoworld.records.endpoint import BlenderReply, BlenderRequest, Parameters
 from legoworld.scene.folder import BLEND
 from legoworld.scene.programs.verdicts import signal_name
-from legoworld.workers.sandbox import Ending, Limit, Protections, Sandbox, SandboxLimits
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import Ending, Limit, Sandbox, SandboxLimits
 from legoworld.workers.scratch import ScratchFolder
 
 _LENGTH: Final = struct.Struct(">I")

@@ -15,8 +15,9 @@ from legoworld.scene.artefacts import check_glb
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB
 from legoworld.scene.programs.execution import final_picture
+from legoworld.workers.protections import Protections
 from legoworld.workers.results import take_file
-from legoworld.workers.sandbox import Protections, SandboxLimits, workspace_bytes
+from legoworld.workers.sandbox import SandboxLimits, workspace_bytes
 from legoworld.workers.scratch import scratch_folder
 
 _WITHIN_S: Final = 300.0

@@ -12,7 +12,8 @@ from legoworld.endpoint.server import HOST, EndpointServer
 from legoworld.endpoint.session import Session, Trial
 from legoworld.errors import UsageError
 from legoworld.scene.folder import BLEND
-from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import SandboxLimits
 
 
 @dataclass(frozen=True, kw_only=True)

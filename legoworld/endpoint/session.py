@@ -26,8 +26,9 @@ from legoworld.records.endpoint import (
     Success,
 )
 from legoworld.scene.folder import BLEND
+from legoworld.workers.protections import Protections
 from legoworld.workers.results import take_file
-from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.sandbox import SandboxLimits
 
 #: mcp-for-blender waits 180 s for an answer.
 CALL_TIME_S: Final = 165.0

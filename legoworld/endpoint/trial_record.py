@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
@@ -90,6 +91,11 @@ def read_rows(path: Path, kind: type[_Row]) -> list[_Row]:
         except RecordError:
             continue
     return rows
+
+
+def write_rows(path: Path, rows: Sequence[Record]) -> None:
+    """Write rows as JSON Lines."""
+    path.write_text("".join(canonical(row) + "\n" for row in rows), encoding="utf-8")
 
 
 def _append(path: Path, row: Record) -> None:

@@ -22,7 +22,8 @@ from legoworld.records.plugin_requirements import Report, Requirement
 from legoworld.scene.artefacts import decoded_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND
-from legoworld.workers.sandbox import SandboxLimits, protections
+from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import SandboxLimits
 
 EXPORT: Final = "export"
 RENDER: Final = "render.png"

@@ -22,7 +22,8 @@ from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import PROVENANCE, SceneFolder
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, RecordedTrial, recorded_trials
-from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import SandboxLimits
 from legoworld.workers.scratch import scratch_folder
 
 By = Literal["last", "residuals"]

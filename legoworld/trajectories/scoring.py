@@ -33,7 +33,8 @@ from legoworld.scene.folder import BLEND, GLB, PICTURE
 from legoworld.trajectories.curves import Trajectory, moments, score_trajectory
 from legoworld.trajectories.folder import RecordedTrial, recorded_trials
 from legoworld.trajectories.tables import SHARES, agent_tables, common_images
-from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import SandboxLimits
 from legoworld.workers.scratch import scratch_folder
 
 TRAJECTORIES: Final = "trajectories.json"

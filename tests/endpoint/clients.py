@@ -11,7 +11,8 @@ from typing import Any
 
 from legoworld.endpoint.server import HOST, EndpointServer
 from legoworld.endpoint.session import Session, Trial
-from legoworld.workers.sandbox import Confinement, SandboxLimits, protections
+from legoworld.workers.protections import Confinement, protections
+from legoworld.workers.sandbox import SandboxLimits
 
 LIMITS = SandboxLimits(time_s=600.0, memory_bytes=3 << 30, disk_bytes=200 << 20, processes=64)
 

@@ -13,7 +13,8 @@ from legoworld import cli
 from legoworld.trajectories.curves import drops
 from legoworld.trajectories.scoring import ScoringPlan, score_trajectories
 from legoworld.trajectories.showing import read_scores
-from legoworld.workers.sandbox import SandboxLimits, protections
+from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import SandboxLimits
 
 pytestmark = pytest.mark.blender
 

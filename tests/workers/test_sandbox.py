@@ -16,14 +16,9 @@ from waiting import until
 from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.workers.descendants import descendants
+from legoworld.workers.protections import SandboxUnavailableError, protections
 from legoworld.workers.results import take_file
-from legoworld.workers.sandbox import (
-    Ending,
-    Sandbox,
-    SandboxLimits,
-    SandboxUnavailableError,
-    protections,
-)
+from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="namespaces and /proc are Linux's")
 #: Time is only for what never ends.
@@ -338,7 +333,7 @@ def test_what_holds_is_said():
 
 def test_bubblewrap_that_cannot_run_is_said_and_can_be_demanded(monkeypatch):
     monkeypatch.setattr(
-        "legoworld.workers.sandbox.find_bubblewrap", lambda: "bubblewrap is not installed"
+        "legoworld.workers.protections.find_bubblewrap", lambda: "bubblewrap is not installed"
     )
     assert protections("auto").why_not == "bubblewrap is not installed"
     assert "network" in protections("auto").does_not_hold

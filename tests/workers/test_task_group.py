@@ -14,7 +14,8 @@ from waiting import until
 from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.workers import task_group
-from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits, protections
+from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits
 from legoworld.workers.task_group import group_place, make_group, remove_group
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="control groups are Linux's")

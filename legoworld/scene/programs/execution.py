@@ -35,14 +35,9 @@ from legoworld.scene.programs.verdicts import (
     ended_early,
     over_limit,
 )
+from legoworld.workers.protections import Confinement, Protections, protections
 from legoworld.workers.results import take_file
-from legoworld.workers.sandbox import (
-    Confinement,
-    Protections,
-    Sandbox,
-    SandboxLimits,
-    protections,
-)
+from legoworld.workers.sandbox import Sandbox, SandboxLimits
 from legoworld.workers.scratch import scratch_folder
 
 _NOT_SHOWN: Final = "the sandbox shows the program no file but its own"

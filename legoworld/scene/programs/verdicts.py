@@ -10,7 +10,8 @@ from typing import Final
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.scene.programs.report import BEGUN
-from legoworld.workers.sandbox import Ending, Limit, SandboxLimits, SandboxUnavailableError
+from legoworld.workers.protections import SandboxUnavailableError
+from legoworld.workers.sandbox import Ending, Limit, SandboxLimits
 
 #: What faulthandler prints before the stack, in a crash and at the time limit.
 _STACKS: Final = ("Fatal Python error", "Timeout (")

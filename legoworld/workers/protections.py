@@ -1,0 +1,93 @@
+"""The protections of a sandbox: which are in force on this machine, and which are not."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from legoworld import exit_codes
+from legoworld.errors import LegoWorldError
+from legoworld.records.execution import Protected
+from legoworld.workers.bubblewrap import Bubblewrap, find_bubblewrap
+from legoworld.workers.task_group import group_place
+
+Confinement = Literal["auto", "bubblewrap", "limits"]
+
+
+class SandboxUnavailableError(LegoWorldError):
+    """Bubblewrap was requested but cannot be used on this machine."""
+
+    code = "sandbox_unavailable"
+    exit_code = exit_codes.BLOCKED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Protections:
+    """The protections of a sandbox.
+
+    why_not: why there is no bubblewrap; network: whether the program was given the network;
+    counted: whether the kernel counts its processes (see task_group).
+    """
+
+    bubblewrap: str | None
+    why_not: str | None
+    network: bool = False
+    counted: bool = False
+
+    @property
+    def holds(self) -> list[str]:
+        """Names of the protections that are in force."""
+        linux = sys.platform == "linux"
+        return [
+            *(p for p in _WITH_BUBBLEWRAP if self.bubblewrap and not (self.network and p == _NET)),
+            *_EVERYWHERE,
+            *(_ON_LINUX if linux else ()),
+            *([_COUNTED] if self.counted else ()),
+        ]
+
+    @property
+    def does_not_hold(self) -> list[str]:
+        """Names of the protections that are not in force."""
+        held = self.holds
+        return [p for p in (*_WITH_BUBBLEWRAP, *_EVERYWHERE, *_ON_LINUX) if p not in held]
+
+    def record(self) -> Protected:
+        """The record in execution.json."""
+        return Protected(
+            bubblewrap=self.bubblewrap,
+            why_not=self.why_not,
+            holds=self.holds,
+            does_not_hold=self.does_not_hold,
+        )
+
+
+_NET: Final = "network"
+_WITH_BUBBLEWRAP: Final = (_NET, "files", "other processes")
+_EVERYWHERE: Final = ("environment", "time", "output", "file size", "workspace size")
+_ON_LINUX: Final = ("memory with child processes", "child processes ended")
+#: Elsewhere processes are counted from outside, 20 times a second.
+_COUNTED: Final = "process count in the kernel"
+
+
+def protections(confinement: Confinement, *, network: bool = False) -> Protections:
+    """The protections of a sandbox here. SandboxUnavailableError if bubblewrap is required.
+
+    network: the program is to have the network.
+    """
+    counted = group_place() is not None
+    if confinement == "limits":
+        why_not = "not asked for"
+        return Protections(bubblewrap=None, why_not=why_not, network=network, counted=counted)
+    usable = find_bubblewrap()
+    if isinstance(usable, Bubblewrap):
+        version = usable.version
+        return Protections(bubblewrap=version, why_not=None, network=network, counted=counted)
+    if confinement == "bubblewrap":
+        raise SandboxUnavailableError(
+            "bubblewrap cannot be used",
+            found=usable,
+            expected="a bubblewrap that may make user namespaces",
+            next_step="apt-get install bubblewrap, or allow user namespaces on this machine",
+        )
+    return Protections(bubblewrap=None, why_not=usable, network=network, counted=counted)
