@@ -1,4 +1,4 @@
-"""DA3MONO-LARGE's network from the package depth-anything-3, without its other parts."""
+"""DA3MONO-LARGE's network out of the package depth-anything-3, with nothing else of it."""
 
 from __future__ import annotations
 

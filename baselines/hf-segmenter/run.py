@@ -20,7 +20,7 @@ LIBRARIES = ("huggingface-hub", "numpy", "pillow", "pycocotools", "scipy", "torc
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """A network, its preprocessing, and the postprocessing of its queries."""
+    """A network, how a photo becomes its input, and what becomes of its queries."""
 
     network: Any
     prepare: Any

@@ -34,7 +34,7 @@ class Rules:
 def detections(
     said: Queries, rules: Rules, image_id: int, size_wh: tuple[int, int]
 ) -> tuple[list[dict[str, Any]], dict[str, int]]:
-    """COCO or LVIS results of one photo, and the outcome of the candidates.
+    """COCO or LVIS results of one photo, and what became of the candidates.
 
     As the authors do: one query may be kept with several classes; score = the class's share times
     the mean probability inside the mask.

@@ -17,7 +17,7 @@ def results(
     per_image: int,
     min_score: float,
 ) -> tuple[list[dict[str, Any]], dict[str, int]]:
-    """COCO results of one photo, and the outcome of the candidates.
+    """COCO results of one photo, and what became of the candidates.
 
     A box may be kept with several prompts. Order of the cut: score, highest first; then the lower
     category id; then the network's earlier box. category_ids: of each prompt.

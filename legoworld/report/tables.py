@@ -40,12 +40,12 @@ def score_free_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
 
 
 def _detection_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    by_metric: dict[str, list[NumberCell | None]] = {}
+    found: dict[str, list[NumberCell | None]] = {}
     for k, side in enumerate(sides):
         for name, value, spread, over in metric_rows(side.detection, detection_protocol(side.task)):
             cell = NumberCell(value=value, spread=spread, over=over)
-            by_metric.setdefault(name, [None] * len(sides))[k] = cell
-    return [NumberRow(name=name, cells=tuple(cells)) for name, cells in by_metric.items()]
+            found.setdefault(name, [None] * len(sides))[k] = cell
+    return [NumberRow(name=name, cells=tuple(cells)) for name, cells in found.items()]
 
 
 def depth_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
@@ -68,7 +68,7 @@ def _depth_cell(summary: DepthSummary, metric: str, policy: str) -> NumberCell:
     by_scene = f", {scenes}" if groups.unit == "scene" else ""
     return NumberCell(
         value=_number(summary.metrics[metric][policy]),
-        spread="[{:.4f}, {:.4f}]".format(*ends) if ends else "-",
+        spread="{:.4f} .. {:.4f}".format(*ends) if ends else "-",
         over=share(coverage.scored, coverage.attempted, "image", "images") + by_scene,
         constant=_number(summary.constant[metric][policy]),
     )
@@ -120,11 +120,11 @@ def coverage_notes(side: Evaluated) -> list[str]:
 
 def category_rows(sides: Sequence[Evaluated]) -> list[CategoryLine]:
     """A row of each category that has truth or predictions on any side, ascending id."""
-    by_category: dict[int, list[CategoryRow | None]] = {}
+    found: dict[int, list[CategoryRow | None]] = {}
     for k, side in enumerate(sides):
         for row in side.categories:
-            by_category.setdefault(row.category_id, [None] * len(sides))[k] = row
-    return [_category(by_category[key]) for key in sorted(by_category)]
+            found.setdefault(row.category_id, [None] * len(sides))[k] = row
+    return [_category(found[key]) for key in sorted(found)]
 
 
 def _category(rows: Sequence[CategoryRow | None]) -> CategoryLine:
@@ -186,7 +186,7 @@ def _compared(cell: Difference, *, signed: bool = False) -> NumberCell:
     spread, over = "-", ""
     if cell.ends:
         sign = "+" if signed else ""
-        spread = f"[{cell.ends[0]:{sign}.4f}, {cell.ends[1]:{sign}.4f}]"
+        spread = f"{cell.ends[0]:{sign}.4f} .. {cell.ends[1]:{sign}.4f}"
     if isinstance(cell, Measured):
         if not cell.ends and isinstance(cell.sd, float):
             spread = f"sd {cell.sd:.4f}"

@@ -39,13 +39,13 @@ def run(confinement, tmp_path):
     def run(program: str, limits: SandboxLimits = LIMITS, inputs: tuple[Path, ...] = ()) -> Ending:
         scratch = tmp_path / "scratch"
         scratch.mkdir()
-        run.scratch = scratch
+        run.scratch = scratch  # pyright: ignore[reportFunctionMemberAccess]
         code = textwrap.dedent(program)
         with Sandbox(scratch, limits, protections(confinement), owner=scratch) as sandbox:
             sandbox.start([sys.executable, "-c", code], inputs)
-            run.keeper = sandbox._keeper.pid
+            run.keeper = sandbox._keeper.pid  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
             ending = sandbox.wait()
-            assert descendants(run.keeper) == []
+            assert descendants(run.keeper) == []  # pyright: ignore[reportFunctionMemberAccess]
         return ending
 
     return run
