@@ -34,7 +34,8 @@ from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_requirements import Requirement
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.workers.descendants import descendants
-from legoworld.workers.sandbox import SandboxLimits, protections
+from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import SandboxLimits
 
 SIZE_WH = (640, 360)
 MEASURED = 20

@@ -140,7 +140,8 @@ def mcp(
     from legoworld.agents.mcp_endpoint import serve_mcp
     from legoworld.endpoint.serving import Serving
     from legoworld.endpoint.session import CALL_TIME_S
-    from legoworld.workers.sandbox import SandboxLimits, protections
+    from legoworld.workers.protections import protections
+    from legoworld.workers.sandbox import SandboxLimits
 
     serving = Serving(
         scene=None,
@@ -181,7 +182,8 @@ def finalise(
       legoworld blender finalise work -o scenes/coffee --json
     """
     from legoworld.endpoint.workspace_finalisation import finalise_workspace
-    from legoworld.workers.sandbox import SandboxLimits, protections
+    from legoworld.workers.protections import protections
+    from legoworld.workers.sandbox import SandboxLimits
 
     limits = SandboxLimits(time_s=_FINALISE_S, memory_bytes=int(memory_limit * 2**30))
     found = finalise_workspace(workspace, output, limits=limits, held=protections(sandbox))

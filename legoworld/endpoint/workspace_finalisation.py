@@ -12,7 +12,8 @@ from legoworld.files import sha256_of_file
 from legoworld.records.agents import Finalisation
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND
-from legoworld.workers.sandbox import Protections, SandboxLimits
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import SandboxLimits
 
 
 def finalise_workspace(
