@@ -207,7 +207,7 @@ def _depth_text(summary: DepthSummary) -> str:
     for metric, by_policy in summary.metrics.items():
         for policy, value in by_policy.items():
             ends = summary.intervals[metric][policy].ends
-            spread = "[{:.4f}, {:.4f}]".format(*ends) if ends else "-"
+            spread = "{:.4f} .. {:.4f}".format(*ends) if ends else "-"
             constant = summary.constant[metric][policy]
             shown = ["-" if x is None else f"{x:.4f}" for x in (value, constant)]
             rows.append((metric, policy, shown[0], spread, shown[1]))

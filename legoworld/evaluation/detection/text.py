@@ -97,7 +97,7 @@ def _row(summary: DetectionSummary, name: str, value: float | None, over: str) -
     interval = summary.intervals.get(name)
     spread = "-"
     if value is not None and interval and interval.ends:
-        spread = "[{:.4f}, {:.4f}]".format(*interval.ends)
+        spread = "{:.4f} .. {:.4f}".format(*interval.ends)
     return name, "-" if value is None else f"{value:.4f}", spread, over
 
 
@@ -118,7 +118,7 @@ def _tie_rows(summary: DetectionSummary, over: str) -> list[tuple[str, ...]]:
                     _many(ties.n_tied, "tied prediction"),
                 )
             )
-            bounds = f"[{known.worst:.4f}, {known.best:.4f}]"
+            bounds = f"{known.worst:.4f} .. {known.best:.4f}"
             rows.append((f"{prefix}AP bounds over tie orders", "-", bounds, over))
     return rows
 
