@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import xml.parsers.expat
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -110,7 +111,7 @@ class _Reader:
         self._open: list[str] = []
         self._elements = 0
 
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
+    def start(self, tag: str, attributes: Mapping[str, str]) -> None:
         self._elements += 1
         if self._elements > _MOST_ELEMENTS or len(self._open) >= _DEEPEST:
             raise _invalid(f"more than {_MOST_ELEMENTS:,} elements or {_DEEPEST} levels")
@@ -128,7 +129,7 @@ class _Reader:
     def end(self, _tag: str) -> None:
         self._open.pop()
 
-    def _part_of_joint(self, joint: _Joint, tag: str, attributes: dict[str, str]) -> None:
+    def _part_of_joint(self, joint: _Joint, tag: str, attributes: Mapping[str, str]) -> None:
         what = f"{tag} of joint {joint.name!r}"
         if tag in ("parent", "child"):
             setattr(joint, tag, _named(attributes, "link", what))
@@ -143,7 +144,7 @@ class _Reader:
             joint.upper = _number(attributes["upper"], what) if "upper" in attributes else None
 
 
-def _named(attributes: dict[str, str], key: str, what: str) -> str:
+def _named(attributes: Mapping[str, str], key: str, what: str) -> str:
     if not attributes.get(key):
         raise _invalid(f"{what} without {key}")
     return attributes[key]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -59,7 +59,7 @@ class _Match:
 
 def counted(
     reference: Sequence[ReferenceJoint],
-    names: dict[int, str],
+    names: Mapping[int, str],
     submitted: Sequence[SceneJoint],
     present: Sequence[Present],
     rules: ArticulationRules,
@@ -83,7 +83,7 @@ def counted(
     return _articulation(rows, extra)
 
 
-def none_found(reference: Sequence[ReferenceJoint], names: dict[int, str]) -> Articulation:
+def none_found(reference: Sequence[ReferenceJoint], names: Mapping[int, str]) -> Articulation:
     """The pilot of a case that is not valid: every joint's object is missing."""
     rows = [
         _row(joint, names, None, "ignored" if joint.object_id is None else "object_missing")
@@ -187,7 +187,7 @@ def _is_correct(joint: ReferenceJoint, match: _Match, rules: ArticulationRules) 
 
 
 def _row(
-    joint: ReferenceJoint, names: dict[int, str], match: _Match | None, outcome: Outcome
+    joint: ReferenceJoint, names: Mapping[int, str], match: _Match | None, outcome: Outcome
 ) -> JointRow:
     return JointRow(
         part=joint.part,
