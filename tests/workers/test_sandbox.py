@@ -261,7 +261,8 @@ def test_killed_with_legoworld_nothing_is_left(confinement, tmp_path):
     )
     owner = f"""
 import sys, pathlib
-from legoworld.workers.sandbox import *
+from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import Sandbox, SandboxLimits
 scratch = pathlib.Path({str(scratch)!r})
 scratch.mkdir()
 sandbox = Sandbox(scratch, SandboxLimits(time_s=600.0, memory_bytes=1 << 30),

@@ -83,7 +83,8 @@ def test_killed_with_legoworld_no_group_is_left(confinement, place, tmp_path):
     scratch = tmp_path / "scratch"
     owner = f"""
 import pathlib, sys
-from legoworld.workers.sandbox import *
+from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import Sandbox, SandboxLimits
 scratch = pathlib.Path({str(scratch)!r})
 scratch.mkdir()
 sandbox = Sandbox(scratch, SandboxLimits(time_s=600.0, memory_bytes=1 << 30),
