@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Final
@@ -28,8 +29,8 @@ class ChildProcess:
 
     environment: all of its variables. kept: descriptors that it inherits. Its standard error is
     kept for `last_words`; with `error_pipe` it is the pipe `stderr` instead, for the caller to
-    read. `kill` may be called from any thread, everything else from one. OSError when it cannot be
-    started.
+    read. `kill` may be called from any thread, everything else from one. One that is dropped
+    without `close` ends as well. OSError when it cannot be started.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class ChildProcess:
         self.stdin, self.stdout = self._process.stdin, self._process.stdout
         self.stderr = self._process.stderr
         self.pid = self._process.pid
+        weakref.finalize(self, _dropped, self._process, self._log, os.getpid()).atexit = False
         self._answers = select.poll()
         self._answers.register(self.stdout, select.POLLIN)
 
@@ -140,6 +142,18 @@ class ChildProcess:
     def _close_log(self) -> None:
         if self._log is not None:
             self._log.close()
+
+
+def _dropped(process: subprocess.Popen[bytes], log: IO[bytes] | None, owner_pid: int) -> None:
+    """End a process whose `ChildProcess` is gone; a fork's copy is not its owner."""
+    if os.getpid() == owner_pid and process.returncode is None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    for file in (process.stdin, process.stdout, process.stderr, log):
+        if file is not None:
+            with contextlib.suppress(BrokenPipeError):
+                file.close()
 
 
 def last_line(lines: Iterable[str]) -> str:

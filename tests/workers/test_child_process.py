@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from contextlib import closing
@@ -60,6 +61,16 @@ def test_what_it_started_is_killed_with_it():
         process.end()
         assert process.how_it_ended() == "signal 9"
         assert gone(process)
+
+
+def test_one_that_is_dropped_ends_with_what_it_started():
+    process = ChildProcess([sys.executable, "-c", FAMILY], os.environ)
+    assert process.stdout.readline()
+    held = os.dup(process.stdout.fileno())
+    del process
+    gc.collect()
+    with open(held, "rb") as output:  # noqa: PTH123  a descriptor
+        assert output.read() == b""
 
 
 def test_a_limit_on_the_whole_of_its_output():
