@@ -50,9 +50,9 @@ def test_harbor_takes_the_tasks_and_the_reward(tmp_path: Path):
         # The verifier's image is its own, with tests/ in it: nothing of it is where an agent is.
         assert (task["verifier"], task["verifier_folder"]) == ("separate", "tests")
         assert task["bundled_tests"] is True
-        assert sorted(Path(path).name for path in task["artifacts"]) == [
-            "final.png", "scene.blend", "scene.glb",
-        ]  # fmt: skip
+        # What the agent leaves, and the record of its calls, from which the verifier finalises.
+        folders = ["workspace", "workspace.trajectory"]
+        assert sorted(Path(path).name for path in task["artifacts"]) == folders
         assert "50.000000 degrees" in task["instruction"]
         assert (task["cpus"], task["memory_mb"]) == (2, 8192)
         assert (task["agent_timeout_s"], task["verifier_timeout_s"]) == (3600.0, 900.0)
