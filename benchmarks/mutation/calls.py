@@ -62,14 +62,20 @@ class _Watch:
             self.tests[report.nodeid]["wall"] = report.duration  # with what other processes took
 
 
-def calls_of_tests(path: Path, given: Sequence[str], longest: float) -> dict[str, dict[str, Any]]:
+def calls_of_tests(
+    path: Path, given: Sequence[str], longest: float, sources: Sequence[str]
+) -> dict[str, dict[str, Any]]:
     """Every test that passes on the unchanged tree and takes no more than `longest` seconds.
 
-    path: where it is kept; only files of tests that changed run again. Each has its `calls`
-    ((file, qualified name) pairs of functions below legoworld/), `seconds` and `wall`.
+    path: where it is kept; only files of tests that changed run again, all when one of `sources`
+    did. Each has its `calls` ((file, qualified name) pairs of functions below legoworld/),
+    `seconds` and `wall`.
     """
     now = {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in _files(given)}
-    known = json.loads(path.read_text()) if path.is_file() else {"files": {}, "tests": {}}
+    seen = {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in sources}
+    known = json.loads(path.read_text()) if path.is_file() else {}
+    if known.get("sources") != seen:
+        known = {"files": {}, "tests": {}}
     changed = [name for name, sha256 in now.items() if known["files"].get(name) != sha256]
     if changed:
         receiver, sender = multiprocessing.Pipe(duplex=False)
@@ -83,7 +89,7 @@ def calls_of_tests(path: Path, given: Sequence[str], longest: float) -> dict[str
             for name, row in known["tests"].items()
             if name.split("::")[0] in now and name.split("::")[0] not in changed
         }
-        known = {"files": now, "tests": kept | found}
+        known = {"sources": seen, "files": now, "tests": kept | found}
         path.write_text(json.dumps(known))
     tests = known["tests"]
     passed = {name: row for name, row in tests.items() if row["passed"]}

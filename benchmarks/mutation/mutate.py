@@ -8,8 +8,8 @@ Works in a copy of the tree below FOLDER. The tests run once unchanged, which te
 which functions; then for each change of a random sample those tests run, quickest first, until one
 fails. Each change is made to the file itself, so a process that a test starts sees it as well.
 FOLDER/results.jsonl has a line for each change; the same command goes on where it stopped. Prints
-survivors, and the killed with their 95 % Wilson interval. A change that runs past its limit of time
-counts as killed.
+survivors, and the killed with their 95 % Wilson interval. A change whose tests run past 120 s and
+ten times their time on the unchanged tree counts as killed; how many did is printed.
 
 --in-place changes this checkout instead of a copy, and restores it: where it is the one installed
 (use a worktree with an environment of its own), Blender's and other workers see the change. Then
@@ -53,6 +53,7 @@ PRELOADED = (
     "scipy.optimize",
 )  # fmt: skip
 MEMORY = 12 << 30
+LATE = "time limit"
 _PR_SET_CHILD_SUBREAPER = 36
 #: Times of changed files, none twice: a compiled file is told stale by its source's time and size.
 _STAMPS = itertools.count(int(time.time()) - 10**6)
@@ -76,7 +77,8 @@ def main() -> int:
         words = options(arguments.tests, blender=True)
         called = reached_by_tests(out / "reach.json", ROOT, words, arguments.longest)
     else:
-        called = calls_of_tests(out / "map.json", arguments.tests, arguments.longest)
+        sources = list(_sources(arguments.sources))
+        called = calls_of_tests(out / "map.json", arguments.tests, arguments.longest, sources)
     # What tests leave behind becomes this process's child, and can be ended.
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     sample = _sample(arguments)
@@ -88,11 +90,13 @@ def main() -> int:
     print(f"{len(sample)} changes; {len(called)} tests", flush=True)
     for place, (path, change) in enumerate(sample):
         name = _identity(path, change)
-        if name in known and not arguments.only:
+        source = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        if known.get(name, {}).get("source") == source and not arguments.only:
             continue
         row = {
             "id": name,
             "path": path,
+            "source": source,
             **asdict(change),
             **_try(path, change, called, killers[path], arguments),
         }
@@ -230,7 +234,7 @@ def _run(words: list[str], limit: float) -> tuple[str, str]:
     with contextlib.suppress(EOFError):  # it ended without a word
         by = ours.recv()
     if late:
-        return "killed", "time limit"
+        return "killed", LATE
     return ("survived" if process.exitcode == 0 else "killed"), by or f"exit {process.exitcode}"
 
 
@@ -269,7 +273,9 @@ def _report(rows: list[dict[str, Any]]) -> None:
     killed = len(rows) - len(survivors)
     low, high = _wilson(killed, len(rows))
     share = killed / max(len(rows), 1)
+    late = sum(row["by"] == LATE for row in rows)
     print(f"\n{killed} of {len(rows)} killed: {share:.1%} (95 %: {low:.1%} to {high:.1%})")
+    print(f"{late} of the killed by the {LATE}")
 
 
 def _wilson(hits: int, count: int) -> tuple[float, float]:

@@ -59,6 +59,9 @@ def test_a_comparison_is_paired_by_case_and_draws_families(made, tmp_path):
     )
     assert difference.interval.unit == "family"
     assert rows["S", "attempted"].scene.over == {"images": 6, "not valid": 1}
+    assert {m for m, _ in rows if rows[m, "attempted"].level == 1} == {"V", "R", "A", "S"}
+    assert {row.level for row in pair.rows} == {1, 3}
+    assert {(row.policy, row.better) for row in pair.rows} == {("-", "higher")}
     assert {check.status for check in verify_comparison(tmp_path / "c", None)} == {"ok"}
 
 

@@ -228,6 +228,12 @@ def test_camera_models_may_differ_between_a_scene_and_a_baseline_alone(tmp_path)
     assert any(n.startswith("Camera model: scene dataset, ") for n in document["notes"])
     assert "camera_model" not in document["protocol"]
     compared((flat, baseline), tmp_path / "p")
+    # Two scenes, both warped: by one calibration only.
+    other = write_eth3d(tmp_path / "other", truth, camera=camera.replace("30 30 20", "31 30 20"))
+    compared((warped, evaluated_as("both", "scene", "dataset")), tmp_path / "q")
+    made = write_depth_run(tmp_path / "elsewhere", predictions)
+    evaluate_depth(made, other, tmp_path / "elsewhere-eval", camera_model="dataset", draws=5)
+    refused((warped, tmp_path / "elsewhere-eval"), tmp_path / "o2", "found: calibration; expected")
 
 
 def test_another_depth_truth(tmp_path):

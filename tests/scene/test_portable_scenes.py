@@ -19,9 +19,6 @@ from gltf.documents import png_of_alpha
 
 from legoworld import cli
 from legoworld.scene.cache import bpy_version
-from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import FrozenFiles, hashed_dependencies
-from legoworld.scene.outside import leaves_scenes, recorded_name
 
 pytestmark = pytest.mark.blender
 
@@ -208,28 +205,3 @@ def test_a_file_outside_is_a_warning_of_freeze_and_part_of_the_scene(outside, tm
     picture.unlink()
     assert cli.run(readout) == 1
     assert rows_of(run)["leaf"]["status"] == "changed"
-
-
-def test_what_leaves_the_scenes():
-    scene = SceneFolder(path=Path("a"), name="courtyard/images/x")
-    inside = ("tex.png", "../tex.png", "../../../tex.png", "outside/x", "a..b")
-    outside = ("../../../../tex.png", "/tex.png", "C:\\tex.png", "outside://12/tex.png")
-    assert not any(leaves_scenes(name, scene) for name in inside)
-    assert all(leaves_scenes(name, scene) for name in outside)
-    assert [recorded_name(name, scene) for name in inside] == [*inside]
-
-
-@pytest.mark.parametrize("frozen_as", [".", "coffee"])
-@pytest.mark.parametrize("read_as", [".", "coffee"])
-def test_a_scene_frozen_by_itself_is_read_among_others(frozen_as, read_as, tmp_path):
-    folder = tmp_path / "coffee"
-    folder.mkdir()
-    (tmp_path / "tex.png").write_bytes(b"a picture")
-    unknown = FrozenFiles(artefacts={}, dependencies={}, frozen="at_readout")
-    frozen = SceneFolder(path=folder, name=frozen_as)
-    listed = hashed_dependencies(frozen, ["../tex.png"], unknown, read_by="scene.blend")
-    record = FrozenFiles(artefacts={}, dependencies=listed.dependencies, frozen="frozen.json")
-    scene = SceneFolder(path=folder, name=read_as)
-    now = hashed_dependencies(scene, ["../tex.png"], record, read_by="scene.blend")
-    assert now.dependencies == record.dependencies
-    assert now.warnings == ()
