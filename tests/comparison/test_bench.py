@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from comparison.evaluations import depth_scene_and_baseline
@@ -10,10 +12,16 @@ from evaluation.reconstruction.datasets import Submission, write_dataset, write_
 from legoworld import cli
 from legoworld.comparison.compatibility import IncomparableError
 from legoworld.comparison.formats import markdown
-from legoworld.comparison.leaderboard import leaderboard, read_entries, wide_table
+from legoworld.comparison.leaderboard import (
+    leaderboard,
+    long_table,
+    read_entries,
+    wide_table,
+    write_leaderboard,
+)
 from legoworld.comparison.making import make_comparison
 from legoworld.comparison.verification import verify_comparison
-from legoworld.errors import UsageError
+from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.records.evidence import ComparisonSettings
@@ -63,6 +71,29 @@ def test_a_comparison_is_paired_by_case_and_draws_families(made, tmp_path):
     assert {row.level for row in pair.rows} == {1, 3}
     assert {(row.policy, row.better) for row in pair.rows} == {("-", "higher")}
     assert {check.status for check in verify_comparison(tmp_path / "c", None)} == {"ok"}
+
+
+def test_a_side_without_appearance_has_no_number_of_it(made, tmp_path):
+    _, dataset, folders = made
+    run = write_run(tmp_path / "run", dataset, {3: Submission(no_render=True)},
+                    agent={"agent": "agent c", "model": "m"})  # fmt: skip
+    evaluate_bench(run, dataset.private, tmp_path / "c1", draws=10)
+    document, _ = make_comparison([tmp_path / "c1", folders["b1"]], tmp_path / "c", SETTINGS)
+    rows = {(row.metric, row.images): row for row in document.pairs[0].rows}
+    for metric in ("A", "S"):
+        for images in ("attempted", "paired"):
+            row = rows[metric, images]
+            assert (row.scene.value, row.scene.interval) == (None, None)
+            assert row.scene.over == {"images": 6, "not valid": 0}
+            assert row.baseline.interval is not None
+            assert (row.difference.value, row.difference.interval) == (None, None)
+    assert rows["R", "paired"].scene.value == 1.0
+    # A table's order: by R where there is no S.
+    board = leaderboard(read_entries([folders["b1"], tmp_path / "c1"]), draws=10)
+    assert [row.agent for row in board.rows] == ["agent c", "agent b"]
+    first = board.rows[0].groups[0].metrics
+    assert [(first[m].mean, first[m].sd, first[m].interval) for m in "AS"] == [(None,) * 3] * 2
+    assert next(line[-1] for line in long_table(board).rows if line[5] == "A") == "6"
 
 
 def test_an_evaluation_beside_itself_differs_by_nothing(made, tmp_path):
@@ -125,6 +156,75 @@ class TestTable:
         kinds = {(g.kind, g.name) for g in first.groups}
         assert {("tier", "easy"), ("tier", "hard"), ("environment", "indoor"), ("all", "all"),
                 ("split", "test")} <= kinds  # fmt: skip
+
+    def test_the_tables_to_the_last_cell(self, made):
+        _, _, folders = made
+        board = leaderboard(read_entries(list(folders.values())), draws=100)
+        first, second = board.rows
+        wide = wide_table(board)
+        assert wide.header == (
+            "agent", "model", "runs", "group", "cases", "V", "R", "A", "S", "R valid", "A valid",
+            "S valid",
+        )  # fmt: skip
+        metrics = first.groups[0].metrics
+        cells = [f"{100 * metrics[m].mean:.1f} ({100 * metrics[m].sd:.1f})"
+                 for m in ("V", "R", "A", "S", "R_valid", "A_valid", "S_valid")]  # fmt: skip
+        assert wide.rows[0] == ("agent a", "m", "2", "all", "6", *cells)
+        alone = second.groups[0].metrics
+        assert wide.rows[len(first.groups)][:6] == ("agent b", "m", "1", "all", "6", "100.0")
+        assert {row[3] for row in wide.rows} == {
+            "all", "split test", "environment indoor", "environment outdoor", "tier easy",
+            "tier hard",
+        }  # fmt: skip
+        ends = [
+            "S [{:.1f}, {:.1f}] (95 %, 100 draws of families).".format(
+                *(100 * end for end in of["S"].interval.ends)
+            )
+            for of in (metrics, alone)
+        ]
+        assert wide.notes[2:] == [
+            f"agent a m: {ends[0]}",
+            "agent b m: a single run, so no standard deviation.",
+            f"agent b m: {ends[1]}",
+        ]
+        by_name = {(row[0], row[3], row[5]): row for row in long_table(board).rows}
+        low, high = metrics["S"].interval.ends
+        assert by_name["agent a", "all", "S"][6:] == (
+            "attempted", repr(metrics["S"].mean), repr(metrics["S"].sd), repr(low), repr(high),
+            "6 6",
+        )  # fmt: skip
+        assert by_name["agent a", "tier", "S_valid"][9:11] == ("", "")
+        assert by_name["agent b", "all", "V"][7:9] == ("1.0", "")
+        assert low < metrics["S"].mean < high
+
+    def test_a_folder_with_something_else_is_left_alone(self, made, tmp_path):
+        _, _, folders = made
+        board = leaderboard(read_entries([folders["b1"]]), draws=10)
+        for name in "gfedcba":
+            (tmp_path / name).write_text("")
+        with pytest.raises(ConfigurationMismatchError) as caught:
+            write_leaderboard(tmp_path, board, overwrite=True)
+        assert (caught.value.found, caught.value.next_step) == (
+            "a, b, c, d, e",
+            "choose another -o",
+        )
+        write_leaderboard(tmp_path / "new", board, overwrite=False)
+        other = leaderboard(read_entries([folders["b1"]]), draws=11)
+        with pytest.raises(ConfigurationMismatchError) as caught:
+            write_leaderboard(tmp_path / "new", other, overwrite=False)
+        assert caught.value.found == "the table of other evaluations"
+        assert caught.value.next_step == "choose another -o, or pass --overwrite"
+
+    def test_several_makers_of_one_run_are_all_named(self, made, tmp_path):
+        _, dataset, _ = made
+        run = write_run(tmp_path / "run", dataset, agent={"agent": "x", "model": None})
+        document = json.loads((run / "run.json").read_text())
+        document["scenes"]["2"]["provenance"] = {"agent": "a"}
+        document["scenes"]["3"]["provenance"] = "unreadable"
+        (run / "run.json").write_text(json.dumps(document))
+        evaluate_bench(run, dataset.private, tmp_path / "eval", draws=10)
+        (row,) = leaderboard(read_entries([tmp_path / "eval"]), draws=10).rows
+        assert (row.agent, row.model, row.evaluations) == ("a + x", "not recorded", ("eval",))
 
     def test_the_command_writes_the_same_again(self, made, tmp_path, capsys):
         _, _, folders = made

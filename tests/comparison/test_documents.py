@@ -19,8 +19,9 @@ from comparison.evaluations import (
 from legoworld.comparison import folder as comparison_folder
 from legoworld.comparison.folder import prepare_folder, read_document, write_comparison
 from legoworld.comparison.making import make_joined
-from legoworld.comparison.verification import verify_comparison
+from legoworld.comparison.verification import _agrees, verify_comparison
 from legoworld.errors import LegoWorldError
+from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file
 from legoworld.records.base import decode
 from legoworld.records.evidence import AnyEvidence, DetectionComparison
@@ -325,6 +326,51 @@ def test_what_an_interrupted_write_left_is_no_stranger(tmp_path):
     prepare_folder(tmp_path, NOTHING, overwrite=False)
     prepare_folder(tmp_path / "new" / "er", NOTHING, overwrite=False)
     assert (tmp_path / "new" / "er").is_dir()
+
+
+NOT_RECORDED = (
+    "How the scenes were made (agent, prompts, camera given, metric feedback) is not recorded."
+)
+
+
+def test_the_notes_of_boxes_and_of_depth_to_the_last_word(made):
+    assert read(made / "coco", "comparison.json")["notes"] == [
+        "Differences are scene minus the other method.",
+        "Official metrics: specialist ranked by own scores, scene equally confident in everything "
+        "and ordered canonically. Those of equal_confidence and tie_orders: no method ranks.",
+        NOT_RECORDED,
+    ]
+    scene, baseline = read(made / "eth3d", "comparison.json")["methods"]
+    assert read(made / "eth3d", "comparison.json")["notes"] == [
+        f"Differences are {scene['name']} minus the other method.",
+        "Images scored: each method over its own, so their differences are of other images.",
+        NOT_RECORDED,
+    ]
+    assert baseline["camera_model"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("computed", "recorded", "said"),
+    [
+        ({"a": [1.0, {"b": 0.0}]}, {"a": [1.0, {"b": AGREEMENT}]}, "ok 1.0e-12 at .a[1].b"),
+        ({"a": 0.0}, {"a": 2e-12}, "DIFFERS 2.0e-12 at .a"),
+        ({"a": 3}, {"a": 3.0}, "ok 0.0e+00"),
+        ({"a": 0.5}, {"a": None}, "DIFFERS inf at .a"),
+        ({"a": None}, {"a": 0}, "DIFFERS inf at .a"),
+        ({"a": True}, {"a": False}, "DIFFERS inf at .a"),
+        ({"a": float("nan")}, {"a": 0.5}, "DIFFERS inf at .a"),
+        ({"a": 0.5}, {"a": float("nan")}, "DIFFERS inf at .a"),
+        ({"a": "x"}, {"a": "y"}, "DIFFERS inf at .a"),
+        ({"a": 1}, {"b": 1}, "DIFFERS inf"),
+        ({"a": [1]}, {"a": [1, 2]}, "DIFFERS inf at .a"),
+        ([1], {"a": 1}, "DIFFERS inf"),
+        ([], [], "ok 0.0e+00"),
+    ],
+)
+def test_two_documents_agree_up_to_rounding(computed, recorded, said):
+    check = _agrees("numbers", computed, recorded)
+    assert check.what == "numbers"
+    assert f"{check.status} {check.found}".replace("largest difference ", "") == said
 
 
 def test_a_write_that_fails_leaves_no_evidence_of_the_earlier_one(made, tmp_path, monkeypatch):

@@ -62,9 +62,22 @@ def test_another_truth(scene, tmp_path):
     refused((scene, other), tmp_path / "out", r"found: truth \w{12} and \w{12}; expected")
 
 
+@pytest.mark.parametrize("fact", ["n_truth", "n_ignored_truth"])
+def test_rows_that_count_another_truth(fact, scene, tmp_path):
+    other = other_evaluation(tmp_path / "b")
+
+    def one_more(path):
+        rows = [json.loads(line) for line in path.read_text().splitlines()]
+        rows[2][fact] += 1
+        path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+    forge(other, "per_image.jsonl", one_more)
+    refused((scene, other), tmp_path / "out", r"found: the ground truth of image 16; expected")
+
+
 def test_another_track(scene, tmp_path):
     other = other_evaluation(tmp_path / "b", track_sha256="bb" * 32)
-    refused((scene, other), tmp_path / "out", "track aaaaaaaaaaaa and bbbbbbbbbbbb")
+    refused((scene, other), tmp_path / "out", "found: track aaaaaaaaaaaa and bbbbbbbbbbbb")
     same = other_evaluation(tmp_path / "c", track_sha256="aa" * 32)
     compared((scene, same), tmp_path / "same")
     unrecorded = other_evaluation(tmp_path / "d")  # its images decide, and they are the same
@@ -76,39 +89,43 @@ def test_other_images(scene, tmp_path):
     first = truth["images"].pop(0)["id"]
     truth["annotations"] = [a for a in truth["annotations"] if a["image_id"] != first]
     other = other_evaluation(tmp_path / "b", truth)
-    refused((scene, other), tmp_path / "out", r"images: 1 on one side, such as 10 \(000.jpg\)")
+    refused(
+        (scene, other), tmp_path / "out", r"found: .*images: 1 on one side, such as 10 \(000.jpg\)"
+    )
 
 
 def test_another_evaluator(scene, tmp_path):
     fast = other_evaluation(tmp_path / "b", evaluator="fast")
-    refused((scene, fast), tmp_path / "out", r"evaluator pycocotools \S+ and hotcoco \S+")
+    refused((scene, fast), tmp_path / "out", r"found: evaluator pycocotools \S+ and hotcoco \S+")
     newer = other_evaluation(tmp_path / "c")
     rewritten(newer, "summary.json", lambda s: s["evaluator"].update(version="99"))
-    refused((scene, newer), tmp_path / "out", r"evaluator pycocotools \S+ and pycocotools 99")
+    refused(
+        (scene, newer), tmp_path / "out", r"found: evaluator pycocotools \S+ and pycocotools 99"
+    )
 
 
 def test_another_card(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     change_json(other / "evidence.json", lambda e: e["configuration"].update(card_sha256="cc" * 32))
-    refused((scene, other), tmp_path / "out", r"card \w{12} and cccccccccccc")
+    refused((scene, other), tmp_path / "out", r"found: card \w{12} and cccccccccccc")
 
 
 def test_another_dataset_version_and_other_categories(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     rewritten(other, "summary.json", lambda s: s.update(dataset_version="2014"))
-    refused((scene, other), tmp_path / "out", "dataset version custom and 2014")
+    refused((scene, other), tmp_path / "out", "found: dataset version custom and 2014")
     third = other_evaluation(tmp_path / "c")
     rewritten(
         third, "view/run.json", lambda r: r["configuration"].update(vocabulary_sha256="d" * 64)
     )
-    refused((scene, third), tmp_path / "out", r"categories \w{12} and dddddddddddd")
+    refused((scene, third), tmp_path / "out", r"found: categories \w{12} and dddddddddddd")
 
 
 def test_another_task(scene, tmp_path):
     lvis, _ = scene_and_baseline(tmp_path / "l", "lvis")
-    refused((scene, lvis), tmp_path / "out", "task coco and lvis")
+    refused((scene, lvis), tmp_path / "out", "found: task coco and lvis")
     depth, _ = depth_scene_and_baseline(tmp_path / "d")
-    refused((depth, scene), tmp_path / "out", "task eth3d and coco")
+    refused((depth, scene), tmp_path / "out", "found: task eth3d and coco")
 
 
 def test_a_partial_run_on_either_side(scene, tmp_path):
@@ -222,7 +239,7 @@ def test_camera_models_may_differ_between_a_scene_and_a_baseline_alone(tmp_path)
     warped = evaluated_as("warped", "scene", "dataset")
     flat = evaluated_as("flat", "scene", "none")
     baseline = evaluated_as("baseline", "baseline", "none")
-    refused((warped, flat), tmp_path / "o", "camera model dataset and none")
+    refused((warped, flat), tmp_path / "o", "found: camera model dataset and none")
     document = compared((warped, baseline), tmp_path / "o")
     assert [m["camera_model"] for m in document["methods"]] == ["dataset", "none"]
     assert any(n.startswith("Camera model: scene dataset, ") for n in document["notes"])
@@ -245,5 +262,9 @@ def test_another_depth_truth(tmp_path):
     assert rows != (other / "per_image.jsonl").read_text()
     forge(other, "per_image.jsonl", lambda path: path.write_text(rows))
     refused((scene, other), tmp_path / "out", "the ground truth of image 5")
+    rows = rows.replace('"n_valid":4', '"n_valid":3')
+    rows = rows.replace('"truth_wh":[40,30]', '"truth_wh":[40,31]', 1)
+    forge(other, "per_image.jsonl", lambda path: path.write_text(rows))
+    refused((scene, other), tmp_path / "out", r"found: the ground truth of image \d; expected")
     evidence = json.loads((scene / "evidence.json").read_text())
     assert sum(e["role"] == "truth" for e in evidence["inputs"]) == 5
