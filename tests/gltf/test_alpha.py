@@ -286,6 +286,17 @@ def test_triangles_whose_corners_are_all_above_or_below_need_no_cut_out():
     assert len(snapshot.corner_alpha) == 1
 
 
+def test_a_triangle_that_is_whole_beside_one_that_is_cut():
+    made = painted([0.9, 0.9, 0.9, 0.1])  # (0, 1, 2) and (0, 2, 3)
+    snapshot = read(made.glb())
+    assert snapshot.triangle_cutout.tolist() == [-1, 0]
+    assert snapshot.corner_alpha[1].tolist() == pytest.approx([0.9, 0.9, 0.1])
+    cut = shown(made)
+    assert cut[np.arange(8)[:, None] + np.arange(8)[None, :] > 7].all()  # below the diagonal
+    assert not cut[0, 0]
+    assert not cut.all()
+
+
 def test_vertex_colours_that_are_no_colours_are_refused():
     made = painted([0.1, float("nan"), 1, 1])
     with pytest.raises(UnreadableGltfError, match="COLOR_0"):

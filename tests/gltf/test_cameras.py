@@ -130,5 +130,8 @@ def test_the_picture_is_of_the_cameras_aspect():
     snapshot = read(perspective(aspectRatio=4 / 3).glb())
     assert snapshot.render.size_wh == (1440, 1080)
     assert any("no picture size, only the aspect 1.33333" in w for w in snapshot.warnings)
+    none = read(perspective().glb())
+    assert none.render.size_wh == picture_size_wh(None) == (1920, 1080)
+    assert any("no picture size, nor an aspect: 1920x1080" in w for w in none.warnings)
     extreme = read(perspective(yfov=0.5, aspectRatio=1e-5).glb())
     assert extreme.render.size_wh == (1920, 1080)

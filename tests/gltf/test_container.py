@@ -61,6 +61,31 @@ def test_other_chunks_are_skipped():
     assert boxes(longer) == [QUAD]
 
 
+def test_the_binary_chunk_is_the_second_and_of_its_kind():
+    whole = quad().glb()
+    (length,) = struct.unpack_from("<I", whole, 12)
+    at = 20 + length  # of the second chunk's header
+    renamed = whole[: at + 4] + struct.pack("<I", 0x12345678) + whole[at + 8 :]
+    only = struct.pack("<III", 0x46546C67, 2, at) + whole[12:at]
+    for data in (renamed, only):
+        with pytest.raises(UnreadableGltfError, match=r"buffers\[0\] has no bytes"):
+            read(data)
+    cut = whole[:8] + struct.pack("<I", at + 4) + whole[12 : at + 4]
+    with pytest.raises(UnreadableGltfError, match="a chunk's header is cut short"):
+        read(cut)
+
+
+@pytest.mark.parametrize(
+    "uri", ["data:;base64,AA A", "data:;base64,A*==", "data:,AAAA", "data:;base64"]
+)
+def test_data_uris_that_are_none(uri):
+    made = quad()
+    made.binary.clear()
+    made.json["buffers"] = [{"byteLength": 1, "uri": uri}]
+    with pytest.raises(UnreadableGltfError, match=r"buffers\[0\]\.uri"):
+        read(made.glb())
+
+
 def test_required_extensions_that_are_unknown_are_named():
     made = quad()
     made.json["extensionsRequired"] = ["KHR_materials_unlit", "ACME_voxels"]

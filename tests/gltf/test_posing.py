@@ -118,6 +118,13 @@ def test_inverse_bind_matrices_undo_the_rest_pose():
     assert boxes(skinned(*BOTH, bind=columns).glb()) == [("Quad", 64, (36, 20, 44, 28))]
 
 
+def test_more_matrices_than_joints_are_left_and_fewer_are_a_verdict():
+    columns = np.tile(np.eye(4), (3, 1, 1)).reshape(3, 16)
+    assert boxes(skinned(*BOTH, bind=columns).glb()) == boxes(skinned(*BOTH).glb())
+    with pytest.raises(UnreadableGltfError, match="1 matrices for 2 joints"):
+        read(skinned(*BOTH, bind=columns[:1]).glb())
+
+
 @pytest.mark.parametrize(
     ("change", "found"),
     [
