@@ -7,7 +7,7 @@ before the file that it is called from: whoever follows the code returns to a pa
 Each pair of functions counts once, however often one calls the other. Calls back to the ground
 (bytes and records, which every room uses) and to properties of a value are counted apart: neither
 sends a reader anywhere. The walk is done once before it is counted, so that no import is part of
-it; what runs in Blender's process is not seen.
+it; what runs in Blender's process and in threads is not seen.
 
 An image is read by `SceneReader.do`, with nothing cached and with its snapshot cached. Compared
 are the shipped examples' boxes with the same boxes, imported, by `legoworld.compare`.
@@ -21,6 +21,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import redirect_stdout
+from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from types import FrameType
@@ -87,7 +88,8 @@ def function_of(frame: FrameType) -> Function | None:
 def is_property(frame: FrameType) -> bool:
     """Whether the function that begins here is a property of its first argument."""
     owner = frame.f_locals.get("self")
-    return isinstance(getattr(type(owner), frame.f_code.co_name, None), property)
+    value = getattr(type(owner), frame.f_code.co_name, None)
+    return isinstance(value, property | cached_property)
 
 
 def one_image(scene: Path, folder: Path) -> dict[str, Walk]:

@@ -3,29 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE, Measure, Measures, Metric
+from legoworld.comparison.measures import (
+    EVERYTHING,
+    HEADLINE,
+    TABLE,
+    Draws,
+    Measure,
+    Measures,
+    Metric,
+)
 from legoworld.comparison.subsets import counts_of_images, table_of_images
-from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts, matched_metrics
-from legoworld.evaluation.detection.problem import Floats, Ints
+from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import AREA_NAMES, DetectionProtocol
 from legoworld.evaluation.detection.protocols import Metric as OfficialMetric
 from legoworld.evaluation.detection.ranking.accumulation import (
     accumulate,
     metric_value,
-    truths_per_category,
 )
-from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.evaluation.detection.ranking.resampling import (
+    metrics_of_one_image,
+    resampled_metrics,
+)
 from legoworld.evaluation.detection.ranking.ties import tie_orders
-from legoworld.evaluation.detection.scoring import metrics_of_one_image
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.comparison import Level
 
@@ -40,20 +47,6 @@ _SCORE_FREE: Final = (
     "sq", "rq", "pq", "label_accuracy",
 )  # fmt: skip
 _SCORE_FREE_TABLE: Final = ("miou_gt_micro", "miou_matched", "f1_50")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Draws:
-    """Bootstrap draws over a selection of images, shared by both sides. counts: (draws, images)."""
-
-    counts: NDArray[np.int32]
-    draws: int
-    seed: int
-
-
-def shared_draws(n_images: int, draws: int, seed: int) -> Draws:
-    """The draws over this number of images; independent of the side, so both sides share them."""
-    return Draws(counts=resample_counts(n_images, draws, seed), draws=draws, seed=seed)
 
 
 def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
@@ -114,7 +107,6 @@ def _official(
     curves = accumulate(table, protocol)
     samples = resampled_metrics(table, protocol, shared.counts, frequencies)
     lone = metrics_of_one_image(table, protocol, frequencies)
-    n_truths = truths_per_category(table)
     measures = {}
     for metric in protocol.metrics:
         value = metric_value(metric, curves, frequencies)
@@ -122,16 +114,16 @@ def _official(
         measures[metric.name] = Measure(
             value=np.nan if value == -1 else value,
             samples=samples[metric.name] if defined else None,
-            over=_over(table, metric, n_truths, frequencies),
+            over=_over(table, metric, frequencies),
             extra={},
         )
     return measures
 
 
 def _over(
-    table: MatchTable, metric: OfficialMetric, n_truths: Ints, frequencies: NDArray[np.str_]
+    table: MatchTable, metric: OfficialMetric, frequencies: NDArray[np.str_]
 ) -> dict[str, int]:
-    counted = n_truths[AREA_NAMES.index(metric.area)]
+    counted = table.truths_per_category[AREA_NAMES.index(metric.area)]
     if metric.frequency is not None:
         counted = np.where(frequencies == metric.frequency, counted, 0)
     return {

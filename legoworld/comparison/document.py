@@ -16,11 +16,21 @@ from legoworld.comparison.depth import (
     shared_group_draws,
     with_truth,
 )
-from legoworld.comparison.detections import detection_metrics, measure_detections, shared_draws
-from legoworld.comparison.measures import IntervalRule, Measures, Metric, comparison_row
+from legoworld.comparison.detections import detection_metrics, measure_detections
+from legoworld.comparison.measures import (
+    IntervalRule,
+    Measures,
+    Metric,
+    comparison_row,
+    shared_draws,
+)
 from legoworld.comparison.notes import notes_of
 from legoworld.comparison.pairing import has_truth, is_scored, pair_images
-from legoworld.comparison.provenance import provenance_by_field, recorded_provenance
+from legoworld.comparison.provenance import (
+    provenance_by_field,
+    provenance_notes,
+    recorded_provenance,
+)
 from legoworld.evaluation.bootstrap import LEVEL
 from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import Evaluated
@@ -42,6 +52,13 @@ from legoworld.records.evidence import ComparisonSettings
 _DEPTH_IMAGES: Final[tuple[Images, ...]] = ("scored", "attempted", "paired")
 
 
+def metrics_of(task: str) -> list[Metric]:
+    """Every metric of a comparison of a task, in display order."""
+    if task in PROTOCOLS:
+        return detection_metrics(PROTOCOLS[task])
+    return bench.bench_metrics() if task == "bench" else depth_metrics()
+
+
 def compare(
     sides: Sequence[Evaluated],
     settings: ComparisonSettings,
@@ -55,6 +72,7 @@ def compare(
     rows = sides[0].rows
     unit = _unit(sides[0])
     by_field = provenance_by_field(sides)
+    made = provenance_notes(by_field) if any(side.is_scene for side in sides) else []
     pairs = []
     for baseline in sides[1:]:
         notice(f"{settings.draws} bootstrap samples of {sides[0].name} and {baseline.name}")
@@ -71,7 +89,7 @@ def compare(
         methods=tuple(_method(side, first=side is sides[0]) for side in sides),
         pairs=tuple(pairs),
         provenance=by_field,
-        notes=tuple(notes_of(sides, by_field)),
+        notes=(*notes_of(sides), *made),
     )
 
 
@@ -147,7 +165,7 @@ def _measured_detections(
             continue  # no image, no number: coverage says 0 paired
         shared = shared_draws(int(kept.sum()), settings.draws, settings.seed)
         ours, theirs = (measure_detections(s, protocol, kept, shared) for s in (scene, baseline))
-        rows += _rows(detection_metrics(protocol), images, ours, theirs, rule)
+        rows += _rows(metrics_of(scene.task), images, ours, theirs, rule)
     return rows
 
 
@@ -167,7 +185,7 @@ def _measured_depth(
         drawn = [row for row, keep in zip(scene.depth_rows, kept, strict=True) if keep]
         shared = shared_group_draws(drawn, settings.draws, settings.seed)
         ours, theirs = (measure_depth(s, images, kept, shared) for s in (scene, baseline))
-        rows += _rows(depth_metrics(), images, ours, theirs, rule)
+        rows += _rows(metrics_of(scene.task), images, ours, theirs, rule)
     return rows
 
 
@@ -187,7 +205,7 @@ def _measured_bench(
             continue
         shared = bench.family_draws(scene, kept, settings.draws, settings.seed)
         ours, theirs = (bench.measure_bench(s, images, kept, shared) for s in (scene, baseline))
-        rows += _rows(bench.bench_metrics(), images, ours, theirs, rule)
+        rows += _rows(metrics_of(scene.task), images, ours, theirs, rule)
     return rows
 
 

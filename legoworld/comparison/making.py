@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from legoworld.comparison.compatibility import check_comparable
-from legoworld.comparison.document import compare
+from legoworld.comparison.document import compare, metrics_of
 from legoworld.comparison.folder import (
     evidence_of,
     paired_evidence,
@@ -39,7 +39,7 @@ def make_comparison(
     """
     sides = read_sides(evaluations)
     check_comparable(sides, allow_truth_prompts=settings.allow_truth_prompts)
-    wanted = parse_thresholds(thresholds, sides[0].task)
+    wanted = parse_thresholds(thresholds, [m.id for m in metrics_of(sides[0].task)])
     evidence = evidence_of(output, sides, settings)
     prepare_folder(output, evidence, overwrite=overwrite)
     document = compare(sides, settings, notice)

@@ -6,8 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from legoworld.evaluation.bootstrap import centred_interval, interval, number
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.bootstrap import centred_interval, interval, resample_counts
 from legoworld.evaluation.detection.problem import Floats
+from legoworld.records.base import number
 from legoworld.records.comparison import Better, ComparisonRow, Difference, Images, Level, Measured
 from legoworld.records.evaluation_summary import Interval
 
@@ -41,6 +45,20 @@ class Measure:
 
 
 Measures = dict[str, Measure]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draws:
+    """Bootstrap draws over a selection of images, shared by both sides. counts: (draws, images)."""
+
+    counts: NDArray[np.int32]
+    draws: int
+    seed: int
+
+
+def shared_draws(n_images: int, draws: int, seed: int) -> Draws:
+    """The draws over this number of images; independent of the side, so both sides share them."""
+    return Draws(counts=resample_counts(n_images, draws, seed), draws=draws, seed=seed)
 
 
 @dataclass(frozen=True, kw_only=True)

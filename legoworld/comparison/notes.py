@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from legoworld.comparison.provenance import provenance_notes
 from legoworld.errors import one_line
 from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.base import as_json
-from legoworld.records.comparison import ByField
 
 
-def notes_of(sides: Sequence[Evaluated], by_field: ByField) -> list[str]:
+def notes_of(sides: Sequence[Evaluated]) -> list[str]:
     """Notes on every difference between the sides that does not make them incomparable."""
     notes = [f"Differences are {sides[0].name} minus the other method."]
     notes += [_truth_prompts(side) for side in sides if side.used_truth]
@@ -22,8 +20,7 @@ def notes_of(sides: Sequence[Evaluated], by_field: ByField) -> list[str]:
         notes += _scores(sides)
     else:
         notes += _bench(sides)
-    made = provenance_notes(by_field) if any(s.is_scene for s in sides) else []
-    return [*notes, *_versions(sides), *made]
+    return [*notes, *_versions(sides)]
 
 
 def _truth_prompts(side: Evaluated) -> str:

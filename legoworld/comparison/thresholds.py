@@ -8,11 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from legoworld.comparison.bench import bench_metrics
-from legoworld.comparison.depth import depth_metrics
-from legoworld.comparison.detections import detection_metrics
 from legoworld.errors import UsageError
-from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.records.comparison import Comparison, ComparisonRow
 
 _PAIRED: Final = "paired."
@@ -46,12 +42,9 @@ class Tripped:
         )
 
 
-def parse_thresholds(texts: Sequence[str], task: str) -> tuple[Threshold, ...]:
-    """METRIC=DELTA texts. UsageError names the nearest metric of the task."""
-    metrics = bench_metrics() if task == "bench" else depth_metrics()
-    if task in PROTOCOLS:
-        metrics = detection_metrics(PROTOCOLS[task])
-    return tuple(_parse(text, [m.id for m in metrics]) for text in texts)
+def parse_thresholds(texts: Sequence[str], known: Sequence[str]) -> tuple[Threshold, ...]:
+    """METRIC=DELTA texts. UsageError names the nearest of the task's metrics, `known`."""
+    return tuple(_parse(text, known) for text in texts)
 
 
 def _parse(text: str, known: Sequence[str]) -> Threshold:

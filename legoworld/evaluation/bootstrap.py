@@ -96,8 +96,3 @@ def interval(samples: NDArray[np.float64], *, unit: str) -> Interval:
         draws=len(samples),
         undefined_draws=len(samples) - len(defined),
     )
-
-
-def number(value: float) -> float | None:
-    """A metric as a JSON value: None for NaN and inf."""
-    return float(value) if np.isfinite(value) else None

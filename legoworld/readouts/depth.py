@@ -45,12 +45,3 @@ def write_depth(
 def depth_file_bytes(size_wh: tuple[int, int]) -> int:
     """Upper bound of the size of a photo's depth file, in bytes."""
     return 4 * size_wh[0] * size_wh[1] + _CONTAINER_BYTES
-
-
-def resampled_size(size_wh: tuple[int, int], max_side: int | None) -> tuple[int, int]:
-    """The size to render at: `size_wh`, reduced so that no side exceeds `max_side`."""
-    longest = max(size_wh)
-    if max_side is None or longest <= max_side:
-        return size_wh
-    width, height = (max(1, round(side * max_side / longest)) for side in size_wh)
-    return width, height

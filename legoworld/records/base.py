@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Any, Final, TypeVar
 
@@ -21,6 +22,7 @@ __all__ = [
     "decode",
     "decode_foreign",
     "decode_lines",
+    "number",
     "readable",
     "short_json",
     "to_record",
@@ -135,6 +137,11 @@ def canonical(record: Any) -> str:
 def readable(record: Any) -> str:
     """Indented JSON with sorted keys and a final newline, for files people open."""
     return readable_json(as_json(record))
+
+
+def number(value: float) -> float | None:
+    """A metric as a JSON value: None for NaN and inf."""
+    return float(value) if math.isfinite(value) else None
 
 
 def short_json(value: object) -> str:

@@ -17,9 +17,7 @@ from legoworld.evaluation.detection.matching.greedy import (
 from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, table_from
 from legoworld.evaluation.detection.protocols import AREA_NAMES, IOU_THRESHOLDS
 from legoworld.evaluation.detection.ranking.accumulation import (
-    category_slices,
     precision_at_recalls,
-    truths_per_category,
 )
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.report_summary import DepthError, IouHistogram, PrecisionRecall
@@ -48,8 +46,8 @@ def precision_recall(side: Evaluated) -> list[PrecisionRecall]:
 def _curve(side: Evaluated, policy: str, seed: int) -> PrecisionRecall | None:
     """The mean curve at IoU 0.5 with its band; None where no category has ground truth."""
     table = table_from(side.matches, policy)
-    scored = truths_per_category(table)[AREA_NAMES.index("all")]
-    rows = [(s, int(scored[k])) for k, s in enumerate(category_slices(table)) if scored[k]]
+    scored = table.truths_per_category[AREA_NAMES.index("all")]
+    rows = [(s, int(scored[k])) for k, s in enumerate(table.category_slices) if scored[k]]
     if not rows:
         return None
     states = table.state[AREA_NAMES.index("all"), int(np.flatnonzero(IOU_THRESHOLDS == 0.5)[0])]

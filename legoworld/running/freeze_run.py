@@ -32,10 +32,16 @@ from legoworld.scene.folder import (
     SceneFolder,
     find_scene,
 )
-from legoworld.scene.freeze import FileHash, FrozenFiles, Hashes, hash_files, write_frozen
+from legoworld.scene.freeze import (
+    FileHash,
+    FrozenFiles,
+    Hashes,
+    hash_files,
+    stopped,
+    write_frozen,
+)
 from legoworld.scene.labels import read_labels_file
 from legoworld.scene.outside import leaves_scenes
-from legoworld.scene.programs.record import execution_warnings
 from legoworld.scene.reading import read_scene
 from legoworld.scene.side_files import read_side_file
 from legoworld.tracks.track import track_of_folder
@@ -111,13 +117,8 @@ def freeze_scene(
         scene=folder.name,
         status="ok" if good else "invalid",
         checks=checks,
-        warnings=[*_stopped(folder, artefacts), *_not_portable(folder, dependencies)],
+        warnings=[*stopped(folder, artefacts), *_not_portable(folder, dependencies)],
     )
-
-
-def _stopped(folder: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
-    blend = artefacts.get(BLEND)
-    return execution_warnings(folder.path, blend.sha256 if blend else None)
 
 
 def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:

@@ -7,13 +7,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from legoworld.errors import LegoWorldError, SceneInvalidError
+from legoworld.errors import LegoWorldError
+from legoworld.readouts.tasks import Protocol
 from legoworld.records.folders.prediction_files import has_its_results
+from legoworld.records.labels import LabelsFile
+from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.remote import PlaceError, child, fetch_folder
 from legoworld.running.bench_image import Submission, read_submission
 from legoworld.running.image_record import (
     ImageOptions,
+    SceneOfImage,
     failed_record,
     record_of,
     sha256_by_name,
@@ -22,15 +26,11 @@ from legoworld.running.image_record import (
 from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import files_in
-from legoworld.scene.folder import BLEND, GLB, SIMULATIONS, SceneFolder, find_scene
-from legoworld.scene.freeze import (
-    FrozenFiles,
-    Hashes,
-    checked_artefacts,
-    hashed_dependencies,
-)
+from legoworld.scene.folder import BLEND, GLB, LABELS, PROVENANCE, SIMULATIONS, SceneFolder
+from legoworld.scene.freeze import FrozenFiles, Hashes, hashed_dependencies
+from legoworld.scene.labels import Labels, labels_in, resolve_labels
 from legoworld.scene.outside import leaves_scenes
-from legoworld.scene.reading import read_scene
+from legoworld.scene.reading import ReadScene, checked_scene, read_hashed_side_file, read_scene
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.engines import machine_lost
 from legoworld.workers.scratch import scratch_folder
@@ -81,14 +81,14 @@ def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess
     Raises the errors of this machine; see `judged`.
     """
     try:
-        folder, files = _found(image, options)
+        folder, files = _checked(image, options)
         if options.bench is not None:
             submission = Submission(image=image, folder=folder, files=files)
             return read_submission(submission, options, options.bench, blender)
         scene = read_scene(
             folder, source=options.source, blender=blender, cache=options.cache, files=files
         )
-        return record_of(image, folder, scene, options)
+        return record_of(image, _with_side_files(folder, scene, options.protocol), options)
     except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
         written = [options.run, *([options.cache.folder] if options.cache else [])]
         return failed_record(image, judged(error, written))
@@ -125,7 +125,7 @@ def still_valid(record: ImageRecord, image: TrackImage, options: ImageOptions) -
 
 def _unchanged(scene: ImageSource, image: TrackImage, options: ImageOptions) -> bool:
     """Whether the scene's files are those that it was read from."""
-    folder, now = _found(image, options)
+    folder, now = _checked(image, options)
     if sha256_by_name(now.artefacts) != scene.files or now.frozen != scene.frozen:
         return False
     recorded = scene.dependencies or {}
@@ -158,16 +158,23 @@ def _at_hand(image: TrackImage, options: ImageOptions) -> Iterator[ImageOptions]
         yield replace(options, scenes=scenes)
 
 
-def _found(image: TrackImage, options: ImageOptions) -> tuple[SceneFolder, FrozenFiles]:
-    """An image's scene folder and its files; an inaccessible folder is an error of the scene."""
+def _checked(image: TrackImage, options: ImageOptions) -> tuple[SceneFolder, FrozenFiles]:
     assert isinstance(options.scenes, Path)
-    try:
-        folder = find_scene(options.scenes, image.scene)
-        return folder, checked_artefacts(folder, require_frozen=options.require_frozen)
-    except OSError as error:
-        raise SceneInvalidError(
-            f"the scene folder {image.scene!r} cannot be looked at",
-            found=error.strerror or type(error).__name__,
-            expected="a folder and files that may be read",
-            next_step="correct its name or its permissions",
-        ) from error
+    return checked_scene(options.scenes, image.scene, require_frozen=options.require_frozen)
+
+
+def _with_side_files(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> SceneOfImage:
+    """A scene with its labels under a protocol. Raises what is wrong with its side files."""
+    labels = Labels(objects={}, collections={}, warnings=())
+    if protocol.vocabulary is not None:
+        outside = labels_in(read_hashed_side_file(folder, LABELS, LabelsFile, scene.files))
+        labels = resolve_labels(
+            scene.snapshot, outside, protocol.vocabulary, protocol.override_property
+        )
+    provenance = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
+    return SceneOfImage(
+        folder=folder,
+        scene=scene,
+        labels=labels,
+        provenance=provenance.value if provenance else None,
+    )

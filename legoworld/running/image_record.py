@@ -11,11 +11,10 @@ from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import as_unicode, sha256_of_file
-from legoworld.readouts.depth import depth_file, resampled_size, write_depth
+from legoworld.readouts.depth import depth_file, write_depth
 from legoworld.readouts.tasks import Protocol
 from legoworld.records.base import UNSET
 from legoworld.records.folders.prediction_files import predictions_sha256
-from legoworld.records.labels import LabelsFile
 from legoworld.records.predictions import Prediction
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import (
@@ -38,11 +37,11 @@ from legoworld.records.run_rows import (
 from legoworld.remote import Place
 from legoworld.running.submission import BenchRules
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import LABELS, PROVENANCE, SceneFolder, Source
+from legoworld.scene.folder import SceneFolder, Source
 from legoworld.scene.freeze import Hashes
 from legoworld.scene.instances import Grouping, Instance, group
-from legoworld.scene.labels import Labels, labels_in, resolve_labels
-from legoworld.scene.reading import ReadScene, read_hashed_side_file
+from legoworld.scene.labels import Labels
+from legoworld.scene.reading import ReadScene
 from legoworld.tracks.track import TrackImage
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.projection import Projection
@@ -66,6 +65,24 @@ class ImageOptions:
     max_side: int | None
     threads: int
     bench: BenchRules | None = None
+
+    def rendered_size(self, size_wh: tuple[int, int]) -> tuple[int, int]:
+        """The size to render at: `size_wh`, reduced so that no side exceeds `max_side`."""
+        longest = max(size_wh)
+        if self.max_side is None or longest <= self.max_side:
+            return size_wh
+        width, height = (max(1, round(side * self.max_side / longest)) for side in size_wh)
+        return width, height
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneOfImage:
+    """An image's scene as it was read, with its side files. labels: under the run's protocol."""
+
+    folder: SceneFolder
+    scene: ReadScene
+    labels: Labels
+    provenance: ProvenanceFile | None
 
 
 def failed_record(image: TrackImage, error: LegoWorldError) -> ImageRecord:
@@ -104,41 +121,18 @@ def failed(row: RunRow, error: LegoWorldError) -> ImageRecord:
     return ImageRecord(row=verdict, trace=error.trace or UNSET)
 
 
-def _labels_of(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> Labels:
-    """The labels of a scene under a protocol. Raises LabelsInvalidError."""
-    if protocol.vocabulary is None:
-        return Labels(objects={}, collections={}, warnings=())
-    side_file = read_hashed_side_file(folder, LABELS, LabelsFile, scene.files)
-    return resolve_labels(
-        scene.snapshot,
-        labels_in(side_file),
-        protocol.vocabulary,
-        protocol.override_property,
-    )
-
-
-def record_of(
-    image: TrackImage, folder: SceneFolder, scene: ReadScene, options: ImageOptions
-) -> ImageRecord:
-    """The record of a scene that was read; a depth file is written on the way.
-
-    Raises what is wrong with labels.json or provenance.json.
-    """
-    labels = _labels_of(folder, scene, options.protocol)
-    provenance = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
+def record_of(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) -> ImageRecord:
+    """The record of a scene that was read; a depth file is written on the way."""
+    scene, labels = of_image.scene, of_image.labels
     snapshot = scene.snapshot
     grouping = group(snapshot, labels)
     full_size = image.size_wh or snapshot.render.size_wh
-    seen = view(
-        snapshot,
-        grouping,
-        resampled_size(full_size, options.max_side),
-        threads=options.threads,
-    )
+    rendered_wh = options.rendered_size(full_size)
+    seen = view(snapshot, grouping, rendered_wh, threads=options.threads)
     row = replace(
         row_of(image),
         size_wh=full_size,
-        rendered_wh=resampled_size(full_size, options.max_side),
+        rendered_wh=rendered_wh,
         scene_size_wh=snapshot.render.size_wh,
         aspect_differs=aspect_differs(snapshot.render, full_size),
         frozen=scene.files.frozen,
@@ -165,7 +159,7 @@ def record_of(
             exported=tuple(_exported(instance) for _, instance in exports),
             predictions_sha256=predictions_sha256(predictions),
         )
-    source = source_of(folder, scene, seen.projection, provenance.value if provenance else None)
+    source = source_of(of_image.folder, scene, seen.projection, of_image.provenance)
     return ImageRecord(row=row, predictions=predictions, scene=source)
 
 

@@ -18,7 +18,6 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import as_unicode, canonical_json, sha256_of_text
 from legoworld.pluralize import share, word_for
-from legoworld.readouts.depth import resampled_size
 from legoworld.readouts.tasks import TASKS
 from legoworld.records.base import UNSET
 from legoworld.records.folders import run_folder
@@ -319,7 +318,7 @@ def run_document(configuration: Configuration) -> RunFile:
 
 def _check_disk(request: RunRequest, todo: list[TrackImage], notice: Callable[[str], None]) -> None:
     options = request.image_options
-    sizes = [resampled_size(i.size_wh, options.max_side) for i in todo if i.size_wh is not None]
+    sizes = [options.rendered_size(i.size_wh) for i in todo if i.size_wh is not None]
     check_disk(
         options.run,
         sizes,

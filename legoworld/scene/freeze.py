@@ -35,8 +35,7 @@ from legoworld.scene.folder import (
     SceneFolder,
 )
 from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
-from legoworld.scene.programs.record import execution_warnings
-from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, read_side_file
+from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, program_warnings, read_side_file
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.
 Hashes = Mapping[str, "FileHash | None"]
@@ -192,9 +191,8 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
                 expected=f"{FROZEN} beside the scene",
                 next_step="run `legoworld freeze` on the scenes first",
             )
-        return FrozenFiles(
-            artefacts=now, dependencies={}, frozen="at_readout", warnings=_execution(scene, now)
-        )
+        warnings = stopped(scene, now)
+        return FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout", warnings=warnings)
     record = side_file.value
     if require_frozen and record.status != "ok":
         raise NotFrozenError(
@@ -215,13 +213,14 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
         artefacts=now,
         dependencies=dependencies,
         frozen="frozen.json",
-        warnings=_execution(scene, now),
+        warnings=stopped(scene, now),
     )
 
 
-def _execution(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
+def stopped(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
+    """A warning where the program that built the scene.blend of these hashes was stopped."""
     blend = artefacts.get(BLEND)
-    return execution_warnings(scene.path, blend.sha256 if blend else None)
+    return program_warnings(scene.path, blend.sha256 if blend else None)
 
 
 def hashed_dependencies(

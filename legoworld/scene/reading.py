@@ -10,7 +10,7 @@ from typing import TypeVar
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source
+from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source, find_scene
 from legoworld.scene.freeze import (
     FileHash,
     FrozenFiles,
@@ -45,6 +45,26 @@ class _Made:
     files: FrozenFiles
     names: list[str]
     watched: list[str]
+
+
+def checked_scene(
+    scenes: Path, name: str, *, require_frozen: bool
+) -> tuple[SceneFolder, FrozenFiles]:
+    """A scene's folder, and its files as they are now, held to frozen.json.
+
+    Raises as `find_scene` and `checked_artefacts` do; a folder that cannot be accessed is an error
+    of the scene.
+    """
+    try:
+        folder = find_scene(scenes, name)
+        return folder, checked_artefacts(folder, require_frozen=require_frozen)
+    except OSError as error:
+        raise SceneInvalidError(
+            f"the scene folder {name!r} cannot be looked at",
+            found=error.strerror or type(error).__name__,
+            expected="a folder and files that may be read",
+            next_step="correct its name or its permissions",
+        ) from error
 
 
 def read_scene(

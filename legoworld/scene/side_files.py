@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final, Generic, TypeVar
 
-from legoworld.errors import LabelsInvalidError, SideFileInvalidError
+from legoworld.errors import LabelsInvalidError, SideFileInvalidError, one_line
 from legoworld.files import kind_of_file, refused_by_machine
 from legoworld.records.base import RecordError, decode_foreign
-from legoworld.scene.folder import EXECUTION, FROZEN, LABELS, PROVENANCE
+from legoworld.records.execution import ExecutionFile
+from legoworld.scene.folder import BLEND, EXECUTION, FROZEN, LABELS, PROVENANCE
 
 #: The side files, and how many bytes each may have.
 SIZE_LIMITS: Final = {
@@ -70,6 +71,29 @@ def hash_side_file(folder: Path, name: str) -> tuple[str, int] | None:
     """
     data = bytes_beside(folder, name, SIZE_LIMITS[name])
     return None if data is None else (hashlib.sha256(data).hexdigest(), len(data))
+
+
+def program_warnings(folder: Path, blend_sha256: str | None) -> tuple[str, ...]:
+    """A warning where the program that built the scene was stopped by an error.
+
+    blend_sha256: of the scene.blend that is there; an execution.json of another one says nothing of
+    it. The file is no part of the frozen scene: one that cannot be used is a warning, too.
+    """
+    try:
+        record = read_side_file(folder, EXECUTION, ExecutionFile)
+    except SideFileInvalidError as error:
+        return (f"{error.what}; found: {error.found}",)
+    if record is None or record.value.status != "stopped":
+        return ()
+    if record.value.files.get(BLEND) != blend_sha256:
+        return ()
+    by = record.value.error
+    where = f" at line {by.line}" if by and by.line is not None else ""
+    kind = one_line(by.type, 100) if by else "an error"
+    return (
+        f"the program that built the scene stopped{where} ({kind}): the scene is what it had built "
+        "by then",
+    )
 
 
 def invalid(name: str, found: str) -> SideFileInvalidError | LabelsInvalidError:

@@ -14,7 +14,6 @@ from legoworld.evaluation.detection.matching.matched_metrics import matched_coun
 from legoworld.evaluation.detection.matching.matches import matches_of
 from legoworld.evaluation.detection.protocols import AREA_NAMES, IOU_THRESHOLDS
 from legoworld.evaluation.detection.ranking.accumulation import (
-    category_slices,
     first_reached,
     mean_precision,
 )
@@ -48,7 +47,7 @@ def mean_in_order(values):
 def resampled_metrics(table, protocol, counts, frequencies=None):
     """As legoworld.evaluation.detection.ranking.resampling.resampled_metrics."""
     found = {m.name: np.full(len(counts), np.nan) for m in protocol.metrics}
-    slices = category_slices(table)
+    slices = table.category_slices
     for draw, count in enumerate(counts):
         for metric in protocol.metrics:
             a = AREA_NAMES.index(metric.area)

@@ -21,7 +21,6 @@ from legoworld.readouts.depth import (
     FORMAT_VERSION,
     depth_file,
     depth_file_bytes,
-    resampled_size,
     write_depth,
 )
 from legoworld.readouts.exports import (
@@ -175,23 +174,6 @@ def test_a_depth_file_of_another_version_is_refused(tmp_path, version):
     np.savez(path, depth_z_m=np.ones((2, 3), np.float32), space="depth", format_version=version)
     with pytest.raises(DepthFileError, match="has an unknown format version"):
         read_labelled(path, Declaration())
-
-
-@pytest.mark.parametrize(
-    ("size", "side", "expected"),
-    [
-        ((6048, 4032), 1024, (1024, 683)),
-        ((4032, 6048), 1024, (683, 1024)),
-        ((640, 480), 1024, (640, 480)),
-        ((640, 480), None, (640, 480)),
-        ((5000, 1), 10, (10, 1)),
-        ((1, 5000), 10, (1, 10)),
-        ((1001, 1000), 1000, (1000, 999)),
-        ((1000, 700), 1000, (1000, 700)),
-    ],
-)
-def test_a_smaller_picture_keeps_its_aspect(size, side, expected):
-    assert resampled_size(size, side) == expected
 
 
 @pytest.mark.parametrize("size_wh", [(1, 1), (7, 300), (640, 480)])

@@ -11,8 +11,8 @@ from running.executed import BUILD, execute, execution
 
 from legoworld import cli
 from legoworld.files import sha256_of_file
-from legoworld.scene.programs.record import execution_warnings
 from legoworld.scene.programs.verdicts import ended_early, over_limit
+from legoworld.scene.side_files import program_warnings
 from legoworld.workers.sandbox import Ending, SandboxLimits
 
 pytestmark = pytest.mark.blender
@@ -71,9 +71,9 @@ def test_a_stopped_program_is_a_warning_all_the_way(tmp_path, capsys):
     marked = execution(output)
     marked["files"]["scene.blend"] = "0" * 64  # of another scene.blend
     (output / "execution.json").write_text(json.dumps(marked))
-    assert execution_warnings(output, sha256_of_file(output / "scene.blend")) == ()
+    assert program_warnings(output, sha256_of_file(output / "scene.blend")) == ()
     (output / "execution.json").write_text("[" * 100)
-    assert "execution.json cannot be used" in execution_warnings(output, "0" * 64)[0]
+    assert "execution.json cannot be used" in program_warnings(output, "0" * 64)[0]
 
 
 def test_a_removed_api_names_its_line_inside_a_function(tmp_path):

@@ -26,7 +26,6 @@ from legoworld.evaluation.detection.protocols import (
     DetectionProtocol,
     detection_protocol,
 )
-from legoworld.evaluation.detection.ranking.accumulation import truths_per_category
 from legoworld.evaluation.detection.rows import per_category_rows, per_image_rows, views
 from legoworld.evaluation.detection.scoring import (
     Notice,
@@ -203,7 +202,7 @@ def _counts(
     truth: Truth, protocol: DetectionProtocol, predictions: Predictions, own: Score
 ) -> Counts:
     table, problem = own.table, own.problem
-    by_area = truths_per_category(table)
+    by_area = table.truths_per_category
     n_truths = by_area[0]
     false = table.state[0, 0] == FALSE_POSITIVE
     return Counts(

@@ -7,16 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.bootstrap import number
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import image_sums
 from legoworld.evaluation.detection.problem import Ints
-from legoworld.evaluation.detection.ranking.accumulation import truths_per_category
 from legoworld.evaluation.detection.scoring import Score, category_precision
 from legoworld.evaluation.run import Run
-from legoworld.records.base import UNSET
+from legoworld.records.base import UNSET, number
 from legoworld.records.evaluation_rows import CategoryRow, DetectionRow, Outcomes
 
 _OUTCOMES = {FALSE_POSITIVE: "fp", TRUE_POSITIVE: "tp", IGNORED: "ignored"}
@@ -57,7 +55,7 @@ def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
     """One row for every category that has truth or predictions, ascending id."""
     table = score.table
     n = len(table.category_ids)
-    n_truths = truths_per_category(table)[0]
+    n_truths = table.truths_per_category[0]
     cells = table.n_truths[0] > 0
     n_images = np.bincount(table.truth_category[cells], minlength=n)
     n_predictions = np.bincount(table.category, minlength=n)

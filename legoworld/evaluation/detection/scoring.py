@@ -27,9 +27,12 @@ from legoworld.evaluation.detection.matching.matched_metrics import (
 from legoworld.evaluation.detection.matching.matches import matches_of, states_of
 from legoworld.evaluation.detection.matching.pairing import Pairs
 from legoworld.evaluation.detection.problem import Floats, Problem, build_problem
-from legoworld.evaluation.detection.protocols import AREA_NAMES, DetectionProtocol
+from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.detection.ranking.accumulation import Curves, accumulate, metric_value
-from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.evaluation.detection.ranking.resampling import (
+    metrics_of_one_image,
+    resampled_metrics,
+)
 from legoworld.evaluation.detection.ranking.ties import TieResult, tie_orders
 from legoworld.records.evaluation_summary import Interval, Values
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
@@ -174,20 +177,6 @@ def _intervals(
         )
         for name, resampled in metrics.items()
     }
-
-
-def metrics_of_one_image(
-    table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_]
-) -> set[str]:
-    """Metrics whose truth lies in fewer than two images: resampling cannot show their spread."""
-    lone = set()
-    for metric in protocol.metrics:
-        cells = table.n_truths[AREA_NAMES.index(metric.area)] > 0
-        if metric.frequency is not None:
-            cells &= frequencies[table.truth_category] == metric.frequency
-        if len(np.unique(table.truth_image[cells])) < 2:
-            lone.add(metric.name)
-    return lone
 
 
 def _defined(value: float) -> float:

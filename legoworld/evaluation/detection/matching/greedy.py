@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,20 @@ class MatchTable:
     truth_image: Ints
     truth_category: Ints
     n_truths: Ints
+
+    @property
+    def category_slices(self) -> list[slice]:
+        """Where each category's detections lie in the table."""
+        edges = np.searchsorted(self.category, np.arange(len(self.category_ids) + 1))
+        return [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
+
+    @property
+    def truths_per_category(self) -> Ints:
+        """(A, K) scored truth instances."""
+        n = len(self.category_ids)
+        return np.stack(
+            [np.bincount(self.truth_category, weights=row, minlength=n) for row in self.n_truths]
+        ).astype(np.int64)
 
 
 def match_table(problem: Problem, state: NDArray[np.uint8]) -> MatchTable:

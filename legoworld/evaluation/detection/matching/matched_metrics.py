@@ -8,10 +8,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.bootstrap import number, weighted_sums
+from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.detection.matching.pairing import HIT, Pairs
 from legoworld.evaluation.detection.problem import Floats, Ints, Problem
+from legoworld.records.base import number
 from legoworld.records.evaluation_rows import PairSums
 from legoworld.records.evaluation_summary import Matched
 

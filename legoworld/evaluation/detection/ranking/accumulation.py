@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE, MatchTable
-from legoworld.evaluation.detection.problem import Floats, Ints
+from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import (
     AREA_NAMES,
     IOU_THRESHOLDS,
@@ -35,20 +34,6 @@ class Curves:
     ranks: tuple[int | None, ...]
 
 
-def category_slices(table: MatchTable) -> list[slice]:
-    """Where each category's detections lie in the table."""
-    edges = np.searchsorted(table.category, np.arange(len(table.category_ids) + 1))
-    return [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
-
-
-def truths_per_category(table: MatchTable) -> Ints:
-    """(A, K) scored truth instances."""
-    n = len(table.category_ids)
-    return np.stack(
-        [np.bincount(table.truth_category, weights=row, minlength=n) for row in table.n_truths]
-    ).astype(np.int64)
-
-
 def ranks_of(protocol: DetectionProtocol) -> tuple[int | None, ...]:
     """The distinct maxDets of a protocol's metrics."""
     return tuple(dict.fromkeys(m.max_rank for m in protocol.metrics if m.kind == "AR"))
@@ -60,8 +45,8 @@ def accumulate(table: MatchTable, protocol: DetectionProtocol) -> Curves:
     shape = len(IOU_THRESHOLDS), len(table.category_ids), len(AREA_NAMES)
     precision = np.full((shape[0], len(RECALL_THRESHOLDS), *shape[1:]), -1.0)
     recall = np.full((*shape, len(ranks)), -1.0)
-    n_truths = truths_per_category(table)
-    for k, rows in enumerate(category_slices(table)):
+    n_truths = table.truths_per_category
+    for k, rows in enumerate(table.category_slices):
         for a in range(len(AREA_NAMES)):
             if not n_truths[a, k]:
                 continue

@@ -20,7 +20,6 @@ from legoworld.evaluation.detection.protocols import (
     DetectionProtocol,
     Metric,
 )
-from legoworld.evaluation.detection.ranking.accumulation import category_slices
 from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     in_lanes,
     ranking_of,
@@ -44,7 +43,7 @@ def resampled_metrics(
     defined = {m.name: np.zeros(len(counts)) for m in protocol.metrics}
     _check_size(table, counts)
     laned, by_image = in_lanes(counts), np.ascontiguousarray(counts.T)
-    rows = category_slices(table)
+    rows = table.category_slices
     group_of = [""] * len(rows) if frequencies is None else frequencies.tolist()
     with category_threads() as pool:
         for a, area in enumerate(AREA_NAMES):
@@ -67,6 +66,20 @@ def resampled_metrics(
                     defined[metric] += has
     with np.errstate(invalid="ignore"):
         return {name: sums[name] / np.where(defined[name], defined[name], np.nan) for name in sums}
+
+
+def metrics_of_one_image(
+    table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_]
+) -> set[str]:
+    """Metrics whose truth lies in fewer than two images: resampling cannot show their spread."""
+    lone = set()
+    for metric in protocol.metrics:
+        cells = table.n_truths[AREA_NAMES.index(metric.area)] > 0
+        if metric.frequency is not None:
+            cells &= frequencies[table.truth_category] == metric.frequency
+        if len(np.unique(table.truth_image[cells])) < 2:
+            lone.add(metric.name)
+    return lone
 
 
 def _check_size(table: MatchTable, counts: Counts) -> None:

@@ -6,6 +6,7 @@ detections of a category changes. One order of a category's detections serves al
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,10 +22,8 @@ from legoworld.evaluation.detection.matching.greedy import (
 )
 from legoworld.evaluation.detection.problem import Floats, Ints
 from legoworld.evaluation.detection.ranking.accumulation import (
-    category_slices,
     first_reached,
     mean_precision,
-    truths_per_category,
 )
 from legoworld.evaluation.detection.ranking.compiled_accumulation import bits_of, ordered_precision
 from legoworld.evaluation.detection.ranking.random_orders import random_orders
@@ -93,22 +92,13 @@ class _Ranking:
 
 def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
     """AP over all areas under `draws` random orders; NaN when no category has truth."""
-    n_truths = truths_per_category(table)[0]
-    bounds = np.zeros(2)
-    scored = np.flatnonzero(n_truths)
-    slices = category_slices(table)
 
-    def bounds_of(k: int) -> Floats:
-        rows = slices[k]
-        ranking = _ranking(table.state[0, :, rows], table.score[rows])
-        return _bounds(ranking, first_reached(int(n_truths[k])))
+    def bounds_of(_k: int, ranking: _Ranking, n_truths: int) -> Floats:
+        return _bounds(ranking, first_reached(n_truths))
 
-    with category_threads() as pool:
-        for of_category in pool.map(bounds_of, scored.tolist()):
-            bounds += of_category
-    n = len(scored)
+    worst, best = _mean_over_categories(table, bounds_of, 2)
     aps = order_aps(table, draws=draws, seed=seed)
-    worst, best = bounds / n if n else (np.nan, np.nan)
+    by_category = zip(table.category_slices, table.truths_per_category[0], strict=True)
     return TieResult(
         expected=float(aps.mean()),
         sd=float(aps.std(ddof=1)) if draws > 1 else 0.0,
@@ -116,28 +106,41 @@ def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
         best=float(best),
         draws=draws,
         seed=seed,
-        n_tied=sum(_n_tied(table.score[slices[k]]) for k in scored),
+        n_tied=sum(_n_tied(table.score[rows]) for rows, n_truths in by_category if n_truths),
     )
 
 
 def order_aps(table: MatchTable, *, draws: int, seed: int) -> Floats:
     """(draws,) AP over all areas, one of each random order; NaN when no category has truth."""
-    n_truths = truths_per_category(table)[0]
-    slices = category_slices(table)
 
-    def sampled(k: int) -> Floats:
+    def sampled(k: int, ranking: _Ranking, n_truths: int) -> Floats:
+        random = np.random.default_rng([seed, int(table.category_ids[k])])
+        return _sampled(ranking, n_truths, draws, random)
+
+    return _mean_over_categories(table, sampled, draws)
+
+
+def _mean_over_categories(
+    table: MatchTable, of_category: Callable[[int, _Ranking, int], Floats], n_values: int
+) -> Floats:
+    """(n_values,) mean over the categories with truth, NaN when there is none.
+
+    of_category: the values of one, from its place, its ranking over all areas, its truths.
+    """
+    n_truths, slices = table.truths_per_category[0], table.category_slices
+    scored = np.flatnonzero(n_truths).tolist()
+
+    def values_of(k: int) -> Floats:
         rows = slices[k]
         ranking = _ranking(table.state[0, :, rows], table.score[rows])
-        random = np.random.default_rng([seed, int(table.category_ids[k])])
-        return _sampled(ranking, int(n_truths[k]), draws, random)
+        return of_category(k, ranking, int(n_truths[k]))
 
-    scored = np.flatnonzero(n_truths).tolist()
-    total = np.zeros(draws)
+    total = np.zeros(n_values)
     with category_threads() as pool:
         # Added in category order: order-independent, bit-identical.
-        for values in pool.map(sampled, scored):
+        for values in pool.map(values_of, scored):
             total += values
-    return total / len(scored) if scored else np.full(draws, np.nan)
+    return total / len(scored) if scored else np.full(n_values, np.nan)
 
 
 def _n_tied(sorted_scores: Floats) -> int:
