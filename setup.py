@@ -80,7 +80,7 @@ class BuildKernel(Command):
     def get_source_files(self) -> list[str]:
         """Files that belong into the source distribution (asked for by setuptools)."""
         module = compilation()
-        folders = [ROOT / folder for folder in PACKAGE_FOLDERS]
+        folders = [module.SHARED, *(ROOT / folder for folder in PACKAGE_FOLDERS)]
         return [str(p.relative_to(ROOT)) for folder in folders for p in module.sources(folder)]
 
 

@@ -16,6 +16,9 @@ from pathlib import Path
 
 LIBRARY_NAME = {"darwin": "_kernel.dylib", "win32": "_kernel.dll"}.get(sys.platform, "_kernel.so")
 
+#: Headers that more than one library includes.
+SHARED = Path(__file__).resolve().parent / "shared"
+
 # Contraction off: shared edges are watertight only while a*b - c*d negates exactly.
 FLAGS = ("-std=c++17", "-O3", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-Wno-psabi")
 
@@ -36,9 +39,9 @@ def sources(folder: Path) -> list[Path]:
 
 
 def source_hash(folder: Path) -> str:
-    """sha256 over the names and contents of the C++ files and the flags, in hexadecimal."""
+    """sha256 over names and contents of its C++ files, the shared ones and the flags, in hex."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
-    for path in sources(folder):
+    for path in [*sources(SHARED), *sources(folder)]:
         content = path.read_bytes().replace(b"\r\n", b"\n")
         digest.update(f"\n{path.name} {len(content)}\n".encode())
         digest.update(content)
@@ -68,6 +71,7 @@ def compile_kernel(folder: Path, output: Path) -> list[str]:
     The library is written to a temporary file and moved, so a failed build leaves nothing behind.
     """
     command = [*compiler(), *FLAGS, f'-DLEGOWORLD_SOURCE_HASH="{source_hash(folder)}"']
+    command += ["-I", str(SHARED)]
     if sys.platform != "win32":
         command += ["-fPIC", "-pthread"]
     unfinished = output.with_name(f"{output.stem}.{os.getpid()}.unfinished{output.suffix}")

@@ -8,13 +8,10 @@
 #include <cstring>
 #include <vector>
 
-#if defined(__x86_64__)
-#include <cpuid.h>
-#include <immintrin.h>
-#endif
-
 #include "cutout.hpp"
+#include "exported.hpp"
 #include "frame.hpp"
+#include "instruction_sets.hpp"
 #include "scene.hpp"
 #include "team.hpp"
 
@@ -27,56 +24,23 @@ namespace baseline {
 }  // namespace baseline
 
 #if defined(__x86_64__)
-#if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
-#else
-#pragma GCC push_options
-#pragma GCC target("avx2")
-#endif
+LW_BEGIN_AVX2
 namespace avx2 {
 #define LW_LANES 4
 #include "variant.hpp"
 #undef LW_LANES
 }  // namespace avx2
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
+LW_END_AVX2
 #endif
-#endif
-
-// Asked of the CPU itself: __builtin_cpu_supports does not link everywhere (zig's compiler-rt).
-int best_level() {
-#if defined(__x86_64__)
-  constexpr uint32_t kXmmAndYmmSaved = 6;
-  uint32_t a = 0, b = 0, c = 0, d = 0;
-  if (!__get_cpuid(1, &a, &b, &c, &d) || (c & bit_OSXSAVE) == 0) return 0;
-  uint32_t saved = 0, high = 0;
-  __asm__ volatile("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
-  if ((saved & kXmmAndYmmSaved) != kXmmAndYmmSaved) return 0;
-  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) && (b & bit_AVX2) != 0) return 1;
-#endif
-  return 0;
-}
 
 }  // namespace lw
 
-#if defined(_WIN32)
-#define LW_EXPORT extern "C" __declspec(dllexport)
-#else
-#define LW_EXPORT extern "C" __attribute__((visibility("default")))
-#endif
-
-#ifndef LEGOWORLD_SOURCE_HASH
-#error "compile with -DLEGOWORLD_SOURCE_HASH=\"...\", as setup.py does"
-#endif
-
-LW_EXPORT const char* lw_source_hash() { return LEGOWORLD_SOURCE_HASH; }
+LW_API const char* lw_source_hash() { return LEGOWORLD_SOURCE_HASH; }
 
 // 0 the baseline of the platform, 1 AVX2.
-LW_EXPORT int32_t lw_best_level() { return lw::best_level(); }
+LW_API int32_t lw_best_level() { return lw::has_avx2() ? 1 : 0; }
 
-LW_EXPORT int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
+LW_API int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
                             int32_t level, int32_t* instance, float* depth) {
   try {
 #if defined(__x86_64__)
@@ -89,7 +53,7 @@ LW_EXPORT int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int3
   }
 }
 
-LW_EXPORT int32_t lw_coverage(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
+LW_API int32_t lw_coverage(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
                               uint8_t* reach) {
   try {
     return lw::baseline::coverage(*surfaces, *view, threads, reach);

@@ -80,6 +80,7 @@ def test_the_sdist_holds_the_sources_of_the_kernel(built):
     with tarfile.open(sdist) as archive:
         names = archive.getnames()
     assert any(n.endswith("legoworld/visibility/kernel.cpp") for n in names)
+    assert any(n.endswith("legoworld/visibility/shared/exported.hpp") for n in names)
     assert any(n.endswith("legoworld/evaluation/kernels/accumulate.cpp") for n in names)
     assert any(n.endswith("legoworld/evaluation/kernels/api.hpp") for n in names)
     assert not any(n.endswith("_kernel.so") for n in names)

@@ -111,6 +111,17 @@ def test_names_and_contents_are_hashed_apart(tmp_path):
     assert all(len(value) == 64 and int(value, 16) >= 0 for value in hashes)
 
 
+def test_a_changed_shared_header_makes_every_library_stale(copy, monkeypatch, tmp_path):
+    shared = tmp_path / "shared"
+    shutil.copytree(compilation.SHARED, shared)
+    monkeypatch.setattr(compilation, "SHARED", shared)
+    library.load_library(copy)
+    with (shared / "instruction_sets.hpp").open("a") as source:
+        source.write("// changed\n")
+    with pytest.raises(KernelBuildError, match="older than its sources"):
+        library.load_library(copy)
+
+
 def test_a_folder_is_compiled_by_the_first_compiler_there_is(monkeypatch, tmp_path):
     monkeypatch.delenv("CXX", raising=False)
     there = {"g++": "/there/g++", "clang++": "/there/clang++"}

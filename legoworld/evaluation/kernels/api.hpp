@@ -1,11 +1,7 @@
-// What every function of this library is declared with, and what it answers.
+// What the functions of this library answer.
 
 #pragma once
 
-#if defined(_WIN32)
-#define LW_API extern "C" __declspec(dllexport)
-#else
-#define LW_API extern "C" __attribute__((visibility("default")))
-#endif
+#include "exported.hpp"
 
 constexpr int kDone = 0, kNoMemory = 1, kTooMany = 2, kUnsound = 3;

@@ -5,12 +5,8 @@
 #include <cstdint>
 #include <new>
 
-#if defined(__x86_64__)
-#include <cpuid.h>
-#include <immintrin.h>
-#endif
-
 #include "api.hpp"
+#include "instruction_sets.hpp"
 #include "nearest_cloud.hpp"
 
 namespace nearest {
@@ -27,38 +23,14 @@ namespace baseline {
 }  // namespace baseline
 
 #if defined(__x86_64__)
-#if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
-#else
-#pragma GCC push_options
-#pragma GCC target("avx2")
-#endif
+LW_BEGIN_AVX2
 namespace avx2 {
 #define LW_LANES 4
 #include "nearest_search.hpp"
 #undef LW_LANES
 }  // namespace avx2
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
+LW_END_AVX2
 #endif
-#endif
-
-// Asked of the CPU itself: __builtin_cpu_supports does not link everywhere (zig's compiler-rt).
-bool has_avx2() {
-#if defined(__x86_64__)
-    constexpr uint32_t kXmmAndYmmSaved = 6;
-    uint32_t a = 0, b = 0, c = 0, d = 0;
-    if (!__get_cpuid(1, &a, &b, &c, &d) || (c & bit_OSXSAVE) == 0) return false;
-    uint32_t saved = 0, high = 0;
-    __asm__ volatile("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
-    if ((saved & kXmmAndYmmSaved) != kXmmAndYmmSaved) return false;
-    return __get_cpuid_count(7, 0, &a, &b, &c, &d) && (b & bit_AVX2) != 0;
-#else
-    return false;
-#endif
-}
 
 void search(const Cloud &queries, const Cloud &targets, Reach reach, bool wide, double *squared,
             int32_t *index) {
@@ -79,7 +51,7 @@ LW_API int32_t lw_nearest(const LwSurface *surface_a, const LwSurface *surface_b
                           double absolute, int32_t plain, double *squared_a, int32_t *index_a,
                           double *squared_b, int32_t *index_b) {
     try {
-        bool wide = !plain && nearest::has_avx2();
+        bool wide = !plain && lw::has_avx2();
         nearest::Cloud a = nearest::Builder(*surface_a).build();
         nearest::Cloud b = nearest::Builder(*surface_b).build();
         // |q - g| <= r z_g and z_g <= z_q + |q - g| give |q - g| <= r / (1 - r) z_q.
