@@ -17,6 +17,16 @@ LEVEL: Final = 0.95
 _BLOCK_ELEMENTS: Final = 1 << 18
 
 
+def check_draws(draws: int, seed: int) -> None:
+    """Raise UsageError for a bootstrap that cannot be drawn."""
+    if draws < 1 or seed < 0:
+        raise UsageError(
+            "invalid bootstrap settings",
+            found=f"{counted(draws, 'draw', 'draws')}, seed {seed}",
+            expected="at least one draw, and a seed of at least 0",
+        )
+
+
 def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
     """How often each group is in each bootstrap sample: (draws, n_groups), rows sum to n_groups.
 

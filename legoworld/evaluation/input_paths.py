@@ -1,4 +1,4 @@
-"""The names of inputs in evidence.json when a command works on local copies of URLs."""
+"""How an evaluation opens: its inputs hashed and named, and its folder prepared for them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from legoworld.records.folders.evaluation_folder import InputFile
+from legoworld.records.evidence import TaskConfiguration
+from legoworld.records.folders.evaluation_folder import InputFile, input_file, prepare_folder
 from legoworld.remote import child
 
 
@@ -23,13 +24,28 @@ class Origins:
 HERE = Origins()
 
 
-def recorded_inputs(inputs: Sequence[InputFile], run: Path, origins: Origins) -> list[InputFile]:
-    """The inputs with names that remain valid after the copies are deleted.
+def prepared_inputs(
+    output: Path,
+    files: Sequence[tuple[str, Path]],
+    configuration: TaskConfiguration,
+    *,
+    run: Path,
+    origins: Origins,
+    overwrite: bool,
+) -> list[InputFile]:
+    """Hash the files that a score depends on and prepare the evaluation folder for them.
 
-    A file of a run at a URL is named by its own URL. Where the evaluation goes to a URL, a file
-    of this machine has no path relative to it, and is named by its whole path.
+    files: role and path of each, as it lies here. A file of a run at a URL is named by its own URL,
+    which remains valid after the copy is deleted. Where the evaluation goes to a URL, a file of
+    this machine has no path relative to it, and is named by its whole path. Raises as
+    `prepare_folder` does.
     """
-    return [replace(file, recorded=_recorded(file.path, run, origins)) for file in inputs]
+    inputs = [
+        replace(input_file(role, path), recorded=_recorded(path, run, origins))
+        for role, path in files
+    ]
+    prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
+    return inputs
 
 
 def _recorded(path: Path, run: Path, origins: Origins) -> str | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.errors import UsageError
+from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.depth.declaration import DECLARATION
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.image_tasks import image_tasks, scored_images
@@ -14,19 +15,15 @@ from legoworld.evaluation.depth.predictions import DepthRun, read_depth_run
 from legoworld.evaluation.depth.protocol import CAMERA_MODELS, DepthProtocol, depth_protocol
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
-from legoworld.evaluation.input_paths import HERE, Origins, recorded_inputs
+from legoworld.evaluation.input_paths import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
-from legoworld.pluralize import counted
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
 from legoworld.records.evidence import DepthConfiguration, DepthEvidence
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
-    InputFile,
-    input_file,
     installed_versions,
-    prepare_folder,
     write_evaluation,
 )
 from legoworld.records.folders.run_reading import ROWS, RUN
@@ -60,9 +57,11 @@ def evaluate_depth(
     depth_run = read_depth_run(run)
     files = find_truth(truth, [image.image for image in depth_run.images])
     _check(depth_run, files, settings)
-    inputs = recorded_inputs(_inputs(depth_run, truth, files), run, origins)
     configuration = _configuration(protocol, settings)
-    prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
+    read = _inputs(depth_run, truth, files)
+    inputs = prepared_inputs(
+        output, read, configuration, run=run, origins=origins, overwrite=overwrite
+    )
     rows: list[DepthRow] = []
     views: dict[str, Any] = {"run.json": run_view(depth_run.run)}
     tasks = image_tasks(depth_run.images, files, warped=camera_model == "dataset")
@@ -101,12 +100,7 @@ def evaluate_depth(
 
 
 def _check(run: DepthRun, files: Sequence[TruthFile], settings: Settings) -> None:
-    if settings.draws < 1 or settings.seed < 0:
-        raise UsageError(
-            "invalid bootstrap settings",
-            found=f"{counted(settings.draws, 'draw', 'draws')}, seed {settings.seed}",
-            expected="at least one draw, and a seed of at least 0",
-        )
+    check_draws(settings.draws, settings.seed)
     if settings.camera_model not in CAMERA_MODELS:
         raise UsageError(
             "unknown camera model",
@@ -142,8 +136,8 @@ def _configuration(protocol: DepthProtocol, settings: Settings) -> DepthConfigur
     )
 
 
-def _inputs(run: DepthRun, truth: Path, files: Sequence[TruthFile]) -> list[InputFile]:
-    """Every file the score depends on, hashed; one that is shared by images comes once."""
+def _inputs(run: DepthRun, truth: Path, files: Sequence[TruthFile]) -> list[tuple[str, Path]]:
+    """Every file the score depends on; one that is shared by images comes once."""
     paths = [("run", run.run.folder / RUN), ("run_rows", run.run.folder / ROWS)]
     paths += [("prediction", image.path) for image in run.images if names_a_file(image.path)]
     paths += [("truth", file.path) for file in files]
@@ -151,4 +145,4 @@ def _inputs(run: DepthRun, truth: Path, files: Sequence[TruthFile]) -> list[Inpu
         paths.append(("truth_declaration", truth / DECLARATION))
     calibration = sorted({path for file in files for path in file.calibration})
     paths += [("calibration", path) for path in calibration]
-    return [input_file(role, path) for role, path in paths]
+    return paths

@@ -37,7 +37,7 @@ from legoworld.evaluation.detection.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.input_paths import HERE, Origins, recorded_inputs
+from legoworld.evaluation.input_paths import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_summary import (
@@ -60,10 +60,7 @@ from legoworld.records.evidence import (
 )
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
-    InputFile,
-    input_file,
     installed_versions,
-    prepare_folder,
     write_evaluation,
 )
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
@@ -93,11 +90,13 @@ def evaluate_detections(
     protocol = detection_protocol(run.task)
     kind = evaluator or default_evaluator(protocol, warn)
     truth = read_truth(truth_path, run, protocol)
-    inputs = _inputs(run, truth_path, origins)
     configuration = DetectionConfiguration(
         task=run.task, evaluator=kind, draws=draws, seed=seed, card_sha256=protocol.card.sha256
     )
-    prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
+    files = [("truth", truth_path), *run_inputs(run)]
+    inputs = prepared_inputs(
+        output, files, configuration, run=run.folder, origins=origins, overwrite=overwrite
+    )
     notice("checking the predictions")
     batches = read_predictions(run, kind_of(protocol))
     predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
@@ -132,11 +131,6 @@ def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKin
         )
         return "fast"
     return "official"
-
-
-def _inputs(run: Run, truth_path: Path, origins: Origins) -> list[InputFile]:
-    files = [("truth", truth_path), *run_inputs(run)]
-    return recorded_inputs([input_file(*file) for file in files], run.folder, origins)
 
 
 def _kept_equal(predictions: Predictions, own: Score) -> Predictions:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from legoworld.errors import UsageError
-from legoworld.evaluation.input_paths import HERE, Origins, recorded_inputs
+from legoworld.evaluation.bootstrap import check_draws
+from legoworld.evaluation.input_paths import HERE, Origins, prepared_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.choices import Choices
@@ -21,14 +21,10 @@ from legoworld.evaluation.reconstruction.reference import check_sampling
 from legoworld.evaluation.reconstruction.submission import BenchRun, files_of, read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.evaluation.run import run_view
-from legoworld.pluralize import counted
 from legoworld.records.evidence import BenchConfiguration, BenchEvidence
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
-    InputFile,
-    input_file,
     installed_versions,
-    prepare_folder,
     write_evaluation,
 )
 from legoworld.records.folders.run_reading import ROWS, RUN
@@ -57,14 +53,17 @@ def evaluate_bench(
     options and output do not go together; what is wrong with one submission is that case's row.
     """
     protocol, choices = bench_protocol(), choices or Choices()
-    _check(choices, draws, seed)
+    check_sampling(choices.sampling)
+    check_draws(draws, seed)
     run, truth = run.absolute(), truth.absolute()
     dataset, bench_run = read_dataset(truth), read_bench_run(run)
     ids = [row.image_id for row in bench_run.rows]
     check_run(dataset, run.name, bench_run.run.configuration.track_sha256 or None, ids)
-    inputs = recorded_inputs(_inputs(bench_run, dataset, choices), run, origins)
     configuration = _configuration(protocol, choices, draws, seed)
-    prepare_folder(output, configuration=configuration, inputs=inputs, overwrite=overwrite)
+    files = _inputs(bench_run, dataset, choices)
+    inputs = prepared_inputs(
+        output, files, configuration, run=run, origins=origins, overwrite=overwrite
+    )
     rows: list[ReconstructionRow] = []
     tasks = case_tasks(bench_run, dataset, protocol, choices)
     for row in scored_cases(seen_tasks(tasks), pool):
@@ -130,16 +129,6 @@ def settings_of(
     )
 
 
-def _check(choices: Choices, draws: int, seed: int) -> None:
-    check_sampling(choices.sampling)
-    if draws < 1 or seed < 0:
-        raise UsageError(
-            "the bootstrap cannot be drawn like this",
-            found=f"{counted(draws, 'draw', 'draws')}, seed {seed}",
-            expected="at least one draw, and a seed of at least 0",
-        )
-
-
 def _configuration(
     protocol: BenchProtocol, choices: Choices, draws: int, seed: int
 ) -> BenchConfiguration:
@@ -154,8 +143,8 @@ def _configuration(
     )
 
 
-def _inputs(run: BenchRun, dataset: BenchDataset, choices: Choices) -> list[InputFile]:
-    """Every file that the scores depend on, hashed."""
+def _inputs(run: BenchRun, dataset: BenchDataset, choices: Choices) -> list[tuple[str, Path]]:
+    """Role and path of every file that the scores depend on."""
     folder, folders = run.run.folder, dataset.folders
     cases = [dataset.cases[row.image_id] for row in run.rows]
     paths: list[tuple[str, Path]] = [("run", folder / RUN), ("run_rows", folder / ROWS)]
@@ -168,8 +157,4 @@ def _inputs(run: BenchRun, dataset: BenchDataset, choices: Choices) -> list[Inpu
         paths += [("truth_arrays", path) for path in wanted if path.is_file()]
         picture = folders.reference(case)
         paths += [("reference", picture)] if picture.is_file() else []
-    return [input_file(role, path) for role, path in _once(paths)]
-
-
-def _once(paths: Sequence[tuple[str, Path]]) -> list[tuple[str, Path]]:
     return list(dict.fromkeys(paths))
