@@ -34,8 +34,8 @@ def crossing(stage: Stage) -> None:
     for x, y in ((2, -2), (-2, -2)):
         stage.put(C + "base", x, y, z=0.0)
     stage.put(C + "car_taxi", 0.33, -2.4, turn=180, category="car", tier=M)
-    stage.put(C + "car_sedan", -3.0, -0.33, turn=90, category="car", tier=M)
-    stage.put(C + "car_police", -0.33, 3.0, category="car", tier=M)
+    stage.put(C + "car_sedan", -3.7, -0.33, turn=90, category="car", tier=M)
+    stage.put(C + "car_police", -0.33, 3.8, category="car", tier=M)
     for x, y, turn in ((0.85, -1.15, 0), (-0.85, 1.15, 180)):
         stage.put(C + "trafficlight_B", x, y, turn=turn, category="traffic light", tier=M)
     stage.put(C + "streetlight", 1.15, -2.6, category="street light", tier=M)
@@ -60,10 +60,10 @@ def street(stage: Stage) -> None:
     for i, name in enumerate("BHDAFCG"):
         stage.put(f"{C}building_{name}", 2 * (i - 3), 2, z=0.0, category="building")
     stage.put(C + "car_hatchback", -1.6, -0.33, turn=90, category="car", tier=M)
-    stage.put(C + "car_stationwagon", 1.1, 0.33, turn=-90, category="car", tier=M)
+    stage.put(C + "car_stationwagon", 1.8, 0.33, turn=-90, category="car", tier=M)
     stage.put(C + "streetlight", -2.2, -1.15, turn=-90, category="street light", tier=M)
     stage.put(C + "streetlight", 2.2, -1.15, turn=-90, category="street light", tier=M)
-    stage.put(C + "watertower", 2.6, -2.2, category="water tower", tier=M)
+    stage.put(C + "watertower", 0.2, 2.0, category="water tower", tier=M)
     stage.put(C + "bench", 0.0, -1.6, category="bench", tier=H)
     stage.put(C + "trash_A", 0.5, -1.6, category="trash", tier=H)
     stage.put(C + "bush", -0.5, -1.7, category="bush", tier=H)

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from bench.stage import PROGRAM, picture
 from evaluation.commands import files
 from evaluation.reconstruction.datasets import write_dataset, write_run
+from running.buckets import KINDS, empty_bucket
 from running.run_folders import results
 
 from legoworld import cli
 from legoworld import remote as places
+from legoworld.records.base import decode
+from legoworld.records.reconstruction_summary import ReconstructionSummary
 
-ray = pytest.importorskip("ray")
-fsspec = pytest.importorskip("fsspec")
+pytest.importorskip("ray")
+pytest.importorskip("fsspec")
 
 pytestmark = [
     pytest.mark.cluster, pytest.mark.blender, pytest.mark.filterwarnings("default"),
@@ -72,18 +76,31 @@ def test_cases_are_scored_on_two_nodes(tmp_path, two_nodes, monkeypatch):
     assert files(tmp_path / "ray") == files(tmp_path / "local")
 
 
-def test_submissions_and_runs_at_urls(made, tmp_path):
-    """From and to an object store; s3 goes the same way, see tests/running/test_places.py."""
-    fsspec.filesystem("memory").rm("/", recursive=True)
-    places.publish_folder(made / "submissions", "memory://bench/submissions", last="")
+@pytest.fixture(params=KINDS)
+def bucket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The URL of an empty place of each kind."""
+    with empty_bucket(request.param, monkeypatch) as url:
+        yield url
+
+
+def test_submissions_runs_and_evaluations_at_urls(made, tmp_path, bucket):
+    """The same bytes as in folders, from and to an object store."""
+    places.publish_folder(made / "submissions", f"{bucket}/submissions", last="")
     readout(made, str(made / "submissions"), str(tmp_path / "local"))
-    readout(made, "memory://bench/submissions", "memory://bench/run")
-    places.fetch_folder("memory://bench/run", tmp_path / "fetched")
+    readout(made, f"{bucket}/submissions", f"{bucket}/run")
+    places.fetch_folder(f"{bucket}/run", tmp_path / "fetched")
     assert results(tmp_path / "fetched") == results(tmp_path / "local")
+    assert "surface/room0__view_00.npz" in results(tmp_path / "fetched")
     private = str(made / "bench" / "private")
-    for run, output in (("memory://bench/run", "url"), (str(tmp_path / "local"), "here")):
-        arguments = ["evaluate", run, "--truth", private, "-o", str(tmp_path / output)]
+    for run, output in (
+        (f"{bucket}/run", f"{bucket}/eval"), (str(tmp_path / "local"), str(tmp_path / "here")),
+    ):  # fmt: skip
+        arguments = ["evaluate", run, "--truth", private, "-o", output]
         assert cli.run([*arguments, "--draws", "1", "-q"]) == 0
-    for name in ("per_image.jsonl", "summary.json"):
-        written = [(tmp_path / output / name).read_bytes() for output in ("url", "here")]
-        assert written[0] == written[1], name
+    places.fetch_folder(f"{bucket}/eval", tmp_path / "there")
+    there, here = files(tmp_path / "there"), files(tmp_path / "here")
+    assert there.keys() == here.keys()
+    # evidence.json alone says where its inputs are.
+    assert {n for n in here if there[n] != here[n]} <= {"evidence.json"}
+    assert {"per_image.jsonl", "summary.json"} < here.keys()
+    assert decode(ReconstructionSummary, there["summary.json"]).metrics["R"].value == 1.0

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from running.buckets import KINDS, empty_bucket
 from running.run_folders import readout, results
 
 from legoworld import cli
 from legoworld import remote as places
 
-fsspec = pytest.importorskip("fsspec")
+pytest.importorskip("fsspec")
 
 pytestmark = pytest.mark.blender
 
@@ -35,31 +36,11 @@ def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
     return folder
 
 
-@pytest.fixture(params=["memory", pytest.param("s3", marks=pytest.mark.cluster)])
+@pytest.fixture(params=KINDS)
 def bucket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The URL of an empty place of each kind."""
-    if request.param == "memory":
-        fsspec.filesystem("memory").rm("/", recursive=True)
-        yield "memory://bucket"
-        return
-    s3fs = pytest.importorskip("s3fs")
-    s3fs.S3FileSystem.clear_instance_cache()  # of another server
-    server = pytest.importorskip("moto.server").ThreadedMotoServer("127.0.0.1", port=0)
-    server.start()
-    host, port = server.get_host_and_port()
-    for name, value in (
-        ("AWS_ACCESS_KEY_ID", "key"),
-        ("AWS_SECRET_ACCESS_KEY", "secret"),
-        ("AWS_DEFAULT_REGION", "us-east-1"),
-        ("AWS_ENDPOINT_URL", f"http://{host}:{port}"),
-    ):
-        monkeypatch.setenv(name, value)
-    system = fsspec.filesystem("s3")
-    if system.exists("bucket"):
-        system.rm("bucket", recursive=True)
-    system.mkdir("bucket")
-    yield "s3://bucket"
-    server.stop()
+    with empty_bucket(request.param, monkeypatch) as url:
+        yield url
 
 
 @pytest.mark.filterwarnings("default")
