@@ -26,16 +26,16 @@ def crossing(stage: Stage) -> None:
     for d in (2, 4, 6):
         tile = "road_straight_crossing" if d == 2 else "road_straight"
         for sign in (1, -1):
-            stage.put(C + tile, sign * d, 0, z=0.0)
-            stage.put(C + tile, 0, sign * d, z=0.0, turn=90)
+            stage.put(C + tile, sign * d, 0, z=0.0, turn=90)
+            stage.put(C + tile, 0, sign * d, z=0.0)
     houses = [("A", 2, 2), ("C", -2, 2), ("G", 2, 4), ("E", -2, 4), ("B", 4, 2), ("D", -4, 2)]
     for name, x, y in houses:
         stage.put(f"{C}building_{name}", x, y, z=0.0, category="building")
     for x, y in ((2, -2), (-2, -2)):
         stage.put(C + "base", x, y, z=0.0)
-    stage.put(C + "car_taxi", 0.33, -2.4, turn=180, category="car", tier=M)
-    stage.put(C + "car_sedan", -3.7, -0.33, turn=90, category="car", tier=M)
-    stage.put(C + "car_police", -0.33, 3.8, category="car", tier=M)
+    stage.put(C + "car_taxi", 0.33, -2.75, turn=180, category="car", tier=M)
+    stage.put(C + "car_sedan", -3.2, -0.33, turn=90, category="car", tier=M)
+    stage.put(C + "car_police", -0.33, 3.3, category="car", tier=M)
     for x, y, turn in ((0.85, -1.15, 0), (-0.85, 1.15, 180)):
         stage.put(C + "trafficlight_B", x, y, turn=turn, category="traffic light", tier=M)
     stage.put(C + "streetlight", 1.15, -2.6, category="street light", tier=M)
@@ -55,12 +55,12 @@ def street(stage: Stage) -> None:
     _ground(stage, 9.0)
     _sky(stage)
     for i in range(-4, 5):
-        stage.put(C + "road_straight", 2 * i, 0, z=0.0)
+        stage.put(C + "road_straight", 2 * i, 0, z=0.0, turn=90)
         stage.put(C + "base", 2 * i, -2, z=0.0)
     for i, name in enumerate("BHDAFCG"):
         stage.put(f"{C}building_{name}", 2 * (i - 3), 2, z=0.0, category="building")
     stage.put(C + "car_hatchback", -1.6, -0.33, turn=90, category="car", tier=M)
-    stage.put(C + "car_stationwagon", 1.8, 0.33, turn=-90, category="car", tier=M)
+    stage.put(C + "car_stationwagon", 1.1, 0.33, turn=-90, category="car", tier=M)
     stage.put(C + "streetlight", -2.2, -1.15, turn=-90, category="street light", tier=M)
     stage.put(C + "streetlight", 2.2, -1.15, turn=-90, category="street light", tier=M)
     stage.put(C + "watertower", 0.2, 2.0, category="water tower", tier=M)
@@ -82,7 +82,7 @@ def car_park(stage: Stage) -> None:
     for x in (-4, -2, 0, 2, 4):
         for y in (-2, 0):
             stage.put(C + "base", x, y, z=0.0)
-        stage.put(C + "road_straight", x, -4, z=0.0)
+        stage.put(C + "road_straight", x, -4, z=0.0, turn=90)
     for name, x in (("E", -2), ("H", 0), ("F", 2)):
         stage.put(f"{C}building_{name}", x, 2, z=0.0, category="building")
     for kind, x in (("sedan", -2.4), ("taxi", -0.8), ("hatchback", 0.8)):
@@ -97,5 +97,5 @@ def car_park(stage: Stage) -> None:
     stage.put(C + "box_A", 3.2, -1.4, turn=25, category="box", tier=H)
     stage.put(C + "box_B", 3.2, -1.4, turn=60, category="box", tier=H, reach=0.2)
     stage.put(C + "trash_B", 3.4, -0.3, category="trash", tier=H)
-    stage.view(0, (0.3, -6.4, 6.2), (0.0, -0.7, 0.0), 36.0)
+    stage.view(0, (0.3, -7.0, 6.0), (0.0, -1.0, 0.0), 36.0)
     stage.view(1, (5.2, -5.6, 3.2), (-0.2, -0.4, 0.3), 30.0)
