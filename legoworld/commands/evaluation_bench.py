@@ -95,6 +95,8 @@ def _noise(summary: ReconstructionSummary) -> list[str]:
         )
     elif summary.metrics["A"].value is not None:
         lines.append("A's noise floor was not measured when the dataset was made")
+    else:
+        lines.append("A and S are undefined: valid cases have no render (readout --no-render)")
     if noise.two_seeds is not None:
         lines.append(
             f"two seeds of a submission's render differ at {noise.two_seeds:.2%} of the pixels "

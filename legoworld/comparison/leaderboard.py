@@ -129,6 +129,10 @@ def _notes(board: Leaderboard) -> list[str]:
             notes.append(
                 f"{row.agent} {row.model}: S [{low:.1f}, {high:.1f}] (95 %, {draws} of families)."
             )
+        elif every.mean is None:
+            notes.append(f"{row.agent} {row.model}: A and S are undefined: no render of a case.")
+        else:
+            notes.append(f"{row.agent} {row.model}: a single family, so no interval.")
     return notes
 
 

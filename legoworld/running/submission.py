@@ -201,7 +201,7 @@ def read_surface(
         surface=_surface_entry(run, name, surface),
         integrity=_integrity(facts, shown),
         joints=joints or UNSET,
-        warnings=(*row.warnings, *warnings),
+        warnings=(*row.warnings, *warnings, *_unreadable_images(facts)),
     )
     return made, surface
 
@@ -210,6 +210,17 @@ def _surface_entry(run: Path, name: str, surface: VisibleSurface) -> SurfaceFile
     return SurfaceFile(
         **vars_of(written(run, name)), raster_wh=surface.raster_wh, finite_px=surface.finite_px
     )
+
+
+def _unreadable_images(facts: SceneFacts) -> list[str]:
+    """What a scene loses where it is opened: images that were not delivered with it."""
+    return [
+        f"image {image['name']!r} cannot be read and renders magenta: "
+        f"{as_unicode(image['path'])}{', an absolute path' if image['absolute_path'] else ''}; "
+        f"pack it into {BLEND}"
+        for image in facts.values["images"]
+        if image["size_wh"] == [0, 0] and image["users"] and not image["generated"]
+    ]
 
 
 def _integrity(facts: SceneFacts, planes: list[CameraPlane]) -> Integrity:

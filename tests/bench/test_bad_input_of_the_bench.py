@@ -114,6 +114,9 @@ def test_a_camera_in_a_wall_and_another_aspect_are_rendered_too(folder, track_fo
         assert row.render.size_wh == (512, 288)
     images = [image for row in rows if row.integrity for image in row.integrity.images]
     assert [(i.path, i.absolute_path) for i in images] == [("a.png", True), ("b.png", False)]
+    (pink,) = (row for row in rows if row.scene == "absolute")
+    assert any("'a' cannot be read" in w and "a.png, an absolute path" in w for w in pink.warnings)
+    assert [row.warnings for row in rows if row is not pink] == [(), ()]
     for path in run.rglob("*.json*"):
         assert b"/srv/agents" not in path.read_bytes()
 
@@ -166,6 +169,6 @@ def test_a_dataset_that_does_not_belong_is_one_line(tmp_path, capsys, wrong):
     said = capsys.readouterr().err.strip()
     assert len(said.splitlines()) == 1
     words = {"another_half": "another dataset", "edited_track": "its track was edited",
-             "no_half": "truth.json"}  # fmt: skip
+             "no_half": "DATASET/public beside it"}  # fmt: skip
     assert words[wrong] in said
     assert not (tmp_path / "eval").exists()

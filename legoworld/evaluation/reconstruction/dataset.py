@@ -128,4 +128,6 @@ def _record(kind: type[T], path: Path, expected: str) -> T:
             f"{path.parent.name}/{path.name} cannot be read",
             found=getattr(error, "strerror", None) or str(error),
             expected=expected,
+            next_step="pass the folder that `legoworld bench make` wrote as DATASET/private, with "
+            "DATASET/public beside it",
         ) from error

@@ -138,8 +138,8 @@ def _noise(rows: Sequence[ReconstructionRow]) -> NoiseSummary:
 def _not_scored(row: ReconstructionRow) -> NotScored:
     status, reason = row.status, row.reason
     if status == COMPARED:
-        failed = [name for name, check in (row.validity or {}).items() if not check.ok]
-        status, reason = "not_valid", ", ".join(failed) or None
+        failed = {name: c.found for name, c in (row.validity or {}).items() if not c.ok}
+        status, reason = "not_valid", "; ".join(c or name for name, c in failed.items()) or None
     return NotScored(image_id=row.image_id, file_name=row.file_name, status=status, reason=reason)
 
 

@@ -72,7 +72,7 @@ def test_what_was_not_made_counts_zero_by_name_and_stays_in_the_denominator(data
     assert [(n.image_id, n.status) for n in summary.not_scored] == [
         (1, "missing"), (2, "timeout"), (3, "not_valid"),
     ]  # fmt: skip
-    assert summary.not_scored[2].reason == "scene_glb"
+    assert summary.not_scored[2].reason == "empty"
     for image_id in (1, 2, 3):
         row = rows[image_id]
         assert (row["valid"], row["R"], row["A"], row["S"]) == (False, 0, 0, 0)

@@ -118,6 +118,13 @@ def test_a_conditional_mean_weights_families_by_their_valid_cases():
     assert found.interval.ends == (0.5, 1.0)
 
 
+def test_a_case_that_is_not_valid_is_zero_at_every_tolerance():
+    rows = [row(1, r=0.5, a=0.5), replace(row(2, valid=False), R_at={"F2": 0.9})]
+    found = means_of(list(MEASURES.values()), rows, None)
+    assert (found["F2"].value, found["R"].value, found["R_valid"].value) == (0.25, 0.25, 0.5)
+    assert (found["F2"].n, found["R_valid"].n) == (2, 1)
+
+
 def test_a_case_without_a_render_leaves_a_and_s_undefined():
     rows = [row(1), replace(row(2), A=None, S=None)]
     found = means_of(list(MEASURES.values()), rows, None)
