@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from legoworld.conventions import ALPHA_THRESHOLD, EQUAL_CONFIDENCE, NO_DEPTH, NO_INSTANCE
-from legoworld.errors import InstallationError
+from legoworld.errors import CatalogError, InstallationError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
 from legoworld.shipped import catalog
+
+T = TypeVar("T")
 
 #: The values the code implements, by card key; a card that declares another value is refused.
 _FIXED: dict[str, Any] = {
@@ -124,6 +127,20 @@ class Card:
             found = found[part]
         return found
 
+    def hold_to(self, fixed: Mapping[str, Any]) -> None:
+        """InstallationError where the card declares another value than the code implements.
+
+        fixed: those values by their dotted keys.
+        """
+        for key, expected in fixed.items():
+            if self.value(key) != expected:
+                raise InstallationError(
+                    f"readouts/{self.task}.toml declares a protocol the code does not implement",
+                    found=f"{key} = {self.value(key)!r}",
+                    expected=f"{key} = {expected!r}",
+                    next_step="restore the card; another protocol needs other code",
+                )
+
 
 def load_card(task: str) -> Card:
     """The shipped card of a task."""
@@ -132,16 +149,23 @@ def load_card(task: str) -> Card:
 
 def read_card(path: Path, task: str) -> Card:
     """Read a card; InstallationError when a fixed value is not the one the code implements."""
+    card = read_values(path, task)
+    card.hold_to({**_FIXED, **_FIXED_FOR[task]})
+    return card
+
+
+def read_values(path: Path, task: str) -> Card:
+    """Read a card without holding it to anything."""
     with path.open("rb") as stream:
         values = tomllib.load(stream)
-    card = Card(task=task, sha256=sha256_of_file(path), values=values)
-    for key, expected in {**_FIXED, **_FIXED_FOR[task]}.items():
-        found = card.value(key)
-        if found != expected:
-            raise InstallationError(
-                f"{path.name} declares a protocol the code does not implement",
-                found=f"{key} = {found!r}",
-                expected=f"{key} = {expected!r}",
-                next_step="restore the card; another protocol is another readout",
-            )
-    return card
+    return Card(task=task, sha256=sha256_of_file(path), values=values)
+
+
+def read_toml(kind: type[T], path: Path, *, what: str, expected: str, next_step: str = "") -> T:
+    """A TOML file as a value of its type. CatalogError, with these words, for any other content."""
+    try:
+        return to_record(kind, tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError) as error:
+        raise CatalogError(
+            f"{what} cannot be used", found=str(error), expected=expected, next_step=next_step
+        ) from error

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from legoworld.cards import load_card, read_card
 from legoworld.errors import CatalogError
+from legoworld.evaluation.depth.protocol import depth_protocol
+from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.readouts.tasks import protocol
 from legoworld.shipped.catalog import folder
 from legoworld.tracks.track import load_track, scene_name
@@ -140,6 +143,14 @@ def test_a_card_that_declares_something_else_is_refused(task, tmp_path):
     changed.write_text(text.replace("alpha_threshold = 0.5", ""))
     with pytest.raises(CatalogError, match="alpha_threshold"):
         read_card(changed, task)
+
+
+@pytest.mark.parametrize(("read", "task"), [(depth_protocol, "eth3d"), (bench_protocol, "bench")])
+def test_a_card_that_scores_otherwise_is_refused(read, task):
+    card = load_card(task)
+    other = {**card.values, "scoring": {**card.values["scoring"], "bootstrap_unit": "pixel"}}
+    with pytest.raises(CatalogError, match=r"scoring\.bootstrap_unit = 'pixel'"):
+        read(replace(card, values=other))
 
 
 def write(tmp_path, images, **more):

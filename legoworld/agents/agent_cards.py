@@ -6,17 +6,16 @@ import difflib
 import os
 import shutil
 import subprocess
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from legoworld.agents.mcp_server import server_problems
+from legoworld.cards import read_toml
 from legoworld.errors import CatalogError, UsageError, one_line
 from legoworld.files import sha256_of_file
 from legoworld.records.agents import AgentCardFile
-from legoworld.records.base import RecordError, to_record
 
 _CARDS: Final = Path(__file__).with_name("cards")
 _VERSION_WITHIN_S: Final = 20.0
@@ -65,15 +64,13 @@ def load_agent(name: str) -> AgentCard:
 
 def read_agent_card(path: Path) -> AgentCard:
     """Read a card. CatalogError says what it lacks."""
-    try:
-        about = to_record(AgentCardFile, tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, RecordError) as error:
-        raise CatalogError(
-            f"the card {path.name} cannot be used",
-            found=str(error),
-            expected="a card such as those of legoworld/agents/cards",
-            next_step="docs/agents.md says what a card holds",
-        ) from error
+    about = read_toml(
+        AgentCardFile,
+        path,
+        what=f"the card {path.name}",
+        expected="a card such as those of legoworld/agents/cards",
+        next_step="docs/agents.md says what a card holds",
+    )
     if about.name != path.stem:
         raise CatalogError(
             f"the card {path.name} cannot be used",

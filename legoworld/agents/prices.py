@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from msgspec.structs import replace
 
+from legoworld.cards import read_toml
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.records.agents import Usage
 from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
-from legoworld.records.base import RecordError, to_record
 from legoworld.records.prices import ModelPrice, PriceCardFile
 from legoworld.trajectories.transcripts import usage_of
 
@@ -41,15 +40,13 @@ class PriceCard:
 def read_prices(path: Path | None) -> PriceCard:
     """A price card; without a path the one that is shipped. CatalogError says what is wrong."""
     path = path or PRICES
-    try:
-        about = to_record(PriceCardFile, tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, RecordError) as error:
-        raise CatalogError(
-            f"the price card {path.name} cannot be used",
-            found=str(error),
-            expected="a card such as legoworld/agents/prices.toml",
-            next_step="docs/agents.md says what a price card holds",
-        ) from error
+    about = read_toml(
+        PriceCardFile,
+        path,
+        what=f"the price card {path.name}",
+        expected="a card such as legoworld/agents/prices.toml",
+        next_step="docs/agents.md says what a price card holds",
+    )
     names = [name for price in about.model for name in price.names]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise CatalogError(

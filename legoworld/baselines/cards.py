@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, get_args
 
+from legoworld.cards import read_toml
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
-from legoworld.records.base import UnsetType, to_record
+from legoworld.records.base import UnsetType
 from legoworld.records.cards import BaselineCardFile, BaselineOption, Dtype, OptionValue
 from legoworld.shipped import catalog
 
@@ -103,10 +103,7 @@ def load_baseline(name: str) -> BaselineCard:
 
 def read_card(path: Path) -> BaselineCard:
     """Read a card.toml. Raises CatalogError for an invalid one."""
-    try:
-        about = to_record(BaselineCardFile, tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
-        raise _error(path, str(error), _EXPECTED) from error
+    about = read_toml(BaselineCardFile, path, what=_called(path), expected=_EXPECTED)
     if about.name != path.parent.name:
         raise _error(path, f"name = {about.name!r}", f"its folder's name, {path.parent.name!r}")
     if not (path.parent / PROGRAM).is_file():
@@ -174,6 +171,8 @@ def _option(key: str, entry: BaselineOption, path: Path) -> Option:
 
 
 def _error(path: Path, found: str, expected: str) -> CatalogError:
-    return CatalogError(
-        f"baselines/{path.parent.name}/{CARD} cannot be used", found=found, expected=expected
-    )
+    return CatalogError(f"{_called(path)} cannot be used", found=found, expected=expected)
+
+
+def _called(path: Path) -> str:
+    return f"baselines/{path.parent.name}/{CARD}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,19 +82,16 @@ def _cards(kind: str, task: str | None) -> list[tuple[str, ...]]:
 
 
 def _head(path: Path) -> LicensedHead:
-    from legoworld.errors import CatalogError
-    from legoworld.records.base import to_record
+    from legoworld.cards import read_toml
     from legoworld.records.cards import LicensedHead
 
-    try:
-        return to_record(LicensedHead, tomllib.loads(path.read_text(encoding="utf-8")))
-    except ValueError as error:
-        raise CatalogError(
-            f"{path.parent.name}/{path.name} cannot be used",
-            found=str(error),
-            expected="a card with name, version, title, licence and tasks",
-            next_step="correct the card, or install legoworld again",
-        ) from error
+    return read_toml(
+        LicensedHead,
+        path,
+        what=f"{path.parent.name}/{path.name}",
+        expected="a card with name, version, title, licence and tasks",
+        next_step="correct the card, or install legoworld again",
+    )
 
 
 def _schema(reading: Protocol, *, as_json: bool) -> int:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from legoworld.cards import Card, load_card
-from legoworld.errors import InstallationError
 from legoworld.records.base import to_record
 from legoworld.records.evaluation_summary import DepthChoices
 
@@ -87,14 +86,7 @@ class DepthProtocol:
 def depth_protocol(card: Card | None = None) -> DepthProtocol:
     """The shipped card's protocol; InstallationError if a fixed value differs from the code's."""
     card = card or load_card("eth3d")
-    for key, expected in _FIXED.items():
-        if card.value(key) != expected:
-            raise InstallationError(
-                "the depth card declares a protocol the code does not implement",
-                found=f"{key} = {card.value(key)!r}",
-                expected=f"{key} = {expected!r}",
-                next_step="restore the card; another protocol is another evaluator version",
-            )
+    card.hold_to(_FIXED)
     return DepthProtocol(
         card=card,
         evaluator=str(card.value("scoring.evaluator")),

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
-from legoworld.errors import InstallationError
-from legoworld.files import sha256_of_file
+from legoworld.cards import read_values
 from legoworld.records.articulation import JOINT_TYPES
 from legoworld.shipped import catalog
 
-_FIXED: Final[dict[str, dict[str, Any]]] = {
-    "pilot": {"name": "articulation", "task": "bench", "status": "provisional"},
-    "joints": {
-        "types": list(JOINT_TYPES),
-        "property": "joint",
-        "property_axis": [0.0, 0.0, 1.0],
-        "urdf_root": "object_or_world",
-        "limits": "recorded",
-    },
-    "matching": {"frame": "camera", "assignment": "largest_sum"},
-    "scoring": {
-        "score": "2C / (2C + O + P + J + 2W + E)",
-        "continuous": "revolute",
-        "not_valid": "object_missing",
-    },
+_CARD: Final = "pilots/articulation"
+_FIXED: Final[dict[str, Any]] = {
+    "pilot.name": "articulation",
+    "pilot.task": "bench",
+    "pilot.status": "provisional",
+    "joints.types": list(JOINT_TYPES),
+    "joints.property": "joint",
+    "joints.property_axis": [0.0, 0.0, 1.0],
+    "joints.urdf_root": "object_or_world",
+    "joints.limits": "recorded",
+    "matching.frame": "camera",
+    "matching.assignment": "largest_sum",
+    "scoring.score": "2C / (2C + O + P + J + 2W + E)",
+    "scoring.continuous": "revolute",
+    "scoring.not_valid": "object_missing",
 }
 
 
@@ -46,25 +44,14 @@ class ArticulationRules:
 @cache
 def articulation_rules() -> ArticulationRules:
     """The shipped card. InstallationError when a fixed value is not the code's."""
-    path = catalog.folder("readouts") / "pilots" / "articulation.toml"
-    with path.open("rb") as stream:
-        values = tomllib.load(stream)
-    for table, fixed in _FIXED.items():
-        for key, expected in fixed.items():
-            if values[table][key] != expected:
-                raise InstallationError(
-                    f"{path.name} declares what the code does not do",
-                    found=f"{table}.{key} = {values[table][key]!r}",
-                    expected=f"{table}.{key} = {expected!r}",
-                    next_step="restore the card",
-                )
-    matching, scoring = values["matching"], values["scoring"]
+    card = read_values(catalog.folder("readouts") / f"{_CARD}.toml", _CARD)
+    card.hold_to(_FIXED)
     return ArticulationRules(
-        version=values["pilot"]["version"],
-        sha256=sha256_of_file(path),
-        box_pad=float(matching["box_pad"]),
-        min_box_iou=float(matching["min_box_iou"]),
-        present_recall=float(scoring["present_recall"]),
-        max_axis_deg=float(scoring["max_axis_deg"]),
-        max_axis_apart=float(scoring["max_axis_apart"]),
+        version=card.value("pilot.version"),
+        sha256=card.sha256,
+        box_pad=float(card.value("matching.box_pad")),
+        min_box_iou=float(card.value("matching.min_box_iou")),
+        present_recall=float(card.value("scoring.present_recall")),
+        max_axis_deg=float(card.value("scoring.max_axis_deg")),
+        max_axis_apart=float(card.value("scoring.max_axis_apart")),
     )
