@@ -38,6 +38,41 @@ class BaselineRefusedError(UsageError):
     code = "baseline_refused"
 
 
+def first_message(process: BaselineProcess, name: str) -> Message:
+    """What a process says of its model once it is loaded; its provenance is there.
+
+    BaselineRefusedError with the baseline's own reason; BaselineFailedError where it ends instead.
+    """
+    message = process.next_message(None)
+    if message is None:
+        raise BaselineFailedError(
+            f"the baseline {name} ended before it was ready",
+            found=process.how_it_ended(),
+            expected="a loaded model",
+            next_step="`legoworld doctor` says what its environment lacks; -v shows its log",
+        )
+    if isinstance(message, Unreadable):
+        raise BaselineFailedError(
+            f"the first line of the baseline {name} cannot be used",
+            found=message.reason,
+            expected='{"provenance": {...}}',
+        )
+    if message.refused is not None:
+        raise BaselineRefusedError(
+            f"{name}: {message.refused.message}",
+            found=message.refused.found or "",
+            expected=message.refused.expected or "",
+            next_step=message.refused.next_step or "",
+        )
+    if message.provenance is None:
+        raise BaselineFailedError(
+            f"the baseline {name} does not report what it runs",
+            found="a first line without a provenance",
+            expected='{"provenance": {...}, "environment": {...}}',
+        )
+    return message
+
+
 class Conversation:
     """Requests images until each has a record.
 
@@ -123,34 +158,7 @@ class Conversation:
             working = [i for i in working if i in self._pending]
 
     def _hello(self, process: BaselineProcess) -> None:
-        message = process.next_message(None)
-        name = self._request.card.name
-        if message is None:
-            raise BaselineFailedError(
-                f"the baseline {name} ended before it was ready",
-                found=process.how_it_ended(),
-                expected="a loaded model",
-                next_step="`legoworld doctor` says what its environment lacks; -v shows its log",
-            )
-        if isinstance(message, Unreadable):
-            raise BaselineFailedError(
-                f"the first line of the baseline {name} cannot be used",
-                found=message.reason,
-                expected='{"provenance": {...}}',
-            )
-        if message.refused is not None:
-            raise BaselineRefusedError(
-                f"{name}: {message.refused.message}",
-                found=message.refused.found or "",
-                expected=message.refused.expected or "",
-                next_step=message.refused.next_step or "",
-            )
-        if message.provenance is None:
-            raise BaselineFailedError(
-                f"the baseline {name} does not report what it runs",
-                found="a first line without a provenance",
-                expected='{"provenance": {...}, "environment": {...}}',
-            )
+        message = first_message(process, self._request.card.name)
         environment = message.environment
         self._environment = environment
         if self._request.device == "cpu" and "gpu" in environment and not self._told:
@@ -159,7 +167,7 @@ class Conversation:
                 f"running on the CPU although torch sees a GPU ({environment['gpu']}): pass "
                 "--device cuda or --device auto"
             )
-        self._begin(message.provenance)
+        self._begin(message.provenance or {})
 
     def _waited_for(self, image_ids: Sequence[int]) -> list[int]:
         """The ids that a process noted and that still have no record."""

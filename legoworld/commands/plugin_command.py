@@ -9,6 +9,7 @@ from typing import Literal
 import click
 
 from legoworld.commands import options
+from legoworld.commands.plugin_evidence import evidence
 from legoworld.plugin.modules import MODULES
 
 _CONTEXT = {"help_option_names": ["-h", "--help"]}
@@ -25,85 +26,7 @@ def command() -> None:
     """
 
 
-@command.command("evidence", context_settings=_CONTEXT)
-@click.option("--photo", required=True, type=options.EXISTING_FILE, help="The reference photo.")
-@click.option(
-    "--regions", multiple=True, type=options.EXISTING_FILE,
-    help="JSON of outlines ({regions: [{name, polygons}]}) or of COCO or LVIS results; repeat.",
-)  # fmt: skip
-@click.option("--image-id", type=int, help="The photo's id in a results file.")
-@click.option(
-    "--task", type=options.Choice(["coco", "lvis"]),
-    help="Whose category ids a results file has.",
-)  # fmt: skip
-@click.option("--depth", type=options.EXISTING_FILE, help="Relative depth: .npy, .npz or .png.")
-@click.option(
-    "--space", type=options.Choice(["depth", "disparity"]), default="depth", show_default=True,
-    help="depth: larger is farther; disparity: larger is nearer.",
-)  # fmt: skip
-@click.option(
-    "--run", "runs", multiple=True, type=options.EXISTING_FOLDER,
-    help="Folder of `legoworld baseline run` over this photo: masks, boxes or depth; repeat.",
-)  # fmt: skip
-@click.option(
-    "--camera", type=options.EXISTING_FILE,
-    help="A provider's camera (docs/schemas/plugin-camera.schema.json), in place of --fov.",
-)  # fmt: skip
-@click.option(
-    "--fov", type=click.FloatRange(min=1.0, max=170.0),
-    help="Horizontal field of view in degrees; with it the camera's rotation is estimated.",
-)  # fmt: skip
-@click.option("-o", "--output", required=True, type=options.FOLDER, help="Folder to write.")
-def evidence(
-    photo: Path,
-    regions: tuple[Path, ...],
-    image_id: int | None,
-    task: Literal["coco", "lvis"] | None,
-    depth: Path | None,
-    space: Literal["depth", "disparity"],
-    runs: tuple[Path, ...],
-    camera: Path | None,
-    fov: float | None,
-    output: Path,
-) -> int:
-    """Gather what a photo says about its scene: regions, relative depth, camera rotation.
-
-    Everything comes from the photo and from models that looked at it; never from ground truth.
-
-    \b
-    Examples:
-      legoworld plugin evidence --photo room.jpg --regions outlines.json -o evidence
-      legoworld plugin evidence --photo 139.jpg --regions sam3/predictions.json --task lvis \\
-        --image-id 139 --depth depth/139.npz --space disparity --fov 60 -o evidence
-      legoworld plugin evidence --photo 139.jpg --run sam3-run --run da3-run --fov 60 -o evidence
-    """
-    from legoworld.api.settings import protocol_of
-    from legoworld.plugin.evidence_making import Given, make_evidence
-
-    if fov is not None and camera is not None:
-        raise click.UsageError("--fov and --camera say the same: pass one of them")
-    protocol = protocol_of(task, None)
-    made = make_evidence(
-        Given(
-            photo=photo,
-            regions=regions,
-            image_id=image_id,
-            vocabulary=protocol.vocabulary if protocol else None,
-            depth=depth,
-            depth_space=space,
-            hfov_deg=fov,
-            runs=runs,
-            camera=camera,
-        ),
-        output,
-    )
-    source = made.camera.rotation_source
-    told = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"
-    click.echo(f"regions  {len(made.regions)}")
-    click.echo(f"depth    {made.depth.source if made.depth else 'none'}")
-    click.echo(f"camera   {told}")
-    click.echo(f"evidence {output}")
-    return 0
+command.add_command(evidence)
 
 
 @command.command("serve", context_settings=_CONTEXT)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,26 +19,44 @@ _MOST_SKEW: Final = 0.02
 _ORTHONORMAL: Final = 1e-3
 
 
+class CameraProblem(NamedTuple):
+    """Why a camera cannot be used: what it says, and what it would have to say."""
+
+    found: str
+    expected: str
+
+
 def camera_evidence(
-    photo: NDArray[np.uint8], about: PhotoEvidence, hfov_deg: float | None, provided: Path | None
+    photo: NDArray[np.uint8], hfov_deg: float | None, provided: ProviderCamera | None
 ) -> CameraEvidence:
     """The camera as far as it is known; what is not known says why.
 
-    provided: a provider's file; EvidenceInvalidError where it is of another photo, or describes a
-    camera that the plugin cannot use. A rotation that it lacks is estimated.
+    provided: a provider's, which `camera_problem` has nothing against. A rotation that it lacks is
+    estimated.
     """
     if provided is None:
         return _estimated(photo, hfov_deg, None if hfov_deg is None else "given")
-    camera = _read(provided, about)
-    hfov = math.degrees(2 * math.atan(camera.width / 2 / camera.fx))
-    if camera.world_from_cam_rotation is None:
-        return _estimated(photo, hfov, camera.source)
+    hfov = math.degrees(2 * math.atan(provided.width / 2 / provided.fx))
+    if provided.world_from_cam_rotation is None:
+        return _estimated(photo, hfov, provided.source)
     return CameraEvidence(
         hfov_deg=hfov,
-        hfov_source=camera.source,
-        world_from_cam_rotation=camera.world_from_cam_rotation,
-        rotation_source=camera.source,
+        hfov_source=provided.source,
+        world_from_cam_rotation=provided.world_from_cam_rotation,
+        rotation_source=provided.source,
         unknown=None,
+    )
+
+
+def unusable_camera(camera: ProviderCamera, problem: CameraProblem) -> CameraEvidence:
+    """What is known where a provider that was asked answers with a camera that cannot be used."""
+    return CameraEvidence(
+        hfov_deg=None,
+        hfov_source=None,
+        world_from_cam_rotation=None,
+        rotation_source=None,
+        unknown=f"the camera of {camera.source} cannot be used: {problem.found}, not"
+        f" {problem.expected}",
     )
 
 
@@ -67,33 +85,43 @@ def _estimated(
     )
 
 
-def _read(path: Path, about: PhotoEvidence) -> ProviderCamera:
+def read_camera(path: Path, about: PhotoEvidence) -> ProviderCamera:
+    """A provider's file. EvidenceInvalidError where it is of another photo, or cannot be used."""
     try:
         camera = decode(ProviderCamera, path.read_bytes())
     except RecordError as error:
-        raise _refused(path, str(error), "a camera of schema plugin-camera") from error
-    if camera.photo_sha256 != about.sha256:
-        raise _refused(path, f"photo_sha256 {camera.photo_sha256[:12]}...", "this photo's hash")
-    if abs(camera.width * about.height - camera.height * about.width) > max(
-        camera.width, camera.height, about.width, about.height
-    ):
-        raise _refused(
-            path, f"{camera.width}x{camera.height}", f"the shape of {about.width}x{about.height}"
+        raise _refused(path, CameraProblem(str(error), "a camera of schema plugin-camera")) from (
+            error
         )
-    off = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
-    if abs(camera.fx / camera.fy - 1) > _MOST_SKEW or off > _MOST_SKEW:
-        raise _refused(
-            path, f"fx / fy {camera.fx / camera.fy:.3f}, principal point {off:.3f} off the middle",
-            "square pixels and the principal point in the middle, within 2 %",
-        )  # fmt: skip
-    rotation = np.array(camera.world_from_cam_rotation or np.eye(3), np.float64)
-    away = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if away > _ORTHONORMAL or np.linalg.det(rotation) < 0:
-        raise _refused(path, "world_from_cam_rotation", "a rotation")
+    if problem := camera_problem(camera, about):
+        raise _refused(path, problem)
     return camera
 
 
-def _refused(path: Path, found: str, expected: str) -> EvidenceInvalidError:
+def camera_problem(camera: ProviderCamera, about: PhotoEvidence) -> CameraProblem | None:
+    """Why the plugin cannot use a camera; None where it can."""
+    if camera.photo_sha256 != about.sha256:
+        return CameraProblem(f"photo_sha256 {camera.photo_sha256[:12]}...", "this photo's hash")
+    if abs(camera.width * about.height - camera.height * about.width) > max(
+        camera.width, camera.height, about.width, about.height
+    ):
+        return CameraProblem(
+            f"{camera.width}x{camera.height}", f"the shape of {about.width}x{about.height}"
+        )
+    off = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
+    if abs(camera.fx / camera.fy - 1) > _MOST_SKEW or off > _MOST_SKEW:
+        return CameraProblem(
+            f"fx / fy {camera.fx / camera.fy:.3f}, principal point {off:.3f} off the middle",
+            "square pixels and the principal point in the middle, within 2 %",
+        )
+    rotation = np.array(camera.world_from_cam_rotation or np.eye(3), np.float64)
+    away = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if away > _ORTHONORMAL or np.linalg.det(rotation) < 0:
+        return CameraProblem("world_from_cam_rotation", "a rotation")
+    return None
+
+
+def _refused(path: Path, problem: CameraProblem) -> EvidenceInvalidError:
     return EvidenceInvalidError(
-        f"the camera of {path.name} cannot be used", found=found, expected=expected
+        f"the camera of {path.name} cannot be used", found=problem.found, expected=problem.expected
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,30 @@ from legoworld.plugin.evidence import DEPTH, EvidenceInvalidError
 from legoworld.records.plugin_evidence import DepthEvidence, DepthSpace
 
 
-def write_depth(
-    path: Path, space: DepthSpace, size_wh: tuple[int, int], output: Path, *, source: str
-) -> DepthEvidence:
+@dataclass(frozen=True, kw_only=True)
+class GivenDepth:
+    """An array of a photo, and what it is. source: who made it.
+
+    of_photo: it is known to show all of this photo, by a run's hashes; then its grid may have
+    another aspect than the photo, as networks' have.
+    """
+
+    path: Path
+    space: DepthSpace
+    source: str
+    of_photo: bool
+
+
+#: Sides of a network's array are multiples of about 14: the scorer's own limit of its aspect.
+_GRID_TOLERANCE: Final = 0.05
+
+
+def write_depth(given: GivenDepth, size_wh: tuple[int, int], output: Path) -> DepthEvidence:
     """Write depth.npz at the photo's size. EvidenceInvalidError for what is no depth of it."""
+    path = given.path
     values = _array(path)
     if values.shape != size_wh[::-1]:
+        _refuse_another_shape(values.shape, size_wh, known=given.of_photo)
         values = _resized(values, size_wh)
     if np.count_nonzero(np.isfinite(values)) < 16:
         raise EvidenceInvalidError(
@@ -29,8 +48,8 @@ def write_depth(
     write_npz(output / DEPTH, {"values": values})
     return DepthEvidence(
         sha256=sha256_of_file(output / DEPTH),
-        space=space,
-        source=source,
+        space=given.space,
+        source=given.source,
     )
 
 
@@ -67,15 +86,23 @@ def _only(loaded: Any) -> NDArray[Any]:
     return np.asarray(loaded[loaded.files[0]])
 
 
-def _resized(values: NDArray[np.float32], size_wh: tuple[int, int]) -> NDArray[np.float32]:
-    """To the photo's size, by nearest neighbours: no depth is made up between two surfaces."""
-    import cv2
-
-    height, width = values.shape
-    if abs(width * size_wh[1] - height * size_wh[0]) > max(width, height, *size_wh):
+def _refuse_another_shape(shape: tuple[int, ...], size_wh: tuple[int, int], *, known: bool) -> None:
+    (height, width), expected = shape, size_wh[1] * shape[1] / size_wh[0]
+    away = abs(height - expected)
+    if known:
+        same = away <= max(1.0, _GRID_TOLERANCE * expected)
+    else:  # the shape is all that tells whose array it is
+        same = away * size_wh[0] <= max(width, height, *size_wh)
+    if not same:
         raise EvidenceInvalidError(
             "the depth is of another photo",
             found=f"{width}x{height}",
             expected=f"{size_wh[0]}x{size_wh[1]}, or another size of that shape",
         )
+
+
+def _resized(values: NDArray[np.float32], size_wh: tuple[int, int]) -> NDArray[np.float32]:
+    """To the photo's size, by nearest neighbours: no depth is made up between two surfaces."""
+    import cv2
+
     return np.asarray(cv2.resize(values, size_wh, interpolation=cv2.INTER_NEAREST), np.float32)

@@ -17,22 +17,32 @@ from numpy.typing import NDArray
 from legoworld.files import sha256_of_file, write_text
 from legoworld.plugin.evidence import EVIDENCE, Evidence, EvidenceInvalidError
 from legoworld.plugin.evidence_baselines import RunEvidence, of_run
-from legoworld.plugin.evidence_camera import camera_evidence
-from legoworld.plugin.evidence_depth import write_depth
+from legoworld.plugin.evidence_camera import (
+    camera_evidence,
+    camera_problem,
+    read_camera,
+    unusable_camera,
+)
+from legoworld.plugin.evidence_depth import GivenDepth, write_depth
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, readable
 from legoworld.records.plugin_evidence import (
+    CameraEvidence,
     DepthEvidence,
     DepthSpace,
     EvidenceFile,
     Outlines,
     PhotoEvidence,
+    ProviderCamera,
+    ProviderRecord,
     Region,
 )
 from legoworld.tracks.vocabulary import Vocabulary
 
 #: Regions of a model below this confidence are mostly noise.
 LEAST_SCORE: Final = 0.3
+#: A provider's camera, in pixels of the photo; `evidence.json` has what is used of it.
+CAMERA: Final = "camera.json"
 
 
 class RunLength(Record, frozen=True, kw_only=True):
@@ -53,12 +63,21 @@ class Detection(Record, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Provided:
+    """What a baseline that was asked about the photo answered; None where it gave none."""
+
+    record: ProviderRecord
+    camera: ProviderCamera
+    depth: GivenDepth | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Given:
     """What a user brings. regions: a JSON file of outlines, or of results; depth: an array.
 
     image_id: of the photo in a results file; vocabulary: of its category ids; all_images: the
     results are of a whole track, where a photo without any is no mistake. runs: folders of
-    baselines that saw the photo; camera: a provider's file.
+    baselines that saw the photo; camera: a provider's file; provided: a provider's answer.
     """
 
     photo: Path
@@ -71,6 +90,7 @@ class Given:
     all_images: bool = False
     runs: Sequence[Path] = ()
     camera: Path | None = None
+    provided: Provided | None = None
 
 
 def make_evidence(given: Given, output: Path) -> EvidenceFile:
@@ -82,34 +102,53 @@ def make_evidence(given: Given, output: Path) -> EvidenceFile:
     regions = [r for path in given.regions for r in _regions(path, given, size_wh)]
     regions += [r for run in runs for r in _of_run(run, given, size_wh)]
     _refuse_repeated(regions)
-    camera = camera_evidence(photo, about, given.hfov_deg, given.camera)
+    camera = _camera(photo, about, given)
     output.mkdir(parents=True, exist_ok=True)
+    if given.provided is not None:
+        write_text(output / CAMERA, readable(given.provided.camera))
     file = EvidenceFile(
         photo=about,
         regions=tuple(sorted(regions, key=lambda region: region.name)),
         depth=_depth(given, runs, size_wh, output),
         camera=camera,
+        provider=UNSET if given.provided is None else given.provided.record,
     )
     write_text(output / EVIDENCE, readable(file))
     return file
 
 
+def _camera(photo: NDArray[np.uint8], about: PhotoEvidence, given: Given) -> CameraEvidence:
+    """A file that cannot be used is refused; a model's answer that cannot be is unknown."""
+    camera = None if given.camera is None else read_camera(given.camera, about)
+    if given.provided is not None:
+        camera = given.provided.camera
+        if problem := camera_problem(camera, about):
+            return unusable_camera(camera, problem)
+    return camera_evidence(photo, given.hfov_deg, camera)
+
+
 def _depth(
     given: Given, runs: Sequence[RunEvidence], size_wh: tuple[int, int], output: Path
 ) -> DepthEvidence | None:
-    sources: list[tuple[Path, DepthSpace, str]] = [
-        (run.depth, run.space, run.source) for run in runs if run.depth is not None
+    sources = [
+        GivenDepth(path=run.depth, space=run.space, source=run.source, of_photo=True)
+        for run in runs
+        if run.depth is not None
     ]
     if given.depth is not None:
-        sources.append((given.depth, given.depth_space, given.depth.name))
+        path, space = given.depth, given.depth_space
+        sources.append(GivenDepth(path=path, space=space, source=path.name, of_photo=False))
+    if given.provided is not None and given.provided.depth is not None:
+        sources.append(given.provided.depth)
     if len(sources) > 1:
         raise EvidenceInvalidError(
             "there are two depths of the photo",
-            found=", ".join(source for _, _, source in sources),
+            found=", ".join(source.source for source in sources),
             expected="one",
+            next_step="leave one out; `--option depth=false` leaves out a provider's",
         )
-    for path, space, source in sources:
-        return write_depth(path, space, size_wh, output, source=source)
+    for source in sources:
+        return write_depth(source, size_wh, output)
     return None
 
 
@@ -125,7 +164,7 @@ def photo_alone(path: Path) -> Evidence:
     photo = read_photo(path)
     about = _photo_evidence(path, photo)
     file = EvidenceFile(
-        photo=about, regions=(), depth=None, camera=camera_evidence(photo, about, None, None)
+        photo=about, regions=(), depth=None, camera=camera_evidence(photo, None, None)
     )
     return Evidence(file=file, disparity=None, photo=photo)
 

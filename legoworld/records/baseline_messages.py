@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from msgspec import field
+from msgspec import Meta, field
 
 from legoworld.records.base import Record
 from legoworld.records.cards import OptionValue
@@ -68,11 +68,22 @@ class DepthSaid(Record, frozen=True, kw_only=True):
     unit: str | None
 
 
+class CameraSaid(Record, frozen=True, kw_only=True):
+    """A camera that a process recovered: pixels of the photo, origin in its upper left corner."""
+
+    width: int
+    height: int
+    fx: Annotated[float, Meta(gt=0)]
+    fy: Annotated[float, Meta(gt=0)]
+    cx: float
+    cy: float
+
+
 class Message(Record, frozen=True, kw_only=True):
     """One line of a process: its beginning or refusal, what it works on, an answer, or its end.
 
-    provenance: of the model, once it is loaded; environment: of the machine; predictions, depth or
-    failed: of the image; counts: what was counted on the way, by its name.
+    provenance: of the model, once it is loaded; environment: of the machine; predictions, depth,
+    camera or failed: of the image; counts: what was counted on the way, by its name.
     """
 
     provenance: dict[str, Any] | None = None
@@ -82,6 +93,7 @@ class Message(Record, frozen=True, kw_only=True):
     image_id: int | None = None
     predictions: tuple[dict[str, Any], ...] | None = None
     depth: DepthSaid | None = None
+    camera: CameraSaid | None = None
     failed: str | None = None
     counts: dict[str, int] | None = None
     done: bool = False

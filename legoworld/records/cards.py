@@ -68,7 +68,8 @@ class BaselineCardFile(LicensedHead, frozen=True, kw_only=True):
 
     prompts_from_truth: whether it can be given them; variables: names of the caller's environment
     variables that its process needs to see; label_map: whether it matches labels by name;
-    dtype_on_cuda: what the original computes in on a GPU, `--dtype auto`.
+    dtype_on_cuda: what the original computes in on a GPU, `--dtype auto`; camera: whether it
+    recovers a photo's camera, for `plugin evidence --provider`.
     """
 
     options: dict[str, BaselineOption] = field(default_factory=dict)
@@ -76,3 +77,4 @@ class BaselineCardFile(LicensedHead, frozen=True, kw_only=True):
     variables: tuple[Text, ...] = ()
     label_map: bool = True
     dtype_on_cuda: Dtype = "float32"
+    camera: bool = False

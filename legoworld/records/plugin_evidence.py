@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from legoworld.records.base import Record
+from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.cards import OptionValue
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
@@ -86,14 +87,36 @@ class ProviderCamera(Record, frozen=True, kw_only=True):
     world_from_cam_rotation: Rows | None = None
 
 
+class ProviderRecord(Record, frozen=True, kw_only=True):
+    """The baseline that camera and depth came from, as run.json records one.
+
+    weights: the hub id, or the name of a file or folder; provenance: what the model's process says
+    of itself: hashes of its weights, its package and libraries, its preprocessing; counts: of the
+    photo, such as pixels that it was not sure of.
+    """
+
+    name: str
+    version: str
+    card_sha256: Sha256
+    code_sha256: Sha256
+    weights: str
+    device: str
+    dtype: str
+    options: dict[str, OptionValue | None]
+    provenance: dict[str, Any]
+    environment: dict[str, Any]
+    counts: dict[str, int]
+
+
 class EvidenceFile(Record, frozen=True, kw_only=True):
-    """evidence.json; regions sorted by name."""
+    """evidence.json; regions sorted by name. provider: absent where none was asked."""
 
     schema_version: Literal[1] = 1
     photo: PhotoEvidence
     regions: tuple[Region, ...]
     depth: DepthEvidence | None
     camera: CameraEvidence
+    provider: ProviderRecord | UnsetType = UNSET
 
 
 class Outline(Record, frozen=True, kw_only=True):

@@ -90,9 +90,13 @@ class Said:
         return {line["image_id"]: line for line in self.lines if "image_id" in line}
 
 
-def ask(name: str | Path, request: dict[str, Any]) -> Said:
-    """Run baselines/<name>/run.py, or <name>/run.py at a full path, on a request until it ends."""
-    environment = {**os.environ, "PYTHONPATH": str(BASELINES / "shared"), "HF_HUB_OFFLINE": "1"}
+def ask(name: str | Path, request: dict[str, Any], *packages: Path) -> Said:
+    """Run baselines/<name>/run.py, or <name>/run.py at a full path, on a request until it ends.
+
+    packages: folders of packages that it imports besides.
+    """
+    path = os.pathsep.join(map(str, (BASELINES / "shared", *packages)))
+    environment = {**os.environ, "PYTHONPATH": path, "HF_HUB_OFFLINE": "1"}
     with tempfile.TemporaryFile("w+") as log:
         process = subprocess.Popen(
             [sys.executable, str(BASELINES / name / "run.py")],

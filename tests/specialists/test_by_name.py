@@ -7,12 +7,16 @@ sets it; nothing is downloaded.
 from __future__ import annotations
 
 import json
+import math
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 from specialists.tracks import call, make_photos, make_track, results, rows, run_document
+
+from legoworld.plugin.evidence import read_evidence
 
 ROOT = Path(__file__).parents[2]
 PYTHON = os.environ.get("LEGOWORLD_BASELINE_PYTHON")
@@ -71,6 +75,71 @@ def test_it_runs_by_name_and_goes_on_where_it_stopped(name, task, checkpoints, t
     (run / last).unlink()
     assert call(arguments) == 0
     assert results(run) == before
+
+
+#: Run by the baselines' Python: a checkpoint of the stand-in, and where its own packages are.
+STANDIN = """
+import json, sys, sysconfig
+from pathlib import Path
+import torch
+from safetensors.torch import save_file
+sys.path.insert(0, "tests/baselines/vggt_standin")
+from vggt.models.vggt import VGGT
+sizes, out = {"embed_dim": 8, "img_size": 518, "patch_size": 14}, Path(sys.argv[1])
+torch.manual_seed(0)
+network = VGGT(**sizes)
+branch = network.camera_head.pose_branch
+torch.nn.init.zeros_(branch.weight)
+branch.bias.data = torch.tensor([0, 0, 0, 0, 0, 0, 1, 0.8, 1.0])
+save_file(network.state_dict(), out / "model.safetensors")
+(out / "config.json").write_text(json.dumps(sizes))
+print(sysconfig.get_path("purelib"))
+"""
+
+
+@pytest.fixture(scope="module")
+def vggt(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A Python that has the stand-in for VGGT's package, and a checkpoint of it."""
+    folder = tmp_path_factory.mktemp("vggt")
+    (folder / "vggt-weights").mkdir()
+    made = [str(PYTHON), "-c", STANDIN, folder / "vggt-weights"]
+    done = subprocess.run(made, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    venv = [str(PYTHON), "-m", "venv", "--without-pip", folder / "venv"]
+    subprocess.run(venv, check=True, capture_output=True)
+    packages = next((folder / "venv").glob("lib/python*/site-packages"))
+    standin = ROOT / "tests" / "baselines" / "vggt_standin"
+    (packages / "vggt.pth").write_text(f"{done.stdout.strip()}\n{standin}\n")
+    return folder / "venv" / "bin" / "python", folder / "vggt-weights"
+
+
+def test_vggt_gives_evidence_its_camera_and_depth(vggt, tmp_path, capsys):
+    python, weights = vggt
+    photo = tmp_path / "room.png"
+    shutil.copy(ROOT / "examples" / "coffee" / "final.png", photo)
+    arguments = [
+        "plugin", "evidence", "--photo", photo, "--provider", "vggt", "--python", python,
+        "--weights", weights, "--offline", "-o", tmp_path / "evidence",
+    ]  # fmt: skip
+    code = call(arguments)
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    known = read_evidence(tmp_path / "evidence", photo)
+    camera, record = known.file.camera, known.file.provider
+    assert record
+    files = record.provenance["weight_files"]
+    assert [f["name"] for f in files] == ["model.safetensors"]
+    assert len(record.provenance["package"]["sha256"]) == 64
+    assert known.file.depth is not None
+    assert known.file.depth.source == "vggt 1.0.0"
+    assert "provider vggt 1.0.0: fx " in said.out
+    width, height = known.size_wh
+    rows = round(height * 518 / width / 14) * 14
+    expected = 0.5 * min(rows, 518) / math.tan(0.4) * height / rows
+    stored = json.loads((tmp_path / "evidence" / "camera.json").read_text())
+    assert stored["fx"] == pytest.approx(0.5 * width / math.tan(0.5), rel=1e-5)
+    assert stored["fy"] == pytest.approx(expected, rel=1e-5)
+    assert (camera.hfov_deg is None) == (abs(stored["fx"] / stored["fy"] - 1) > 0.02)
 
 
 def test_a_folder_that_is_no_checkpoint_is_a_refusal(tmp_path, capfd):

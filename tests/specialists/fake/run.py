@@ -68,11 +68,11 @@ def predict(request: Request, image: dict[str, Any]) -> dict[str, Any]:
     misbehave(request, image)
     photo = read_photo(image["path"], image["width"], image["height"])
     brightness = photo.mean(axis=2)
-    if request["task"] == "eth3d":
+    if request["task"] in ("eth3d", "camera"):
         result = write_depth(request, image, (brightness + 1).astype(np.float32), "depth", None)
         if wrong(request, image, "lie"):
             result["depth"]["sha256"] = "0" * 64
-        return result
+        return result | camera(request, image)
     ids = (request["prompts"] or {}).get(str(image["image_id"])) or [
         c["id"] for c in request["categories"]
     ]
@@ -84,6 +84,15 @@ def predict(request: Request, image: dict[str, Any]) -> dict[str, Any]:
             for _ in range(levels):
                 found = [found]
     return {"predictions": found, "counts": {"considered": 3}}
+
+
+def camera(request: Request, image: dict[str, Any]) -> dict[str, Any]:
+    """A field of view of 90 degrees; none for a run of depth, which ignores it."""
+    if request["task"] != "camera" or wrong(request, image, "no_camera"):
+        return {}
+    focal, skew = image["width"] / 2, 1.1 if wrong(request, image, "skewed") else 1.0
+    said = {"fx": focal * skew, "fy": focal, "cx": focal, "cy": image["height"] / 2}
+    return {"camera": {"width": image["width"], "height": image["height"], **said}}
 
 
 def entry(

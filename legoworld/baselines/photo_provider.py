@@ -1,0 +1,180 @@
+"""One photo and the baseline that recovers its camera: asked once, for `plugin evidence`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+from legoworld.baselines.answers import Unreadable
+from legoworld.baselines.cards import BaselineCard, baseline_cards
+from legoworld.baselines.child import BaselineProcess, TooSlowError
+from legoworld.baselines.conversation import first_message
+from legoworld.conventions import SCHEMA_VERSION
+from legoworld.errors import LegoWorldError, UsageError
+from legoworld.files import sha256_of_file
+from legoworld.plugin.evidence_depth import GivenDepth
+from legoworld.plugin.evidence_making import Provided
+from legoworld.readouts.depth import depth_file
+from legoworld.readouts.pictures import read_photo
+from legoworld.records.baseline_messages import ChildRequest, DepthSaid, Message, RequestedImage
+from legoworld.records.cards import OptionValue
+from legoworld.records.plugin_evidence import DepthSpace, ProviderCamera, ProviderRecord
+
+#: What the process is asked for, in place of a task.
+CAMERA_TASK: Final = "camera"
+_IMAGE_ID: Final = 1
+_SPACES: Final[Mapping[str, DepthSpace]] = {"depth": "depth", "disparity": "disparity"}
+
+
+class ProviderFailedError(LegoWorldError):
+    """A provider was asked about a photo and has no answer, or none that can be used."""
+
+    code = "provider_failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProviderRequest:
+    """How a provider is asked. As in `BaselineRequest`; time_limit_s: for the photo."""
+
+    card: BaselineCard
+    python: Path
+    weights: str
+    device: str
+    dtype: str
+    options: Mapping[str, OptionValue | None]
+    offline: bool
+    time_limit_s: float | None
+
+    @property
+    def source(self) -> str:
+        """As evidence names it: "vggt 1.0.0"."""
+        return f"{self.card.name} {self.card.about.version}"
+
+
+def refuse_without_camera(card: BaselineCard) -> None:
+    """UsageError for a baseline that recovers no camera."""
+    if not card.about.camera:
+        raise UsageError(
+            f"the baseline {card.name} recovers no camera",
+            found=f"--provider {card.name}",
+            expected=" or ".join(c.name for c in baseline_cards() if c.about.camera),
+            next_step="take its depth or regions from a run: --run RUN",
+        )
+
+
+def ask_provider(
+    request: ProviderRequest, photo: Path, output: Path, log: Callable[[str], None]
+) -> Provided:
+    """The photo's camera and, where the baseline gives one, its relative depth.
+
+    output: an existing folder for the depth's file. Raises BaselineRefusedError and
+    BaselineFailedError where nothing can be run, ProviderFailedError where this photo has no
+    answer.
+    """
+    height, width = read_photo(photo).shape[:2]
+    image = RequestedImage(
+        image_id=_IMAGE_ID, file_name=photo.name, path=str(photo.resolve()),
+        width=width, height=height, batch=0,
+    )  # fmt: skip
+    child = _child_request(request, image, output)
+    variables = request.card.about.variables
+    with BaselineProcess(request.card, request.python, child, log, declared=variables) as process:
+        hello = first_message(process, request.card.name)
+        answer = _answer(process, request)
+    if answer.camera is None:
+        raise _failed(request, "no camera in its answer", "a camera")
+    depth = None if answer.depth is None else _depth(request, answer.depth, photo, output)
+    camera = ProviderCamera(
+        schema_version=1,
+        source=request.source,
+        photo_sha256=sha256_of_file(photo),
+        width=answer.camera.width,
+        height=answer.camera.height,
+        fx=answer.camera.fx,
+        fy=answer.camera.fy,
+        cx=answer.camera.cx,
+        cy=answer.camera.cy,
+    )
+    record = _record(request, hello, answer.counts or {})
+    return Provided(record=record, camera=camera, depth=depth)
+
+
+def _answer(process: BaselineProcess, request: ProviderRequest) -> Message:
+    """The photo's line, of however many there are."""
+    while True:
+        try:
+            message = process.next_message(request.time_limit_s)
+        except TooSlowError as error:
+            words = f"no answer after {request.time_limit_s:g} s; {process.last_words()}"
+            raise _failed(request, words, "an answer within --time-limit") from error
+        if message is None:
+            raise _failed(request, process.how_it_ended(), "an answer", _MEMORY)
+        if isinstance(message, Unreadable):
+            raise _failed(request, message.reason, "one line of JSON")
+        if message.failed is not None:
+            raise _failed(request, message.failed, "a camera")
+        if message.image_id == _IMAGE_ID:
+            return message
+        if message.done:
+            raise _failed(request, "the end without an answer", "a camera")
+
+
+_MEMORY: Final = "a process that is killed by SIGKILL usually had no memory left; -v shows its log"
+
+
+def _failed(
+    request: ProviderRequest, found: str, expected: str, next_step: str = ""
+) -> ProviderFailedError:
+    return ProviderFailedError(
+        f"{request.card.name} has no camera for the photo",
+        found=found,
+        expected=expected,
+        next_step=next_step or "pass --fov, or --camera with a file of another provider",
+    )
+
+
+def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path) -> GivenDepth:
+    path = output / depth_file(PurePosixPath(photo.name).with_suffix("").as_posix())
+    if not path.is_file() or sha256_of_file(path) != said.sha256:
+        raise _failed(request, "a depth file that is not there or not the one it spoke of", "it")
+    if said.space not in _SPACES:
+        raise _failed(request, f"depth of space {said.space}", " or ".join(_SPACES))
+    return GivenDepth(path=path, space=_SPACES[said.space], source=request.source, of_photo=True)
+
+
+def _child_request(request: ProviderRequest, image: RequestedImage, output: Path) -> ChildRequest:
+    weights = Path(request.weights)
+    return ChildRequest(
+        schema_version=SCHEMA_VERSION,
+        task=CAMERA_TASK,
+        images=(image,),
+        categories=(),
+        label_map={},
+        weights=str(weights.resolve()) if weights.exists() else request.weights,
+        device=request.device,
+        dtype=request.dtype,
+        batch_size=1,
+        offline=request.offline,
+        options=dict(request.options),
+        prompts=None,
+        output=str(output.resolve()),
+    )
+
+
+def _record(request: ProviderRequest, hello: Message, counts: Mapping[str, Any]) -> ProviderRecord:
+    weights = Path(request.weights)
+    return ProviderRecord(
+        name=request.card.name,
+        version=request.card.about.version,
+        card_sha256=request.card.sha256,
+        code_sha256=request.card.code_sha256(),
+        weights=weights.name if weights.exists() else request.weights,
+        device=request.device.partition(":")[0],
+        dtype=request.dtype,
+        options=dict(request.options),
+        provenance=hello.provenance or {},
+        environment=hello.environment,
+        counts=dict(counts),
+    )

@@ -1,0 +1,1 @@
+"""What the nine numbers of a pose mean."""
