@@ -25,6 +25,8 @@ _INLIER_DEG: Final = 1.5
 #: Below this share of explained length, or with one direction only, the photo does not tell.
 _LEAST_EXPLAINED: Final = 0.5
 _LEAST_OF_A_DIRECTION: Final = 0.05
+#: Up is known where the next direction needs so much more tilt of the camera.
+_APART_DEG: Final = 15.0
 _SEED: Final = 0
 
 
@@ -161,10 +163,25 @@ def _rotation(turn: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _upright(axes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Name the directions: up is nearest to the picture's up, x nearest to its right."""
-    up = int(np.argmax(np.abs(axes[:, 1])))
-    z = -axes[up] * np.sign(axes[up, 1])
-    others = [i for i in range(3) if i != up]
+    """Name the directions: up needs the least roll and pitch, x is nearest to the picture's right.
+
+    UntoldError where another direction could be up as well: a camera that looks down by 48 degrees
+    along a wall sees the lines of one that looks up by 42.
+    """
+    tilts = [_tilt_deg(axis) for axis in axes]
+    first, second, _ = np.argsort(tilts, kind="stable").tolist()
+    if tilts[second] - tilts[first] < _APART_DEG:
+        raise UntoldError("two directions of the lines could be up")
+    up = axes[first]
+    z = -up * np.sign(up[1])
+    others = [i for i in range(3) if i != first]
     right = max(others, key=lambda i: abs(float(axes[i, 0])))
     x = axes[right] * (np.sign(axes[right, 0]) or 1.0)
     return np.stack([x, np.cross(z, x), z])
+
+
+def _tilt_deg(axis: NDArray[np.float64]) -> float:
+    """How far a camera with this direction up is from upright, degrees; roll counts twice."""
+    x, y, z = (axis * -(np.sign(axis[1]) or 1.0)).tolist()
+    roll, pitch = math.atan2(x, -y), math.asin(min(1.0, max(-1.0, z)))
+    return math.degrees(math.hypot(2 * roll, pitch))

@@ -66,3 +66,17 @@ def test_a_picture_that_does_not_tell_is_unknown(name):
             gray[:, x : x + 12] = 220
     with pytest.raises(UntoldError):
         manhattan_camera(gray, 60)
+
+
+def test_a_steep_view_along_the_walls_does_not_tell_which_way_is_up():
+    random = np.random.default_rng(5)
+    triangles, place = room(random), np.array([0.0, -3.0, 2.6])
+    for pitch_deg in (-20, -46):
+        c, s = math.cos(math.radians(pitch_deg)), math.sin(math.radians(pitch_deg))
+        world_from_cam = np.array([[1.0, 0, 0], [0, s, c], [0, -c, s]])
+        gray = picture(triangles, world_from_cam, place, 75, random)
+        if pitch_deg == -20:
+            assert error_deg(manhattan_camera(gray, 75).world_from_cam, world_from_cam) <= 1.0
+        else:
+            with pytest.raises(UntoldError, match="could be up"):
+                manhattan_camera(gray, 75)
