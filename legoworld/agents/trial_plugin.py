@@ -102,7 +102,8 @@ def served_plugin(
 
 def calls_of(record: Path) -> PluginCalls:
     """How a trial used its plugin, read off the ledger."""
-    entries = read_ledger(record)
+    ledger = read_ledger(record)
+    entries = [entry for entry in ledger if entry.tool not in ("serve", "resume")]
     good = [entry.tool for entry in entries if entry.error is None]
     accepted = [e for e in entries if e.tool == "commit" and e.error is None and e.phase == "idle"]
     return PluginCalls(
@@ -111,7 +112,7 @@ def calls_of(record: Path) -> PluginCalls:
         transactions=good.count("begin"),
         committed=len(accepted),
         rolled_back=good.count("rollback"),
-        left_open=bool(entries) and entries[-1].phase == "open",
+        left_open=bool(ledger) and ledger[-1].phase == "open",
     )
 
 

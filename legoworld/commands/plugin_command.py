@@ -49,12 +49,17 @@ command.add_command(evidence)
     "--without", multiple=True, type=options.Choice(MODULES),
     help="Leave a module of the plugin out, for ablations; repeat.",
 )  # fmt: skip
+@click.option(
+    "--require-transaction", is_flag=True,
+    help="Refuse begin and export after edits without a transaction; rollback undoes them.",
+)  # fmt: skip
 def serve(
     photo: Path | None,
     evidence: Path | None,
     blender: str,
     ledger: Path,
     without: tuple[str, ...],
+    require_transaction: bool,
 ) -> int:
     """Serve the plugin's tools over MCP, on standard input and output.
 
@@ -68,7 +73,14 @@ def serve(
     """
     from legoworld.plugin.serving import serve_plugin
 
-    serve_plugin(photo=photo, evidence=evidence, address=blender, ledger=ledger, off=without)
+    serve_plugin(
+        photo=photo,
+        evidence=evidence,
+        address=blender,
+        ledger=ledger,
+        off=without,
+        require_transaction=require_transaction,
+    )
     return 0
 
 
@@ -186,6 +198,7 @@ def install(
     serve_words = ["--blender", blender, "--ledger", str(ledger.resolve())]
     for name, path in (("--photo", photo), ("--evidence", evidence)):
         serve_words += [] if path is None else [name, str(path.resolve())]
+    serve_words += ["--require-transaction"] if require_transaction else []
     changes = installing.install(
         installing.Wanted(
             dialect=dialect,

@@ -6,42 +6,37 @@ ones with their error, and a failed call never counts as an edit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
-from legoworld.errors import LegoWorldError
+from legoworld.files import sha256_of_text
 from legoworld.plugin.artefacts import ARTEFACTS, Artefacts
 from legoworld.plugin.diff import changes
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.ledger import Ledger
 from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.measure import measure
+from legoworld.plugin.recorded import Recorded, TransactionError
 from legoworld.plugin.state import LiveScene
 from legoworld.plugin.transactions import judge, unknown_names
-from legoworld.records.base import as_json, decode, readable, to_record
+from legoworld.records.base import as_json, canonical, to_record
 from legoworld.records.plugin_ledger import (
     Declaration,
     Entry,
     Judgement,
-    Phase,
     TransactionLimits,
 )
 from legoworld.records.plugin_requirements import Luminance, Report, Requirement
 from legoworld.records.plugin_state import Change, SceneState
 
 STATES: Final = "states"
-_T = TypeVar("_T")
 
 
-class TransactionError(LegoWorldError):
-    """A call that does not fit where the case stands, or is beyond its limits."""
+class Case(Recorded):
+    """The tools over one ledger. live: the scene; evidence: of the photo, None without any.
 
-    code = "transaction"
-
-
-class Case:
-    """The tools over one ledger. live: the scene; evidence: of the photo, None without any."""
+    require_transaction: edits that were made without one are refused; otherwise they are named.
+    """
 
     def __init__(
         self,
@@ -49,47 +44,32 @@ class Case:
         live: LiveBlender,
         evidence: Evidence | None,
         limits: TransactionLimits,
+        *,
+        require_transaction: bool = False,
     ) -> None:
-        self.ledger = Ledger(folder)
-        self.folder, self._states = folder, folder / STATES
-        self._states.mkdir(exist_ok=True)
+        super().__init__(folder, folder / STATES)
+        self.folder = folder
         self.artefacts = Artefacts(folder / ARTEFACTS)
         self.live, self.evidence, self._limits = live, evidence, limits
-        #: The last state that was read by this process.
-        self.scene: LiveScene | None = None
-        self._signatures: tuple[str | None, str | None] = (None, None)
-        if self.ledger.entries:
-            last = self.ledger.entries[-1]
-            self._signatures = (last.geometry_signature, last.scene_signature)
+        self._strict = require_transaction
 
-    # Where the case stands, read off the ledger.
+    def serve(self) -> None:
+        """Begin or continue the case: what it is measured against is on record, and stays.
 
-    @property
-    def phase(self) -> Phase:
-        """Whether a transaction is open."""
-        return self.ledger.entries[-1].phase if self.ledger.entries else "idle"
-
-    @property
-    def transaction(self) -> int:
-        """The number of the last transaction that began; 0 before any."""
-        return max((e.transaction or 0 for e in self.ledger.entries), default=0)
-
-    def _count(self, tool: str, since: int = 0) -> int:
-        """How many calls of a tool went well, after the first `since` entries."""
-        return sum(e.tool == tool and e.error is None for e in self.ledger.entries[since:])
-
-    def _begun(self) -> Entry:
-        """The entry that began the open transaction. TransactionError without one."""
-        if self.phase != "open":
+        TransactionError where the ledger is of other evidence. An open transaction is resumed.
+        """
+        about = None if self.evidence is None else sha256_of_text(canonical(self.evidence.file))
+        known = [e.request["evidence_sha256"] for e in self.ledger.entries if e.tool == "serve"]
+        if known and about != known[0]:
             raise TransactionError(
-                "no transaction is open",
-                found=f"{self.transaction} so far, all of them ended",
-                expected="a transaction that was begun",
-                next_step="call begin with a declaration first",
+                "the ledger is a case of other evidence",
+                found=f"evidence {(about or 'none')[:12]}",
+                expected=f"evidence {(known[0] or 'none')[:12]}, as when the case began",
+                next_step="pass that --photo and --evidence, or another --ledger",
             )
-        return next(e for e in reversed(self.ledger.entries) if e.tool == "begin" and not e.error)
-
-    # Tools.
+        if not known:
+            self.record("serve", {"evidence_sha256": about}, lambda: None)
+        self.resume()
 
     def measure(self, requirements: Sequence[Requirement]) -> Report:
         """Measure requirements on the scene as it is now."""
@@ -112,7 +92,11 @@ class Case:
         return number
 
     def begin(self, declaration: Declaration) -> Entry:
-        """Open a transaction: the scene as it is now is what a rollback returns to."""
+        """Open a transaction: the scene as it is now is what a rollback returns to.
+
+        The entry's answer has `unguarded`: what changed since the last transaction ended. Where a
+        transaction is required for every edit, such changes are refused.
+        """
         request = as_json(declaration)
         self.record("begin", request, lambda: self._begin(declaration), opens=True)
         return self.ledger.entries[-1]
@@ -134,31 +118,57 @@ class Case:
             )
         scene, base = self.live.read(keep=True)
         self.note(scene)
+        unguarded = self.unguarded(scene.state)
         if unknown := unknown_names(declaration, scene.state):
             raise TransactionError(
                 "the declaration protects what the scene does not have",
                 found=", ".join(unknown),
                 expected="names of objects or collections",
             )
-        (self._states / f"{scene.state.scene_signature}.json").write_text(
-            readable(scene.state), encoding="utf-8"
-        )
-        return {"base_sha256": base, "scene_signature": scene.state.scene_signature}
+        self.keep_base(scene.state, base)
+        return {
+            "base_sha256": base,
+            "scene_signature": scene.state.scene_signature,
+            "unguarded": list(as_json(unguarded)),
+        }
+
+    def unguarded(self, now: SceneState) -> tuple[Change, ...]:
+        """What changed since the last transaction ended: edits without one. Empty before any.
+
+        TransactionError for any where edits without a transaction are refused.
+        """
+        if self.settled() is None or self.phase == "open":
+            return ()
+        found = changes(self.base(), now)
+        if found and self._strict:
+            raise TransactionError(
+                "the scene was edited while no transaction was open",
+                found=told_changes(found),
+                expected="edits between begin and commit",
+                next_step="undo them, or call rollback: it returns to the last committed scene",
+            )
+        return found
 
     def diff(self) -> tuple[Change, ...]:
         """Every change since the open transaction began."""
-        return self.record("diff", {}, lambda: changes(self.base(), self.read().state))
 
-    def commit(self) -> tuple[Judgement, Report]:
+        def call() -> tuple[Change, ...]:
+            self.begun()
+            return changes(self.base(), self.read().state)
+
+        return self.record("diff", {}, call)
+
+    def commit(self, number: int | None = None) -> tuple[Judgement, Report]:
         """Judge the scene as it is now, and close the transaction if it is accepted.
 
-        A transaction that is not accepted stays open for `rounds` corrections.
+        A transaction that is not accepted stays open for `rounds` corrections. number: the
+        transaction that is meant, None for the open one.
         """
 
         def call() -> tuple[Judgement, Report]:
-            begun = self._begun()
+            begun = self.begun(number)
             declaration = to_record(Declaration, begun.request)
-            refused = self._count("commit", since=begun.seq)
+            refused = self.count("commit", since=begun.seq)
             if refused > self._limits.rounds:
                 raise TransactionError(
                     "the transaction has no corrections left",
@@ -167,18 +177,28 @@ class Case:
                     next_step="roll it back",
                 )
             before = self.base()
-            scene = self.read(declaration.requirements)
+            scene, copy = self.live.read(keep=True, luma_wh=self._luma_wh(declaration.requirements))
+            self.note(scene)
             report = measure(scene, declaration.requirements, self.evidence)
-            return judge(before, scene.state, declaration, report), report
+            judgement = judge(before, scene.state, declaration, report)
+            if judgement.accepted:
+                self.keep_base(scene.state, copy)
+            return judgement, report
 
-        return self.record("commit", {}, call, closes=lambda made: made[0].accepted)
+        request = {} if number is None else {"transaction": number}
+        return self.record("commit", request, call, closes=lambda made: made[0].accepted)
 
-    def rollback(self) -> SceneState:
-        """Return to the scene as it was when the transaction began, proven by its signature."""
+    def rollback(self, number: int | None = None) -> SceneState:
+        """Return to the scene as it was when the transaction began, proven by its signature.
+
+        Where every edit needs a transaction, also from edits without one to the last committed
+        scene. number: the transaction that is meant, None for the open one.
+        """
 
         def call() -> SceneState:
-            begun = self._begun()
-            if self._count("rollback") >= self._limits.rollbacks:
+            if not (self._strict and self.phase == "idle" and self._edited()):
+                self.begun(number)
+            if self.count("rollback") >= self._limits.rollbacks:
                 raise TransactionError(
                     "the case has no rollbacks left",
                     found=f"{self._limits.rollbacks} were made",
@@ -186,78 +206,33 @@ class Case:
                     next_step="correct the scene by hand until commit accepts it",
                 )
             base = self.base()
-            assert begun.base_sha256 is not None
-            self.live.restore(begun.base_sha256, base)
-            self._signatures = (base.geometry_signature, base.scene_signature)
+            assert self._base is not None
+            self.live.restore(self._base, base)
+            self.note_state(base)
             return base
 
-        return self.record("rollback", {}, call, closes=lambda _: True)
+        request = {} if number is None else {"transaction": number}
+        return self.record("rollback", request, call, closes=lambda _: True)
 
-    # Reading and recording.
-
-    def base(self) -> SceneState:
-        """The state in which the open transaction began."""
-        signature = self._begun().answer["scene_signature"]
-        stored = (self._states / f"{signature}.json").read_bytes()
-        return decode(SceneState, stored)
+    def _edited(self) -> bool:
+        """Whether the scene is another than the last transaction left."""
+        settled = self.settled()
+        now = self.read().state.scene_signature
+        return settled is not None and settled.scene_signature != now
 
     def read(self, requirements: Sequence[Requirement] = ()) -> LiveScene:
         """The scene as it is now, rendered only where a requirement needs it."""
-        rendered = any(isinstance(r, Luminance) for r in requirements)
-        photo = self.evidence.size_wh if self.evidence and rendered else None
-        scene, _ = self.live.read(luma_wh=photo)
+        scene, _ = self.live.read(luma_wh=self._luma_wh(requirements))
         self.note(scene)
         return scene
 
-    def note(self, scene: LiveScene) -> None:
-        """Have the signatures of a state that was read in the entry of this call."""
-        self.scene = scene
-        self._signatures = (scene.state.geometry_signature, scene.state.scene_signature)
+    def _luma_wh(self, requirements: Sequence[Requirement]) -> tuple[int, int] | None:
+        rendered = any(isinstance(r, Luminance) for r in requirements)
+        return self.evidence.size_wh if self.evidence and rendered else None
 
-    def record(
-        self,
-        tool: str,
-        request: dict[str, Any],
-        call: Callable[[], _T],
-        *,
-        opens: bool = False,
-        closes: Callable[[_T], bool] | None = None,
-    ) -> _T:
-        """Make a call and append it, an error included, before anybody is told how it ended."""
-        phase = self.phase
-        open_now = self.transaction if phase == "open" else None
-        base = self._begun().base_sha256 if phase == "open" else None
-        try:
-            made = call()
-        except LegoWorldError as error:
-            self._append(tool, request, None, str(error), phase, open_now, base)
-            raise
-        number, after = open_now, phase
-        if opens:
-            number, after = self.transaction + 1, "open"
-            base = made["base_sha256"] if isinstance(made, dict) else None
-        elif closes is not None and closes(made):
-            after = "idle"
-        self._append(tool, request, as_json(made), None, after, number, base)
-        return made
 
-    def _append(
-        self,
-        tool: str,
-        request: dict[str, Any],
-        answer: Any,
-        error: str | None,
-        phase: Phase,
-        transaction: int | None,
-        base: str | None,
-    ) -> None:
-        self.ledger.append(
-            tool=tool,
-            request=request,
-            answer=answer,
-            error=error,
-            phase=phase,
-            transaction=transaction,
-            signatures=self._signatures,
-            base_sha256=base,
-        )
+def told_changes(found: Sequence[Change]) -> str:
+    """Changes in words, at most five."""
+    shown = [f"{change.entity} ({change.kind})" for change in found[:5]]
+    more = [f"and {len(found) - 5} more"] if len(found) > 5 else []
+    return ", ".join([*shown, *more])

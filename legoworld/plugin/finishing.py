@@ -11,13 +11,15 @@ import numpy as np
 from legoworld.endpoint.finalisation import export_submission
 from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import atomic_path, sha256_of_file
-from legoworld.plugin.case import Case, TransactionError
+from legoworld.plugin.case import Case, told_changes
 from legoworld.plugin.measure import measure
+from legoworld.plugin.recorded import TransactionError
 from legoworld.plugin.small_render import render_copy
 from legoworld.plugin.state import NOTHING, LiveScene, read_live
+from legoworld.plugin.unfinished import standing
 from legoworld.readouts.pictures import Rgb, png_bytes
-from legoworld.records.base import as_json, to_record
-from legoworld.records.plugin_ledger import Declaration, Entry, Export, Review
+from legoworld.records.base import as_json
+from legoworld.records.plugin_ledger import Export, Review
 from legoworld.records.plugin_requirements import Report, Requirement
 from legoworld.scene.artefacts import decoded_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
@@ -40,20 +42,6 @@ class StaleError(LegoWorldError):
     """What a call is about is of another state of the scene."""
 
     code = "stale"
-
-
-def standing(entries: Sequence[Entry]) -> tuple[Requirement, ...]:
-    """The requirements of all committed transactions, in their order, each once."""
-    found: dict[Requirement, None] = {}
-    declared: tuple[Requirement, ...] = ()
-    for entry in entries:
-        if entry.error is not None:
-            continue
-        if entry.tool == "begin":
-            declared = to_record(Declaration, entry.request).requirements
-        if entry.tool == "commit" and entry.phase == "idle":
-            found.update(dict.fromkeys(declared))
-    return tuple(found)
 
 
 def validate(case: Case, given: Sequence[Requirement]) -> Report:
@@ -145,6 +133,7 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
             with case.live.copied() as copy:
                 scene = read_live(copy, case.live.reader)
                 case.note(scene)
+                unguarded = case.unguarded(scene.state)
                 warnings = export_submission(
                     copy,
                     into,
@@ -157,6 +146,9 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
             png = render_copy(into / BLEND, renderer, render_wh, samples=_SAMPLES, denoise=True)
         with atomic_path(into / RENDER) as temporary:
             temporary.write_bytes(png)
+        if unguarded:
+            edits = f"edits without a transaction since the last one: {told_changes(unguarded)}"
+            warnings = [*warnings, edits]
         return Export(files=_hashes(into), warnings=tuple(warnings))
 
     return case.record("export", {"render_wh": list(render_wh)}, call)

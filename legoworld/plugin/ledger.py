@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_text
 from legoworld.records.base import RecordError, canonical, decode
 from legoworld.records.plugin_ledger import Entry, Phase
@@ -34,6 +35,8 @@ class Ledger:
             # A line that was being written when the process was killed: its call was not answered.
             with self.path.open("rb+") as stream:
                 stream.truncate(whole)
+        #: Of all that is in the file, as far as this process knows.
+        self._written = hashlib.sha256(self._bytes())
 
     def append(
         self,
@@ -47,7 +50,17 @@ class Ledger:
         signatures: tuple[str | None, str | None],
         base_sha256: str | None,
     ) -> Entry:
-        """Write an entry and have it on disk."""
+        """Write an entry and have it on disk.
+
+        LedgerBrokenError where the file is no longer what was read and written here.
+        """
+        if hashlib.sha256(self._bytes()).digest() != self._written.digest():
+            raise LedgerBrokenError(
+                f"{LEDGER} was changed by another program",
+                found="another file than the one this server wrote",
+                expected=f"{len(self.entries)} lines as they were written",
+                next_step="end this server, and begin another case with another --ledger",
+            )
         unsigned = Entry(
             seq=len(self.entries) + 1,
             previous=self.entries[-1].sha256 if self.entries else _FIRST,
@@ -61,13 +74,34 @@ class Ledger:
             scene_signature=signatures[1],
             base_sha256=base_sha256,
         )
-        entry = msgspec.structs.replace(unsigned, sha256=_sha256(unsigned))
+        entry, line = _written(unsigned)
         with self.path.open("ab") as stream:
-            stream.write((canonical(entry) + "\n").encode())
+            stream.write(line)
             stream.flush()
             os.fsync(stream.fileno())
+        self._written.update(line)
         self.entries.append(entry)
         return entry
+
+    def _bytes(self) -> bytes:
+        return self.path.read_bytes() if self.path.exists() else b""
+
+
+def _written(unsigned: Entry) -> tuple[Entry, bytes]:
+    """An entry with its hash, and its line. UsageError for one that could not be read again."""
+    try:
+        entry = msgspec.structs.replace(unsigned, sha256=_sha256(unsigned))
+        line = canonical(entry).encode()
+        if canonical(decode(Entry, line)).encode() == line:
+            return entry, line + b"\n"
+        found = "a value that is read as another"
+    except ValueError as error:  # NaN, halves of surrogate pairs
+        found = str(error)
+    raise UsageError(
+        f"the call of {unsigned.tool} cannot be recorded",
+        found=found,
+        expected="numbers and texts that JSON can hold",
+    )
 
 
 def read_ledger(folder: Path) -> list[Entry]:

@@ -89,11 +89,20 @@ class LiveBlender:
         luma_wh: the photo's size, to render the scene small for its luma; None to render nothing.
         """
         with self.copied() as copy:
+            before = sha256_of_file(copy)
             scene = read_live(copy, self.reader)
             if luma_wh is not None and not isinstance(scene.shown, LegoWorldError):
                 luma = render_luma(copy, self.reader, luma_wh)
                 scene = dataclasses.replace(scene, luma=luma)
-            return scene, self._keep(copy) if keep else None
+            kept = self._keep(copy) if keep else None
+            if (kept or sha256_of_file(copy)) != before:
+                raise BlenderRefusedError(
+                    "the copy of the live scene was changed while it was read",
+                    found="another sha256 than before",
+                    expected="a file that only Blender's save writes",
+                    next_step=f"leave {_COPY} to the plugin, and call again",
+                )
+            return scene, kept
 
     def install(self, code: str) -> None:
         """Run the plugin's own code in the live scene: an explicit call of `initialize` alone."""
@@ -107,7 +116,7 @@ class LiveBlender:
         """
         copy, filepath = self._save()  # where the open file is, and a place Blender can read
         try:
-            shutil.copyfile(self._store / f"{sha256}.blend", copy)
+            _place(self._store / f"{sha256}.blend", copy)
             self._blender.run(_RESTORE.format(copy=str(copy), filepath=filepath))
         finally:
             copy.unlink(missing_ok=True)
@@ -141,7 +150,8 @@ class LiveBlender:
                 expected=f"Blender {newest[0]}.{newest[1]} or older",
                 next_step="drive the scene with that version, or `legoworld blender serve`",
             )
-        if copy.name != _COPY or not copy.is_file():
+        # A link would have this process read, or on a rollback write, where Blender may not.
+        if copy.name != _COPY or copy.is_symlink() or not copy.is_file():
             raise BlenderRefusedError(
                 "the copy of the live scene cannot be read from here",
                 found=str(copy),
@@ -157,3 +167,10 @@ class LiveBlender:
             with atomic_path(stored) as temporary:
                 shutil.copyfile(copy, temporary)
         return sha256
+
+
+def _place(source: Path, target: Path) -> None:
+    """Copy to a new file of this name, never through what somebody put there."""
+    target.unlink(missing_ok=True)
+    with target.open("xb") as written, source.open("rb") as stored:
+        shutil.copyfileobj(stored, written)

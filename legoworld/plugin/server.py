@@ -74,7 +74,10 @@ def plugin_server(
         protected: list[str] | None = None,
         requirements: list[Json] | None = None,
     ) -> Json:
-        """Declare an edit: what it may change, how, what stays, what has to hold after it."""
+        """Declare an edit: what it may change, how, what stays, what has to hold after it.
+
+        unguarded: changes since the last transaction ended, which were made without one.
+        """
         if requirements and "measurement" not in modules:
             raise UsageError(
                 "requirements cannot be measured in this run",
@@ -90,7 +93,8 @@ def plugin_server(
                 "requirements": requirements or [],
             },
         )
-        return answer(case, transaction=case.begin(declaration).transaction)
+        begun = case.begin(declaration)
+        return answer(case, transaction=begun.transaction, unguarded=begun.answer["unguarded"])
 
     @server.tool()
     @told
@@ -112,16 +116,22 @@ def plugin_server(
 
     @server.tool()
     @told
-    def commit() -> Json:
-        """Judge the edit; accepted with an allowed change, no violation and no blocking verdict."""
-        judgement, report = case.commit()
+    def commit(transaction: int | None = None) -> Json:
+        """Judge the edit; accepted with an allowed change, no violation and no blocking verdict.
+
+        transaction: the number that begin gave; another one than the open transaction is refused.
+        """
+        judgement, report = case.commit(transaction)
         return answer(case, judgement=as_json(judgement), report=as_json(report))
 
     @server.tool()
     @told
-    def rollback() -> Json:
-        """Return to the scene as it was when the transaction began, proven by its signature."""
-        return answer(case, restored=case.rollback().scene_signature)
+    def rollback(transaction: int | None = None) -> Json:
+        """Return to the scene as it was when the transaction began, proven by its signature.
+
+        transaction: the number that begin gave; another one than the open transaction is refused.
+        """
+        return answer(case, restored=case.rollback(transaction).scene_signature)
 
     @server.tool()
     @told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
@@ -47,7 +48,22 @@ def answer_text(case: Case, **shown: Any) -> str:
 
 def typed(kind: Any, given: Any) -> Any:
     """Arguments as a record. UsageError names the place of what does not fit."""
+    if (place := _no_number(given)) is not None:
+        raise UsageError("the arguments cannot be used", found=place, expected="finite numbers")
     try:
         return to_record(kind, given)
     except RecordError as error:
         raise UsageError("the arguments cannot be used", found=str(error)) from error
+
+
+def _no_number(value: Any, place: str = "$") -> str | None:
+    """Where a JSON value has NaN or an infinity: neither is JSON, and no ledger keeps them."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{value} at {place}"
+    inside: list[tuple[Any, Any]] = []
+    if isinstance(value, dict):
+        inside = list(value.items())
+    elif isinstance(value, list):
+        inside = list(enumerate(value))
+    places = (_no_number(item, f"{place}[{key!r}]") for key, item in inside)
+    return next((found for found in places if found), None)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 from legoworld.errors import InstallationError, UsageError
+from legoworld.files import held_alone
 from legoworld.plugin.case import STATES, Case
 from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.evidence import read_evidence
@@ -41,6 +41,7 @@ def serve_plugin(
     address: str,
     ledger: Path,
     off: Sequence[str] = (),
+    require_transaction: bool = False,
 ) -> None:
     """Serve until standard input ends. InstallationError without the extra.
 
@@ -56,27 +57,27 @@ def serve_plugin(
         known = read_evidence(evidence, photo)
     elif "evidence" in modules and photo is not None:
         known = photo_alone(photo)
-    with BlenderProcess(Limits()) as reader:
+    # Before anything is read: opening a ledger drops the line that a killed server left.
+    with one_server(ledger), BlenderProcess(Limits()) as reader:
         live = LiveBlender(BlenderConnection(parsed_address(address)), reader, ledger / STATES)
-        case = Case(ledger, live, known, TransactionLimits())
-        with one_server(ledger):
-            case.resume()
-            plugin_server(case, known, modules).run("stdio")
+        case = Case(
+            ledger, live, known, TransactionLimits(), require_transaction=require_transaction
+        )
+        case.serve()
+        plugin_server(case, known, modules).run("stdio")
 
 
 @contextlib.contextmanager
 def one_server(ledger: Path) -> Iterator[None]:
     """One server at a time over a ledger; the lock ends with the process, however that ends."""
-    with (ledger / _LOCK).open("ab") as held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise UsageError(
-                "another server writes this ledger",
-                found=f"{ledger / _LOCK} is locked",
-                expected="one server for each ledger",
-                next_step="end it, or pass another --ledger",
-            ) from error
+    ledger.mkdir(parents=True, exist_ok=True)
+    refused = UsageError(
+        "another server writes this ledger",
+        found=f"{ledger / _LOCK} is locked",
+        expected="one server for each ledger",
+        next_step="end it, or pass another --ledger",
+    )
+    with held_alone(ledger / _LOCK, refused):
         yield
 
 

@@ -88,8 +88,15 @@ def scene_state(
         geometry_signature=content_sha256,
         scene_signature="",
     )
-    signature = hashlib.sha256(canonical(unsigned).encode()).hexdigest()
-    return msgspec.structs.replace(unsigned, scene_signature=signature)
+    return msgspec.structs.replace(unsigned, scene_signature=signature_of(unsigned))
+
+
+def signature_of(state: SceneState) -> str:
+    """The scene signature of a state, whatever it says itself."""
+    import msgspec
+
+    unsigned = msgspec.structs.replace(state, scene_signature="")
+    return hashlib.sha256(canonical(unsigned).encode()).hexdigest()
 
 
 def placement_sha256(snapshot: Snapshot) -> dict[tuple[str, str | None], str]:

@@ -25,7 +25,7 @@ def judge(
     if report.scene_signature != after.scene_signature:
         raise ValueError("the report is of another state of the scene")
     protected = members(declaration.protected, (before, after))
-    editable = members(declaration.editable, (before, after)) - protected
+    editable = _editable(declaration, before, after) - protected
     allowed, violations = [], []
     for change in changes(before, after):
         why: Why | None = None
@@ -45,6 +45,18 @@ def judge(
         blocked=report.blocked,
         accepted=bool(allowed) and not violations and not report.blocked,
     )
+
+
+def _editable(declaration: Declaration, before: SceneState, after: SceneState) -> set[str]:
+    """What may change: as the scene was when it was declared, and what is new under these names.
+
+    What was there before does not become editable by being parented to, or collected with, what is.
+    """
+    then, now = (members(declaration.editable, (state,)) for state in (before, after))
+    there = {o.key for o in before.objects}
+    if before.camera is not None:
+        there.add("camera")
+    return then | (now - there)
 
 
 def members(names: Iterable[str], states: Iterable[SceneState]) -> set[str]:

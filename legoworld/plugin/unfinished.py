@@ -4,7 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from legoworld.records.plugin_ledger import Entry, HookMark
+from legoworld.records.base import to_record
+from legoworld.records.plugin_ledger import Declaration, Entry, HookMark
+from legoworld.records.plugin_requirements import Requirement
+
+
+def standing(entries: Sequence[Entry]) -> tuple[Requirement, ...]:
+    """The requirements of all committed transactions, in their order, each once."""
+    found: dict[Requirement, None] = {}
+    declared: tuple[Requirement, ...] = ()
+    for entry in entries:
+        if entry.error is not None:
+            continue
+        if entry.tool == "begin":
+            declared = to_record(Declaration, entry.request).requirements
+        if entry.tool == "commit" and entry.phase == "idle":
+            found.update(dict.fromkeys(declared))
+    return tuple(found)
 
 
 def unfinished(entries: Sequence[Entry], marks: Sequence[HookMark]) -> tuple[str, ...]:
@@ -12,7 +28,8 @@ def unfinished(entries: Sequence[Entry], marks: Sequence[HookMark]) -> tuple[str
 
     Nothing is left where nothing was done: no call and no edit.
     """
-    return tuple(_left(entries, [m for m in marks if m.what == "edit"]))
+    calls = [entry for entry in entries if entry.tool != "serve"]
+    return tuple(_left(calls, [m for m in marks if m.what == "edit"]))
 
 
 def _left(entries: Sequence[Entry], edits: Sequence[HookMark]) -> Iterator[str]:
@@ -22,7 +39,7 @@ def _left(entries: Sequence[Entry], edits: Sequence[HookMark]) -> Iterator[str]:
         number = max(e.transaction or 0 for e in entries)
         yield f"Transaction {number} is open: call commit, or rollback."
         return
-    report = _last(entries, ("validate", "commit"))
+    report = _last_report(entries)
     if report is None:
         yield "Nothing was validated: call validate."
     elif _stale(report, entries, edits):
@@ -35,6 +52,22 @@ def _left(entries: Sequence[Entry], edits: Sequence[HookMark]) -> Iterator[str]:
     elif review.answer["findings"] is None:
         sha256 = review.answer["render_sha256"]
         yield f"The render {sha256} is not reviewed: call review with it and your findings."
+
+
+def _last_report(entries: Sequence[Entry]) -> Entry | None:
+    """The last validate, or commit that measured all that is required by then.
+
+    A commit measures its own requirements: it may break an earlier transaction's.
+    """
+    for number, entry in reversed(list(enumerate(entries, start=1))):
+        if entry.error is None and entry.tool == "validate":
+            return entry
+        if entry.error is None and entry.tool == "commit":
+            begun = _last(entries[:number], ("begin",))
+            own = () if begun is None else to_record(Declaration, begun.request).requirements
+            if set(standing(entries[:number])) <= set(own):
+                return entry
+    return None
 
 
 def _last(entries: Sequence[Entry], tools: tuple[str, ...]) -> Entry | None:

@@ -67,7 +67,7 @@ class Entry(Record, frozen=True, kw_only=True):
     was called; request: its arguments; answer: what it returned, null where the call failed; error:
     why it failed; phase, transaction: where the case stands after it; geometry_signature,
     scene_signature: of the last state that was read, null before any; base_sha256: of the stored
-    copy that a rollback restores, null without an open transaction. sha256: of the line without it.
+    copy that a rollback restores, null before any transaction. sha256: of the line without it.
     """
 
     seq: Annotated[int, Meta(ge=1)]

@@ -26,7 +26,7 @@ ChangeKind = Literal[
 
 
 class EntityState(Record, frozen=True, kw_only=True):
-    """One object datablock of the scene, as saved.
+    """One object datablock of the file, as saved.
 
     library: the path of the linked file, null for a local object. transform: matrix_basis and
     matrix_parent_inverse, 32 numbers row by row. mesh_sha256: of the object's own mesh
@@ -79,7 +79,8 @@ class SceneState(Record, frozen=True, kw_only=True):
 class Change(Record, frozen=True, kw_only=True):
     """One difference between two states: whose, and of which kind.
 
-    entity: an object's key, or "camera", "render", "world" or "collections" for the scene's own.
+    entity: an object's key, or "camera", "render", "world" or "collections" for the scene's own;
+    "scene" where the states differ in nothing that has a name.
     """
 
     entity: str

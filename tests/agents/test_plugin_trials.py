@@ -116,7 +116,9 @@ def test_a_good_edit_commits_and_a_harmful_one_is_rolled_back(played):
 def test_the_ledger_and_the_trial_tell_the_same(played):
     folder = played / "with" / "room"
     entries = read_ledger(folder / TRIAL / PLUGIN)
-    assert [e.tool for e in entries] == ["begin", "commit", "begin", "commit", "rollback"]
+    assert [e.tool for e in entries] == [
+        "serve", "begin", "commit", "begin", "commit", "rollback",
+    ]  # fmt: skip
     used = read_trial(folder).about.plugin_calls
     assert used is not None
     assert (used.calls, used.failed, used.transactions) == (5, 0, 2)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
+from endpoint.clients import served
+from plugin.live_room import reopened
 from plugin.rooms import ROOM_AND_EDITS
 
+from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.state import read_live
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
@@ -33,3 +38,25 @@ def live(room_folders, blender):
         return known[name]
 
     return read
+
+
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory, room_folders):
+    """A Blender with the room, saved in its own workspace."""
+    with served(tmp_path_factory.mktemp("endpoint")) as found:
+        shutil.copy(room_folders / "none" / "scene.blend", found.workspace / "room.blend")
+        yield found
+
+
+@pytest.fixture
+def blender_code(endpoint):
+    """Runs code in the live scene, which is the room anew for every test."""
+    live = BlenderConnection(Address(port=endpoint.server.port))
+    path = str(endpoint.workspace / "room.blend")
+    live.run(f"import bpy; bpy.ops.wm.open_mainfile(filepath={path!r})")
+    return live
+
+
+@pytest.fixture
+def case(tmp_path, blender_code, blender):
+    return reopened(tmp_path, blender_code, blender)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 import socket
 
 import pytest
-from endpoint.clients import served
+from plugin.live_room import reopened
 
-from legoworld.plugin.case import Case, TransactionError
 from legoworld.plugin.connection import Address, BlenderConnection, BlenderUnreachableError
 from legoworld.plugin.ledger import LedgerBrokenError, read_ledger
-from legoworld.plugin.live import LiveBlender
+from legoworld.plugin.recorded import TransactionError
 from legoworld.records import plugin_requirements as kinds
-from legoworld.records.plugin_ledger import Declaration, TransactionLimits
+from legoworld.records.plugin_ledger import Declaration
 
 pytestmark = pytest.mark.blender
 
@@ -22,35 +20,6 @@ MOVE_CUP = Declaration(
     editable=("Cup",), protected=("Table",), kinds=("transform",), requirements=(ON_TABLE,)
 )
 ACROSS = "import bpy; bpy.data.objects['Cup'].location.x += 0.3"
-
-
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory, room_folders):
-    """A Blender with the room, saved in its own workspace."""
-    with served(tmp_path_factory.mktemp("endpoint")) as found:
-        shutil.copy(room_folders / "none" / "scene.blend", found.workspace / "room.blend")
-        yield found
-
-
-@pytest.fixture
-def blender_code(endpoint):
-    """Runs code in the live scene, which is the room anew for every test."""
-    live = BlenderConnection(Address(port=endpoint.server.port))
-    path = str(endpoint.workspace / "room.blend")
-    live.run(f"import bpy; bpy.ops.wm.open_mainfile(filepath={path!r})")
-    return live
-
-
-@pytest.fixture
-def case(tmp_path, blender_code, blender):
-    return reopened(tmp_path, blender_code, blender)
-
-
-def reopened(folder, connection, blender, **limits):
-    store = folder / "states"
-    store.mkdir(exist_ok=True)
-    live = LiveBlender(connection, blender, store)
-    return Case(folder, live, None, TransactionLimits(**limits))
 
 
 def test_a_good_edit_commits(case, blender_code):

@@ -3,51 +3,29 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import anyio
 import cv2
 import numpy as np
 import pytest
-from endpoint.clients import served
 from mcp import Client
 from plugin.talking import called
 
-from legoworld.plugin.case import Case, TransactionError
-from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.finishing import StaleError, export, note_review, render_for_review, validate
-from legoworld.plugin.live import LiveBlender
+from legoworld.plugin.recorded import TransactionError
 from legoworld.plugin.server import plugin_server
 from legoworld.plugin.unfinished import unfinished
 from legoworld.records import plugin_requirements as kinds
-from legoworld.records.plugin_ledger import Declaration, TransactionLimits
+from legoworld.records.plugin_ledger import Declaration
 
 pytestmark = pytest.mark.blender
 
 STANDS = kinds.Support(entity="Cup", on="Table")
 
 
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory, room_folders):
-    with served(tmp_path_factory.mktemp("endpoint")) as found:
-        shutil.copy(room_folders / "none" / "scene.blend", found.workspace / "room.blend")
-        yield found
-
-
 @pytest.fixture
-def run(endpoint):
-    live = BlenderConnection(Address(port=endpoint.server.port))
-    path = str(endpoint.workspace / "room.blend")
-    live.run(f"import bpy; bpy.ops.wm.open_mainfile(filepath={path!r})")
-    return live.run
-
-
-@pytest.fixture
-def case(tmp_path, run, endpoint, blender):
-    (tmp_path / "states").mkdir()
-    connection = BlenderConnection(Address(port=endpoint.server.port))
-    live = LiveBlender(connection, blender, tmp_path / "states")
-    return Case(tmp_path, live, None, TransactionLimits())
+def run(blender_code):
+    return blender_code.run
 
 
 def test_a_case_from_a_commit_to_its_files(case, run, tmp_path):

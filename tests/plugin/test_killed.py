@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from endpoint.clients import served
 
 from legoworld.errors import UsageError
 from legoworld.plugin.case import STATES, Case
@@ -39,13 +37,6 @@ def test_one_server_writes_a_ledger(tmp_path):
         one_server(tmp_path).__enter__()
     with one_server(tmp_path):
         pass  # the lock ends with its holder
-
-
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory, room_folders):
-    with served(tmp_path_factory.mktemp("endpoint")) as found:
-        shutil.copy(room_folders / "none" / "scene.blend", found.workspace / "room.blend")
-        yield found
 
 
 @pytest.mark.parametrize("point", POINTS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,7 +11,13 @@ from typing import Final
 from msgspec import structs
 
 from legoworld.errors import ConfigurationMismatchError, UsageError
-from legoworld.files import TEMPORARY_SUFFIX, sync_file, sync_folder, write_text
+from legoworld.files import (
+    TEMPORARY_SUFFIX,
+    held_alone,
+    sync_file,
+    sync_folder,
+    write_text,
+)
 from legoworld.records.base import UNSET, RecordError, canonical, decode, readable, short_json
 from legoworld.records.folders.prediction_files import (
     FOLDER,
@@ -53,17 +58,13 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold a run folder for this process alone. UsageError when another one has it."""
     refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    # The lock's file stays: removing it would let two processes lock two files of one name.
-    with (folder / _LOCK).open("a") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise UsageError(
-                "another process is writing into the run folder",
-                found=f"{folder.name}/{_LOCK} is held",
-                expected="one run per folder",
-                next_step="wait for it, or choose another -o",
-            ) from error
+    refused = UsageError(
+        "another process is writing into the run folder",
+        found=f"{folder.name}/{_LOCK} is held",
+        expected="one run per folder",
+        next_step="wait for it, or choose another -o",
+    )
+    with held_alone(folder / _LOCK, refused):
         yield
 
 

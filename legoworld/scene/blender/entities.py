@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import functools
 import hashlib
+from pathlib import Path
 from typing import Any, Final
 
 import bpy
 import numpy as np
 
-from legoworld.files import canonical_json, sha256_of_text
+from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.records.plugin_state import EntityState
+from legoworld.scene.blender.integrity import compositor
 
 #: Settings of the window, caches and bookkeeping: equal scenes may differ in them.
 _IGNORED: Final = frozenset((
@@ -37,12 +39,15 @@ _OF_NODES: Final = frozenset(("location", "width", "height", "color", "label", "
 
 
 def entity_states(scene: bpy.types.Scene) -> list[EntityState]:
-    """The scene's objects sorted by name and library, without their placements."""
+    """The file's objects sorted by name and library, without their placements.
+
+    Those of instanced collections and of other scenes are among them: a scene may show them, too.
+    """
     holders: dict[int, list[str]] = {}
     for collection in [scene.collection, *bpy.data.collections]:
         for member in collection.objects:
             holders.setdefault(member.as_pointer(), []).append(collection.name)
-    states = [_state(o, sorted(holders.get(o.as_pointer(), ()))) for o in scene.objects]
+    states = [_state(o, sorted(holders.get(o.as_pointer(), ()))) for o in bpy.data.objects]
     return sorted(states, key=lambda state: (state.name, state.library or ""))
 
 
@@ -51,6 +56,8 @@ def scene_hashes(scene: bpy.types.Scene) -> dict[str, str]:
     camera = scene.camera
     shown = None if camera is None else [camera.name, _matrix(camera), described(camera.data)]
     render = [described(scene.render), described(scene.view_settings), described(scene.cycles)]
+    nodes = compositor(scene)
+    render.append({} if nodes is None else described(nodes))
     display = scene.display_settings.display_device
     frame = [scene.frame_current, scene.frame_subframe, scene.unit_settings.scale_length]
     return {
@@ -118,9 +125,24 @@ def _image(image: bpy.types.Image) -> list[Any]:
     """An image by where its pixels come from; those that lie in the .blend by their bytes."""
     settings = [image.name, image.source, image.filepath, image.alpha_mode, list(image.size)]
     packed = image.packed_file
-    content = hashlib.sha256(packed.data).hexdigest() if packed else None
+    content = hashlib.sha256(packed.data).hexdigest() if packed else _file_sha256(image)
     drawn = _pixels_sha256(image) if image.is_dirty or image.source == "GENERATED" else None
     return [*settings, image.colorspace_settings.name, content, drawn]
+
+
+def _file_sha256(image: bpy.types.Image) -> str | None:
+    """The bytes of the file that an image names; None where it names none, or none is there."""
+    path = Path(bpy.path.abspath(image.filepath, library=image.library))
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return _content_sha256(path, about.st_mtime_ns, about.st_size) if path.is_file() else None
+
+
+@functools.lru_cache(maxsize=1024)
+def _content_sha256(path: Path, _mtime_ns: int, _size: int) -> str:
+    return sha256_of_file(path)
 
 
 def _pixels_sha256(image: bpy.types.Image) -> str:

@@ -37,7 +37,7 @@ def scene_facts(
     facts = {
         "images": images,
         "world_nodes": _node_kinds(scene.world.node_tree if scene.world else None),
-        "compositor_nodes": _node_kinds(_compositor(scene)),
+        "compositor_nodes": _node_kinds(compositor(scene)),
         "texts": [
             {"name": t.name, "characters": len(t.as_string()), "registers": bool(t.use_module)}
             for t in sorted(bpy.data.texts, key=lambda t: t.name)
@@ -109,7 +109,7 @@ def _node_kinds(tree: bpy.types.NodeTree | None) -> list[str]:
     return sorted(node.bl_idname for node in _nodes(tree))
 
 
-def _compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+def compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     """The compositor's nodes: a group of its own since Blender 5.0."""
     if hasattr(scene, "compositing_node_group"):
         return scene.compositing_node_group
@@ -133,7 +133,7 @@ def _image_users(scene: bpy.types.Scene) -> dict[str, set[str]]:
         note(_images_in(material.node_tree), "material")
     for world in bpy.data.worlds:
         note(_images_in(world.node_tree), "world")
-    note(_images_in(_compositor(scene)), "compositor")
+    note(_images_in(compositor(scene)), "compositor")
     for camera in bpy.data.cameras:
         backgrounds = (background.image for background in camera.background_images)
         note({image.name for image in backgrounds if image is not None}, "camera")
