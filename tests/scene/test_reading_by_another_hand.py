@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from gltf.documents import Document
 from scene.by_hand import CAMERA, HandScene
+from scene.stand_in import FACTS, StandIn
 
 from legoworld.errors import (
     SceneChangedError,
     SceneInvalidError,
-    WorkerCrashedError,
     WorkerTimeoutError,
 )
-from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts, hash_files, write_frozen
 from legoworld.scene.opened import CardRender, OpenedScene
 from legoworld.scene.reading import read_scene
-from legoworld.scene.snapshot import save
 
 CARD = CardRender(size_wh=(4, 3), samples=1, seed=2, denoise=False)
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(4) + b"IEND" + bytes(4)
@@ -36,33 +33,12 @@ def snapshot_of(name: str):
     return replace(scene.snapshot(), camera=replace(CAMERA, name=name))
 
 
-class StandIn(BlenderProcess):
-    """Answers as the worker does; the scene's one object is named after its file's content."""
-
-    def __init__(self, *, lost: int = 0, meanwhile=lambda: None) -> None:
-        super().__init__(Limits())
-        self.asked: list[dict] = []
-        self.lost = lost
-        self.meanwhile = meanwhile
-
-    def request(self, message):
-        self.asked.append(message)
-        if self.lost:
-            self.lost -= 1
-            raise (WorkerCrashedError if self.lost else WorkerTimeoutError)("lost")
-        output, blend = Path(message["output"]), Path(message["blend"])
-        assert blend.is_absolute()
-        self.meanwhile()
-        if message["kind"] == "card_render":
-            output.write_bytes(PNG)
-            return {}
-        if message["kind"] == "facts":
-            np.savez(output, textures=np.full((1, 2, 2, 3), len(self.asked), np.uint8))
-            return {"facts": {"objects": 3}}
-        save(snapshot_of(blend.read_text()), output, passing=message["passing"])
-        baked = blend.parent / "baked"
-        more = ["baked/0.bphys"] if baked.is_dir() else []
-        return {"dependencies": ["wood.png", *more], "watched": ["baked"]}
+def stand_in(**options) -> StandIn:
+    """A process whose scenes have one object, named after the file's content."""
+    pictures = (PNG,) * 9
+    return StandIn(
+        snapshot_of=lambda blend: snapshot_of(blend.read_text()), pictures=pictures, **options
+    )
 
 
 @pytest.fixture
@@ -82,7 +58,7 @@ def read(scene, blender, cache=None, source="blend"):
 
 def test_with_and_without_a_cache_the_same_answer(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
-    blenders = [StandIn(), StandIn(), StandIn()]
+    blenders = [stand_in(), stand_in(), stand_in()]
     without = read(scene, blenders[0])
     first, second = (read(scene, blender, cache) for blender in blenders[1:])
     assert without.snapshot.camera.name == first.snapshot.camera.name == "Chair"
@@ -99,17 +75,17 @@ def test_with_and_without_a_cache_the_same_answer(scene, tmp_path):
 def test_the_name_is_asked_for_and_not_what_it_links(scene, tmp_path):
     (scene.path / "scene.blend").rename(tmp_path / "store.blend")
     (scene.path / "scene.blend").symlink_to(tmp_path / "store.blend")
-    blender = StandIn()
+    blender = stand_in()
     read(scene, blender)
     assert blender.asked[0]["blend"] == str(scene.path.resolve() / "scene.blend")
 
 
 def test_whatever_it_reads_is_part_of_the_key(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
-    read(scene, StandIn(), cache)
+    read(scene, stand_in(), cache)
 
     def asked_again():
-        blender = StandIn()
+        blender = stand_in()
         read(scene, blender, cache)
         return len(blender.asked)
 
@@ -126,11 +102,11 @@ def test_whatever_it_reads_is_part_of_the_key(scene, tmp_path):
 
 def test_a_damaged_snapshot_is_made_again(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
-    read(scene, StandIn(), cache)
+    read(scene, stand_in(), cache)
     (stored,) = cache.folder.rglob("*.snapshot")
     whole = stored.read_bytes()
     stored.write_bytes(b"half of it")
-    blender = StandIn()
+    blender = stand_in()
     assert read(scene, blender, cache).snapshot.camera.name == "Chair"
     assert len(blender.asked) == 1
     assert stored.read_bytes() == whole
@@ -139,18 +115,18 @@ def test_a_damaged_snapshot_is_made_again(scene, tmp_path):
 def test_a_scene_that_changes_while_it_is_read(scene):
     path = scene.path / "scene.blend"
     with pytest.raises(SceneInvalidError, match=r"scene\.blend changed while it was read"):
-        read(scene, StandIn(meanwhile=lambda: path.write_text("Table")))
+        read(scene, stand_in(meanwhile=lambda: path.write_text("Table")))
     files = checked_artefacts(scene, require_frozen=False)
     write_frozen(scene, files.artefacts, hash_files(scene.path, ["wood.png"]), {})
     with pytest.raises(SceneChangedError):
-        read(scene, StandIn(meanwhile=lambda: path.write_text("Stool")))
+        read(scene, stand_in(meanwhile=lambda: path.write_text("Stool")))
 
 
 def test_a_file_that_frozen_json_does_not_list(scene):
     files = checked_artefacts(scene, require_frozen=False)
     write_frozen(scene, files.artefacts, {}, {})
     with pytest.raises(SceneInvalidError, match=r"scene\.blend reads files.*found: wood\.png"):
-        read(scene, StandIn())
+        read(scene, stand_in())
 
 
 @pytest.mark.parametrize(
@@ -167,7 +143,7 @@ def test_a_folder_without_the_file_says_what_it_has(there, source, found, next_s
     for name in there:
         (scene.path / name).write_text("")
     with pytest.raises(SceneInvalidError) as caught:
-        read(scene, StandIn(), source=source)
+        read(scene, stand_in(), source=source)
     assert caught.value.found == found
     assert caught.value.expected == f"scene.{source}"
     assert next_step in str(caught.value.next_step)
@@ -177,7 +153,7 @@ def test_the_source_says_which_file_is_read(scene):
     made = Document()
     made.quad("Quad", 4, 4, extras={"category": "chair"})
     (scene.path / "scene.glb").write_bytes(made.glb())
-    blender = StandIn()
+    blender = stand_in()
     assert read(scene, blender, source="glb").snapshot.camera.name != "Chair"
     assert blender.asked == []
 
@@ -189,7 +165,7 @@ def opened(scene, blender, cache=None, content=None):
 
 def test_a_render_is_asked_for_once_and_kept(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
-    with StandIn() as blender:
+    with stand_in() as blender:
         assert opened(scene, blender, cache).render(CARD) == PNG
         assert opened(scene, blender, cache).render(replace(CARD, threads=3)) == PNG
         assert len(blender.asked) == 1
@@ -209,9 +185,9 @@ def test_a_render_is_asked_for_once_and_kept(scene, tmp_path):
 
 def test_facts_are_asked_for_once_and_kept(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
-    with StandIn() as blender:
+    with stand_in() as blender:
         first, again = (opened(scene, blender, cache).facts((8, 8)) for _ in range(2))
-        assert first.values == again.values == {"objects": 3}
+        assert first.values == again.values == FACTS
         assert first.textures.tolist() == again.textures.tolist() == [[[[1] * 3] * 2] * 2]
         assert blender.asked[0]["thumbnail_wh"] == (8, 8)
         other = opened(scene, blender, cache).facts((9, 8))
@@ -221,9 +197,9 @@ def test_facts_are_asked_for_once_and_kept(scene, tmp_path):
 
 def test_a_question_is_asked_again_once_where_the_process_was_lost(scene):
     for lost, expected in ((1, 2), (2, 2)):
-        with StandIn(lost=lost) as blender:
+        with stand_in(lost=lost) as blender:
             if lost == 1:
-                assert opened(scene, blender).facts((8, 8)).values == {"objects": 3}
+                assert opened(scene, blender).facts((8, 8)).values == FACTS
             else:
                 with pytest.raises(WorkerTimeoutError):
                     opened(scene, blender).render(CARD)
@@ -232,8 +208,8 @@ def test_a_question_is_asked_again_once_where_the_process_was_lost(scene):
 
 def test_what_is_kept_can_be_read_by_others(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
-    with StandIn() as blender:
+    with stand_in() as blender:
         opened(scene, blender, cache).facts((8, 8))
     (stored,) = cache.folder.rglob("*.npz")
     with np.load(stored) as arrays:
-        assert json.loads(arrays["facts"].tobytes()) == {"objects": 3}
+        assert json.loads(arrays["facts"].tobytes()) == FACTS

@@ -1,0 +1,71 @@
+"""A stand-in for the Blender process: a scene.blend that is a .glb by another name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legoworld.errors import WorkerCrashedError, WorkerTimeoutError
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.gltf.container import parse_glb
+from legoworld.scene.gltf.snapshot import snapshot_of_glb
+from legoworld.scene.snapshot import Snapshot, save
+
+FACTS: dict[str, Any] = {
+    "images": [], "world_nodes": ["Background"], "compositor_nodes": [], "texts": [], "drivers": 2,
+    "joints": [], "images_of": {},
+}  # fmt: skip
+
+
+def of_glb(blend: Path) -> Snapshot:
+    """As a .blend would be read: what a .glb does not say is no warning."""
+    snapshot = snapshot_of_glb(parse_glb(blend.read_bytes()), blend.parent)
+    return replace(snapshot, warnings=())
+
+
+class StandIn(BlenderProcess):
+    """Answers as the worker does.
+
+    lost: how often the process is lost before it answers; meanwhile: what happens while it reads;
+    pictures: what renders show, one after another.
+    """
+
+    def __init__(
+        self,
+        *,
+        snapshot_of: Callable[[Path], Snapshot] = of_glb,
+        lost: int = 0,
+        meanwhile: Callable[[], object] = lambda: None,
+        pictures: tuple[bytes, ...] = (),
+        facts: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__(Limits())
+        self.asked: list[dict[str, Any]] = []
+        self._snapshot_of = snapshot_of
+        self._lost = lost
+        self._meanwhile = meanwhile
+        self._pictures = list(pictures)
+        self._facts = facts or FACTS
+
+    def request(self, message: dict[str, Any]) -> dict[str, Any]:
+        self.asked.append(message)
+        if self._lost:
+            self._lost -= 1
+            raise (WorkerCrashedError if self._lost else WorkerTimeoutError)("lost")
+        output, blend = Path(message["output"]), Path(message["blend"])
+        assert blend.is_absolute()
+        self._meanwhile()
+        if message["kind"] == "card_render":
+            output.write_bytes(self._pictures.pop(0))
+            return {}
+        if message["kind"] == "facts":
+            np.savez(output, textures=np.full((1, 2, 2, 3), len(self.asked), np.uint8))
+            return {"facts": self._facts}
+        save(self._snapshot_of(blend), output, passing=message["passing"])
+        baked = blend.parent / "baked"
+        more = ["baked/0.bphys"] if baked.is_dir() else []
+        return {"dependencies": ["wood.png", *more], "watched": ["baked"]}
