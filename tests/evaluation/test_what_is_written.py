@@ -19,6 +19,8 @@ from evaluation.official import evaluate
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError, check_box_format
+from legoworld.evaluation.detection.protocols import PROTOCOLS
+from legoworld.evaluation.detection.text import metric_rows, notes
 from legoworld.records.folders.evaluation_folder import EVIDENCE, prepare_folder
 
 TASKS = ["coco", "coco-masks", "lvis"]
@@ -199,6 +201,54 @@ def test_ids_that_are_no_integers_are_shown(key, value, shown, tmp_path):
     with pytest.raises(LegoWorldError) as caught:
         evaluate(tmp_path, "coco", truth, predictions)
     assert f"found: expected int, got {shown} at $[7].{key};" in str(caught.value)
+
+
+def test_the_words_beside_the_numbers(tmp_path):
+    """One image, one category, one annotation: each count in the singular, and in the plural."""
+    truth = {
+        "images": [{"id": 1, "file_name": "1.jpg", "width": 64, "height": 64}],
+        "categories": [{"id": 1, "name": "chair"}, {"id": 2, "name": "table"}],
+        "annotations": [{"id": 1, "image_id": 1, "category_id": 1, "bbox": [0, 0, 40, 40],
+                         "area": 1600, "iscrowd": 0}],
+    }  # fmt: skip
+    predictions = [{"image_id": 1, "category_id": 1, "bbox": [0, 0, 40, 40], "score": 0.5}]
+    found = evaluate(tmp_path / "one", "coco", truth, predictions).summary
+    protocol = PROTOCOLS["coco"]
+    rows = {row[0]: row[1:] for row in metric_rows(found, protocol)}
+    assert rows["AP"] == ("1.0000", "-", "1 image, 1 category, 1 annotation")
+    assert rows["APs"] == ("-", "-", "1 image, 0 categories, 0 annotations")
+    assert rows["class_aware.miou_matched"][2] == "1 pair"
+    assert rows["class_aware.precision_50"][2] == "1 prediction"
+    assert rows["class_agnostic.label_accuracy"][2] == "1 pair at IoU 0.5"
+    assert rows["class_aware.pq"][2] == "1 annotation, 1 prediction"
+    assert rows["class_aware.miou_gt_macro"][2] == "1 category"
+    assert notes(found)[:3] == [
+        "images: 1 ok; 0 scored without predictions",
+        "ground truth: 1 instance in 1 of 2 categories, 0 crowd or ignored",
+        "predictions: 1; 0 lost to the cap, 0 in unverified categories, 0 empty; 0 false positives "
+        "in categories without ground truth here, not penalised",
+    ]
+    truth["images"].append({"id": 2, "file_name": "2.jpg", "width": 64, "height": 64})
+    truth["annotations"] += [
+        {**truth["annotations"][0], "id": 2, "image_id": 2, "category_id": 2},
+        {**truth["annotations"][0], "id": 3, "image_id": 2, "category_id": 1, "area": 9},
+    ]
+    more = [*predictions, {**predictions[0], "image_id": 2, "score": 0.25}]
+    found = evaluate(tmp_path / "two", "coco", truth, more).summary
+    rows = {row[0]: row[1:] for row in metric_rows(found, protocol)}
+    assert rows["AP"][2] == "2 images, 2 categories, 3 annotations"
+    assert rows["APs"][2] == "2 images, 1 category, 1 annotation"
+    equal = found.equal_confidence.metrics["AP"]
+    over = "2 images, 2 categories"
+    assert rows["equal confidence: AP"] == (f"{equal:.4f}", "-", over)
+    spread = found.equal_confidence.ties.spread
+    assert rows["equal confidence: AP over 20 tie orders"] == (
+        f"{spread.expected:.4f}", f"sd {spread.sd:.4f}", "2 tied predictions",
+    )  # fmt: skip
+    bounds = f"{spread.worst:.4f} .. {spread.best:.4f}"
+    assert rows["equal confidence: AP bounds over tie orders"] == ("-", bounds, over)
+    low, high = found.intervals["AP"].ends
+    assert rows["AP"][:2] == (f"{found.metrics['AP']:.4f}", f"{low:.4f} .. {high:.4f}")
 
 
 def boxes(*found):

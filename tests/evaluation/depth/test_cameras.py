@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.cameras import pinhole_from_distorted
+from legoworld.evaluation.depth.cameras import _distorted, pinhole_from_distorted
 from legoworld.evaluation.depth.errors import CameraModelError
 from legoworld.evaluation.depth.resampling import sampler
 from legoworld.tracks.colmap import Camera
@@ -69,6 +69,18 @@ def test_other_coefficients_there_and_back(
     distorted = np.concatenate([inner, pixels(0)])
     back = distorted_from_pinhole(camera.params, pinhole_from_distorted(camera, distorted))
     np.testing.assert_allclose(back, distorted, atol=1e-8)
+
+
+def test_the_partial_derivatives_are_those_of_the_distortion() -> None:
+    coefficients = (0.3, -0.2, 0.05, -0.04, 0.1, 0.15, 0.02, -0.03)
+    uv = np.random.default_rng(3).uniform(-0.7, 0.7, (9, 2))
+    _, (f_u, f_v, g_u, g_v) = _distorted(uv, coefficients)
+    step = 1e-6
+    for axis, expected in enumerate(((f_u, g_u), (f_v, g_v))):
+        moved = np.eye(2)[axis] * step
+        ends = [_distorted(uv + sign * moved, coefficients)[0] for sign in (1, -1)]
+        slope = (ends[0] - ends[1]) / (2 * step)
+        np.testing.assert_allclose(slope.T, expected, rtol=1e-7, atol=1e-8)
 
 
 def test_against_colmap_itself() -> None:

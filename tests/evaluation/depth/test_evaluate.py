@@ -46,6 +46,43 @@ def score(tmp_path: Path, predictions: Predictions, truth: dict[str, Any], **opt
     return summary, rows_of(tmp_path / "evaluation")
 
 
+@pytest.mark.parametrize(("draws", "seed"), [(0, 0), (1, -1)])
+def test_settings_that_cannot_be_are_refused_though_nothing_is_drawn(
+    draws: int, seed: int, tmp_path: Path
+) -> None:
+    z = plane(SIZE)
+    run = write_run(tmp_path / "run", {"one.jpg": z})
+    truth = write_arrays(tmp_path / "truth", {"one.jpg": z})
+    with pytest.raises(UsageError, match=f"found: {draws} draws?, seed {seed}; expected: at least"):
+        evaluate_depth(run, truth, tmp_path / "e", draws=draws, seed=seed)
+    assert not (tmp_path / "e").exists()
+    assert evaluate_depth(run, truth, tmp_path / "e", draws=1).coverage.scored == 1
+
+
+def test_what_an_image_is_warned_of(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    holed = z.copy()
+    holed[0, :3] = np.nan
+    holed[1, 0] = -1.0
+    noise = z * np.random.default_rng(0).choice([0.05, 1.0], z.shape)
+    noise[2:] = np.inf  # a hole is an error of 1, a constant is not
+    names = [eth3d_name("courtyard", n) for n in (1, 2)]
+    run = write_run(tmp_path / "run", {names[0]: z, names[1]: noise}, size_wh=SIZE)
+    root = write_eth3d(tmp_path / "truth", {names[0]: holed, names[1]: z})
+    evaluate_depth(run, root, tmp_path / "a", draws=5)
+    rows = rows_of(tmp_path / "a")
+    assert rows[0]["warnings"] == ["invalid truth left out: 3 NaN, 1 not positive"]
+    (worse,) = [w for w in rows[1]["warnings"] if "AbsRel" in w]
+    assert worse.startswith("AbsRel is above that of a constant under ")
+    assert worse.endswith(", ".join(rows[1]["worse_than_constant"]))
+    for name in ("cameras.txt", "images.txt"):
+        (root / "courtyard" / "dslr_calibration_jpg" / name).unlink()
+    evaluate_depth(run, root, tmp_path / "b", draws=5)
+    rows = rows_of(tmp_path / "b")
+    said = "no cameras.txt: the truth's size is the track's, held to its bytes"
+    assert [row["warnings"][0] for row in rows] == [said, said]
+
+
 def test_every_status(tmp_path: Path) -> None:
     z = plane(SIZE)
     few = np.full(z.shape, np.inf)
