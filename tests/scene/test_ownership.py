@@ -304,6 +304,9 @@ def test_labelled_owners_without_a_surface_are_named():
     scene.object("Shown", category="chair")
     scene.object("Hidden", category="tree")
     scene.occurs("Shown")
+    scene.collection("Shelf", category="apple")
+    scene.object("Pear", collections=("Shelf",))
+    scene.occurs("Pear")
     assert scene.grouped().unseen_owners == (("Hidden", "tree"), ("Store", "apple"))
 
 

@@ -161,6 +161,27 @@ def test_a_link_to_a_file_of_the_folder_is_that_file(folder):
     assert readout(folder)["scene"]["provenance"] == {"agent": "a"}
 
 
+def test_no_descriptor_stays_open(folder):
+    (folder / "notes").mkdir()
+    (folder / "notes" / "v2.json").write_text("{}")
+    (folder / "provenance.json").symlink_to("notes/v2.json")
+    (folder / "labels.json").mkdir()
+    (folder / "frozen.json").symlink_to("notes/absent.json")
+
+    def look():
+        assert read_side_file(folder, "provenance.json", Any) is not None
+        for name in ("labels.json", "frozen.json"):
+            with pytest.raises(SceneInvalidError):
+                read_side_file(folder, name, Any)
+        assert read_side_file(folder, "execution.json", Any) is None
+
+    look()
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    for _ in range(20):
+        look()
+    assert len(list(Path("/proc/self/fd").iterdir())) < before + 20
+
+
 def test_nesting_up_to_the_limit_is_read(folder):
     (folder / "provenance.json").write_text("[" * NESTING_LIMIT + "]" * NESTING_LIMIT)
     assert read_side_file(folder, "provenance.json", Any) is not None

@@ -32,6 +32,16 @@ def snapshot() -> Snapshot:
     )
 
 
+def test_without_cutouts_there_is_none_of_a_triangle():
+    scene = HandScene()
+    scene.object("A")
+    scene.occurs("A")
+    plain = scene.snapshot()
+    shapes = [plain.triangle_cutout.shape, plain.corner_uv.shape, plain.corner_alpha.shape]
+    assert shapes == [(0,), (0, 3, 2), (0, 3)]
+    assert list(plain.arrays()) == list(ARRAYS)
+
+
 def test_a_snapshot_comes_back_as_it_went(snapshot, tmp_path):
     content = save(snapshot, tmp_path / "a.snapshot")
     again, read_content = load(tmp_path / "a.snapshot")

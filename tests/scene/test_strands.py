@@ -9,10 +9,19 @@ import pytest
 
 from legoworld.scene.affine import cross, dot, length, unit
 from legoworld.scene.hair import strands as strands_module
-from legoworld.scene.hair.ribbons import ribbons
+from legoworld.scene.hair.ribbons import _on_quads, ribbons
 from legoworld.scene.hair.spheres import sphere, sphere_error, sphere_levels
-from legoworld.scene.hair.strands import TOLERANCE, Eye, Strands, nodes, usable
-from legoworld.scene.hair.tubes import linear_tubes, round_tubes
+from legoworld.scene.hair.strands import (
+    TOLERANCE,
+    Eye,
+    Nodes,
+    Strands,
+    _basis,
+    _basis_slope,
+    nodes,
+    usable,
+)
+from legoworld.scene.hair.tubes import _sides, linear_tubes, round_tubes
 
 #: Looks along +z of the strands' own frame from 10 units before its origin.
 TEN_BEFORE = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 10]])
@@ -76,6 +85,42 @@ def test_the_spline_goes_through_its_keys_with_their_radii():
     assert along.last.nonzero()[0].tolist() == [32]
 
 
+def test_the_spline_is_catmull_and_roms():
+    u = np.linspace(0, 1, 11)
+    cubes = np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]]) / 2.0
+    powers = np.stack([np.ones_like(u), u, u**2, u**3])
+    slopes = np.stack([np.zeros_like(u), np.ones_like(u), 2 * u, 3 * u**2])
+    assert np.allclose(_basis(u), cubes @ powers, atol=1e-15)
+    assert np.allclose(_basis_slope(u), cubes @ slopes, atol=1e-15)
+
+
+def test_tangents_are_those_of_the_spline():
+    along = nodes(helix(), EYE, 50, False)
+    steps = unit(along.points[2:] - along.points[:-2])
+    inner = np.arange(50, len(steps) - 50)  # the ends' own slopes are one-sided
+    assert np.abs(dot(steps[inner], along.tangent[1:-1][inner]) - 1.0).max() < 1e-4
+
+
+def test_a_point_of_a_wide_ribbon_lies_on_one_of_its_quads_triangles():
+    """A twisted quad: its corners do not lie in a plane."""
+    along = Nodes(
+        points=np.array([[0.0, 0, 0], [0, 1, 0]]), tangent=unit(np.array([[0.0, 1, 0], [2, 1, 0]])),
+        radius=np.array([0.3, 0.2]), last=np.array([False, True]),
+    )  # fmt: skip
+    ray = FLAT_EYE.toward(along.points)
+    across = unit(cross(along.tangent, ray)) * along.radius[:, None]
+    (left, left_1), (right, right_1) = along.points + across, along.points - across
+    zero, one = np.array([0]), np.array([1])
+    for u in (0.0, 0.25, 0.5, 0.75, 1.0):
+        for v in (0.0, 0.25, 0.5, 0.75, 1.0):
+            (found,) = _on_quads(along, zero, one, np.array([u]), np.array([v]), FLAT_EYE)
+            if u + v <= 1:
+                expected = (1 - u - v) * left + u * left_1 + v * right
+            else:
+                expected = (u + v - 1) * right_1 + (1 - u) * right + (1 - v) * left_1
+            assert found == pytest.approx(expected, abs=1e-12)
+
+
 @pytest.mark.parametrize("eye", [EYE, FLAT_EYE])
 def test_a_ribbon_faces_the_camera_and_has_the_strands_depth(eye):
     curve = helix()
@@ -107,6 +152,19 @@ def test_round_tubes_stay_as_close_to_a_cylinder_as_declared():
     assert off.max() <= 2e-3 * 0.5  # 64 sides at most
     thin, _ = round_tubes(strand([(0, -2, 0), (0, 2, 0)], 1e-4), EYE)
     assert len(thin) == 2 * 4
+    # Four sides: corners as far outside as the sides' middles are inside.
+    ring = thin.astype(np.float64)[:4, [0, 2]]
+    outside = np.hypot(*ring.T).mean() / 1e-4 - 1
+    inside = 1 - np.hypot(*((ring + np.roll(ring, 1, axis=0)) / 2).T).mean() / 1e-4
+    assert outside == pytest.approx(inside, rel=1e-3)
+    assert outside == pytest.approx(2 / (1 + np.cos(np.pi / 4)) - 1, rel=1e-3)
+
+
+@pytest.mark.parametrize("share", [1e-6, 1.001e-5, 1e-4, 4e-4, 1e-3, 2e-3, 0.5])
+def test_a_ring_has_as_many_sides_as_the_tolerance_asks_for(share):
+    sides = _sides(strand([(0, 0, 0), (0, 1, 0)], 8.0 * share), FLAT_EYE)
+    enough = [n for n in range(4, 65) if share * (1 - np.cos(np.pi / n)) / 2 <= TOLERANCE]
+    assert sides == min(enough, default=64)
 
 
 def test_linear_tubes_touch_a_sphere_at_each_key():
@@ -156,6 +214,33 @@ def test_strands_of_one_key_and_negative_radii_are_left_out():
     )
     assert curve.start.tolist() == [0, 2]
     assert curve.radius.tolist() == [0, 0]
+
+
+def test_batches_hold_every_key_once(monkeypatch):
+    one = helix()
+    three = Strands(
+        points=np.concatenate([one.points] * 3), radius=np.arange(27.0),
+        start=np.array([0, 9, 18, 27]),
+    )  # fmt: skip
+    for most, expected in ((1, 3), (9, 3), (10, 2), (18, 2), (19, 1), (100, 1)):
+        monkeypatch.setattr(strands_module, "_KEYS_AT_ONCE", most)
+        parts = list(three.parts())
+        assert len(parts) == expected
+        assert np.concatenate([p.radius for p in parts]).tolist() == three.radius.tolist()
+        assert np.array_equal(np.concatenate([p.points for p in parts]), three.points)
+        assert sum(len(p.start) - 1 for p in parts) == 3
+        for part in parts:
+            assert part.start.tolist() == list(range(0, len(part.radius) + 1, 9))
+
+
+def test_the_coarsest_sphere_is_an_icosahedron():
+    vertices, triangles = sphere(0)
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [0, 2]]])
+    lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    radius = np.linalg.norm(vertices, axis=1)
+    assert np.ptp(lengths) < 1e-6
+    assert np.ptp(radius) < 1e-6
+    assert lengths[0] / radius[0] == pytest.approx(4 / np.sqrt(10 + 2 * np.sqrt(5)), rel=1e-6)
 
 
 def test_a_flat_transform_has_no_eye():

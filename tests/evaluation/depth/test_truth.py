@@ -11,8 +11,10 @@ from evaluation.depth.folders import plane, write_arrays, write_eth3d
 
 from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
 from legoworld.evaluation.depth.eth3d import (
+    find_calibration,
     photo_camera,
     scene_of,
+    scenes_below,
 )
 from legoworld.evaluation.depth.truth import find_truth, load_truth
 from legoworld.evaluation.run import RunImage
@@ -45,6 +47,21 @@ def test_both_trees(tmp_path: Path, tree: str) -> None:
         assert (truth.inf_px, truth.nan_px, truth.non_positive_px) == (int(np.isinf(z).sum()), 0, 0)
         assert file.camera is not None
         assert file.camera.model == "THIN_PRISM_FISHEYE"
+
+
+@pytest.mark.parametrize(
+    "place", ["courtyard", "rgb/courtyard", "depth/courtyard_dslr_depth/courtyard"]
+)
+def test_the_calibration_is_found_in_either_tree(tmp_path: Path, place: str) -> None:
+    write_eth3d(tmp_path / "made", {NAME: lidar()})
+    made = tmp_path / "made/courtyard/dslr_calibration_jpg"
+    folder = tmp_path / "truth" / place
+    folder.mkdir(parents=True)
+    assert find_calibration(tmp_path / "truth", "courtyard") is None
+    made.rename(folder / "dslr_calibration_jpg")
+    assert find_calibration(tmp_path / "truth", "courtyard") == folder / "dslr_calibration_jpg"
+    assert find_calibration(tmp_path / "truth", "other") is None
+    assert scenes_below(tmp_path / "truth") == ["courtyard"]
 
 
 def test_invalid_values_are_counted(tmp_path: Path) -> None:

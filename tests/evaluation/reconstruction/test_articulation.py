@@ -166,9 +166,10 @@ def with_joints(root, dataset, joints):
 
 
 def test_rows_and_summary_of_an_evaluation(tmp_path):
+    scenery = replace(DOOR, part="Gate", object_id=None, box_cam_m=((8, 0, 8), (9, 1, 9)))
     dataset = with_joints(
         tmp_path / "bench", write_dataset(tmp_path / "bench", tiers=("easy",)),
-        (replace(DOOR, object_id=1),),
+        (replace(DOOR, object_id=1), scenery),
     )  # fmt: skip
     run = write_run(tmp_path / "run", dataset, {2: Submission(status="invalid")})
     path = run / "per_image.jsonl"
@@ -187,6 +188,15 @@ def test_rows_and_summary_of_an_evaluation(tmp_path):
     assert summary.articulation.score == 2 / 3
     assert summary.articulation.mean_score == 0.5
     assert summary.articulation.card_sha256 == RULES.sha256
+
+
+def test_joints_that_are_all_ignored_are_no_case(tmp_path):
+    dataset = write_dataset(tmp_path / "bench", families=1, tiers=("easy",))
+    with_joints(tmp_path / "bench", dataset, (replace(DOOR, object_id=None),))
+    run = write_run(tmp_path / "run", dataset)
+    assert evaluate_bench(run, dataset.private, tmp_path / "eval", draws=2).articulation is UNSET
+    (row,) = decode_lines(ReconstructionRow, (tmp_path / "eval/per_image.jsonl").read_bytes())
+    assert [joint.outcome for joint in row.articulation.joints] == ["ignored"]
 
 
 def test_a_bench_without_joints_says_nothing_of_them(tmp_path):
