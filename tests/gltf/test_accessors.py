@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from gltf.documents import Document, boxes, read, square
 
 from legoworld.errors import NoMeshError, NonFiniteGeometryError
-from legoworld.scene.gltf.verdicts import UnreadableGltfError
+from legoworld.scene.gltf.accessors import Accessors
+from legoworld.scene.gltf.buffers import Buffers
+from legoworld.scene.gltf.container import parse_glb
+from legoworld.scene.gltf.verdicts import Budget, UnreadableGltfError
 
 QUAD = [("Quad", 64, (36, 20, 44, 28))]
 CORNERS, TRIANGLES = square(4, 4, 8)
@@ -145,6 +150,44 @@ def test_sparse_values_over_a_base_and_over_zeros(dtype):
     primitive = {"attributes": {"POSITION": position}, "indices": made.accessor(TRIANGLES, "u1")}
     made.node(name="Quad", mesh=made.add("meshes", primitives=[primitive]), translation=[4, 4, 0])
     assert boxes(made.glb()) == QUAD
+
+
+#: Bytes of an element: matrices of small integers begin each column at a multiple of 4 bytes.
+ELEMENTS = {
+    "SCALAR": (1, 2, 4), "VEC2": (2, 4, 8), "VEC3": (3, 6, 12), "VEC4": (4, 8, 16),
+    "MAT2": (8, 8, 16), "MAT3": (12, 24, 36), "MAT4": (16, 32, 64),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ELEMENTS)
+@pytest.mark.parametrize(("component", "size"), [(5120, 0), (5123, 1), (5126, 2), (5125, 2)])
+def test_an_accessor_of_any_type_is_as_long_as_its_elements(kind, component, size):
+    made = Document()
+    n_bytes = 3 * ELEMENTS[kind][size]
+    made.view(bytes(n_bytes))
+    made.add("accessors", bufferView=0, componentType=component, count=3, type=kind)
+    glb = parse_glb(made.glb())
+    budget = Budget(0)
+    accessors = Accessors(glb.document, Buffers(glb, Path(), budget), budget)
+    accessors.check(0)
+    made.json["bufferViews"][0]["byteLength"] = n_bytes - 1
+    glb = parse_glb(made.glb())
+    accessors = Accessors(glb.document, Buffers(glb, Path(), budget), budget)
+    with pytest.raises(
+        UnreadableGltfError, match=f"needs {n_bytes} bytes of a view of {n_bytes - 1}"
+    ):
+        accessors.check(0)
+
+
+def test_a_matrix_of_small_integers_is_not_read():
+    made = Document()
+    made.view(bytes(100))
+    made.add("accessors", bufferView=0, componentType=5121, count=3, type="MAT3")
+    glb = parse_glb(made.glb())
+    budget = Budget(0)
+    accessors = Accessors(glb.document, Buffers(glb, Path(), budget), budget)
+    with pytest.raises(UnreadableGltfError, match="is a matrix of small integers"):
+        accessors.read(0)
 
 
 def test_sparse_parts_out_of_range():

@@ -17,6 +17,8 @@ from gltf.documents import Document, boxes, mask, png_of_alpha, read
 
 from legoworld.errors import NoMeshError
 from legoworld.scene.gltf.cutouts import threshold_at_half
+from legoworld.scene.gltf.fields import Fields
+from legoworld.scene.gltf.materials import material_alpha, varying_alpha
 from legoworld.scene.gltf.pictures import alpha_of
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 
@@ -306,6 +308,15 @@ def test_vertex_colours_that_are_no_colours_are_refused():
     attributes["COLOR_0"] = made.accessor([(1, 1, 1, 0.2), (1, 1, 1, 1.0)])
     with pytest.raises(UnreadableGltfError, match="COLOR_0"):
         read(made.glb())
+
+
+@pytest.mark.parametrize(("mode", "cutoff"), [("OPAQUE", None), ("MASK", 0.0), (None, None)])
+def test_what_shows_everything_has_no_threshold(mode, cutoff):
+    values = {"alphaMode": mode, "alphaCutoff": cutoff,
+              "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.0]}}  # fmt: skip
+    material = Fields({k: v for k, v in values.items() if v is not None}, "materials[0]")
+    assert material_alpha(Fields({}), material, 0.05) == "opaque"
+    assert varying_alpha(Fields({}), material) == "opaque"
 
 
 def test_specular_glossiness_materials():

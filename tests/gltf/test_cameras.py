@@ -28,7 +28,7 @@ def focal_px(size_wh, **lens):
     return seen.fx
 
 
-@pytest.mark.parametrize("yfov", [0.2, 0.55, 1.0, 2.0])
+@pytest.mark.parametrize("yfov", [1e-5, 0.002, 0.2, 0.55, 1.0, 2.0, 3.141])
 def test_a_picture_of_the_cameras_own_aspect_keeps_yfov(yfov):
     for width, height in ((640, 480), (480, 640), (512, 512)):
         fy = focal_px((width, height), yfov=yfov, aspectRatio=width / height)
@@ -67,6 +67,19 @@ def test_orthographic_cameras_keep_their_larger_magnification():
         made.quad("Quad", -1, -1, 2)
         (found,) = boxes(made.glb(), size)
         assert found[1] == 16  # 2 px a unit
+
+
+@pytest.mark.parametrize("mag", [2e-6, 0.01, 9e5])
+def test_the_smallest_and_largest_orthographic_views(mag):
+    made = Document(camera=False)
+    lens = {"xmag": mag, "ymag": mag / 2, "znear": 0, "zfar": 100}
+    made.camera({"type": "orthographic", "orthographic": lens})
+    made.quad("Quad", -1, -1, 2)
+    assert read(made.glb()).camera.ortho_scale == 2 * mag
+    for beyond in (1e-13, 1e13):
+        lens |= {"xmag": beyond, "ymag": beyond}
+        with pytest.raises(UnsupportedCameraError, match="xmag"):
+            read(made.glb())
 
 
 def test_clip_planes_are_the_files():

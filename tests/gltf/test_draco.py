@@ -11,6 +11,8 @@ import pytest
 from gltf.documents import Document, boxes, read, square
 
 from legoworld.scene.gltf import draco
+from legoworld.scene.gltf.fields import Fields
+from legoworld.scene.gltf.primitives import _draco_ids
 from legoworld.scene.gltf.verdicts import Budget, UnreadableGltfError, UnsupportedGltfError
 
 needs_decoder = pytest.mark.skipif(
@@ -127,6 +129,36 @@ def test_a_decoder_that_crashes_or_hangs_is_a_verdict(program, found, monkeypatc
     with pytest.raises(UnreadableGltfError) as verdict:
         draco.decode([payload], Budget(100))
     assert found in str(verdict.value)
+
+
+def test_what_a_decoder_answers_is_read_by_its_types():
+    types = ["<u4", "<i1", "|i1", "<u1", "|u1", "<i2", "<u2", "<i4", "<u4", "<f4"]
+    arrays = [np.array([[1, 2, 3]], types[0]), *(np.array([[7, 8]], t) for t in types[1:])]
+    answer = [[dtype, list(a.shape)] for dtype, a in zip(types, arrays, strict=True)]
+    body = memoryview(b"".join(a.tobytes() for a in arrays))
+    ids = tuple(range(len(arrays) - 1))
+    payload = draco.DracoPayload(place="here", data=b"x", attributes=ids)
+    budget = Budget(0)
+    (mesh,) = draco._answers([payload], [answer], body, budget)
+    assert budget.limit - budget.left == len(body)
+    assert mesh.triangles.tolist() == [[1, 2, 3]]
+    assert [mesh.attributes[i].tolist() for i in ids] == [[[7, 8]]] * len(ids)
+    with pytest.raises(UnreadableGltfError, match="a Draco attribute of type <f8"):
+        draco._answers([payload], [[["<f8", [1, 2]]]], body, Budget(0))
+
+
+@pytest.mark.parametrize(("number", "taken"), [(0, True), (0xFFFFFFFF, True), (1 << 32, False)])
+def test_a_unique_id_has_32_bits(number, taken):
+    packed = {"bufferView": 0, "attributes": {"POSITION": number}}
+    fields = Fields({"extensions": {draco.EXTENSION: packed}})
+    if taken:
+        assert _draco_ids(fields) == {"POSITION": number}
+    else:
+        with pytest.raises(UnreadableGltfError, match="names no positions"):
+            _draco_ids(fields)
+    packed["attributes"] = {"NORMAL": 0}
+    with pytest.raises(UnreadableGltfError, match="names no positions"):
+        _draco_ids(fields)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is capped on Linux")
