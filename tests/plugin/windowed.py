@@ -132,13 +132,14 @@ def _display(xvfb: str, folder: Path, ending: contextlib.ExitStack) -> str:
 
 
 def _own_environment(folder: Path) -> dict[str, str]:
-    """No settings of the user's, and OpenGL by the processor."""
+    """No settings of the user's, OpenGL by the processor, and no look for a newer add-on."""
     own = {"HOME": folder / "home", "XDG_RUNTIME_DIR": folder / "run"}
     own |= {f"BLENDER_USER_{kind}": folder / kind.lower() for kind in ("CONFIG", "SCRIPTS")}
     for path in own.values():
         path.mkdir(mode=0o700)
     kept = {k: v for k, v in os.environ.items() if k in ("PATH", "LANG", "LC_ALL", "TMPDIR")}
-    return kept | {k: str(v) for k, v in own.items()} | {"LIBGL_ALWAYS_SOFTWARE": "1"}
+    said = {"LIBGL_ALWAYS_SOFTWARE": "1", "BLENDERMCP_NO_UPDATE_CHECK": "1"}
+    return kept | {k: str(v) for k, v in own.items()} | said
 
 
 def _group(
