@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from bench.quick_renders import few_samples
 
 from legoworld import cli
 from legoworld.records.base import decode
@@ -121,8 +122,9 @@ def test_a_glb_of_another_scene_is_told(run):
 
 
 def test_bytes_are_the_same_from_one_worker_and_two_and_again(
-    submissions, track_for, tmp_path, run
+    submissions, track_for, tmp_path, monkeypatch
 ):
+    few_samples(monkeypatch)
     track = track_for(tmp_path / "track.json", ["good", "bare"])
     assert read(submissions, tmp_path / "a", track, "--workers", "1", "--no-cache") == 0
     assert read(submissions, tmp_path / "b", track, "--workers", "2") == 0
@@ -181,7 +183,8 @@ def test_what_a_bench_needs_is_asked_for(submissions, tmp_path, capsys):
     assert "bench alone" in capsys.readouterr().err
 
 
-def test_two_seeds_tell_how_far_noise_reaches(submissions, track_for, tmp_path):
+def test_two_seeds_tell_how_far_noise_reaches(submissions, track_for, tmp_path, monkeypatch):
+    few_samples(monkeypatch)
     track = track_for(tmp_path / "track.json", ["good"])
     assert read(submissions, tmp_path / "run", track, "--render-noise") == 0
     noise = rows_of(tmp_path / "run")["good"].render.noise

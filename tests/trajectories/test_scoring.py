@@ -6,6 +6,7 @@ import json
 
 import pytest
 from agents.tracks import plan, run, server_or_skip, steps_file
+from bench.quick_renders import few_samples
 from evaluation.reconstruction import datasets
 from evaluation.reconstruction.datasets import HFOV_DEG, SIZE_WH, write_dataset
 
@@ -85,7 +86,9 @@ def scored(tmp_path_factory):
         seed=0,
         notice=lambda _: None,
     )
-    return folder, scoring, score_trajectories([folder / "scenes"], scoring), names
+    with pytest.MonkeyPatch.context() as patch:
+        few_samples(patch)
+        yield folder, scoring, score_trajectories([folder / "scenes"], scoring), names
 
 
 def test_the_regression_is_found_at_its_call_with_its_cause(scored):
