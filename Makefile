@@ -3,6 +3,9 @@
 .NOTPARALLEL: # two pips in one environment would meet
 .PHONY: demo test test-baselines test-cluster check format clean
 
+# Hundreds of processes import the same modules: with this of a container's they compile them each time.
+unexport PYTHONDONTWRITEBYTECODE
+
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 BASELINES := .venv-baselines
