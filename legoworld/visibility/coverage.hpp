@@ -15,11 +15,17 @@ struct Polygon {
 
   // Keeps where a*x + b*y + c*z + d >= 0.
   void cut(double a, double b, double c, double d) {
-    Polygon out{0, {}};
+    double at[16];
+    int inside = 0;
     for (int i = 0; i < count; ++i) {
+      at[i] = ((a * corners[i].x + b * corners[i].y) + c * corners[i].z) + d;
+      inside += at[i] >= 0;
+    }
+    if (inside == count) return;
+    Polygon out{0, {}};
+    for (int i = 0; i < count && inside > 0; ++i) {
       const Point &p = corners[i], &q = corners[(i + 1) % count];
-      const double at_p = ((a * p.x + b * p.y) + c * p.z) + d;
-      const double at_q = ((a * q.x + b * q.y) + c * q.z) + d;
+      const double at_p = at[i], at_q = at[(i + 1) % count];
       if (at_p >= 0) out.corners[out.count++] = p;
       if ((at_p >= 0) != (at_q >= 0)) {
         const double t = at_p / (at_p - at_q);
@@ -30,20 +36,28 @@ struct Polygon {
   }
 };
 
+struct Rectangle {  // the picture's, at z = 1; orthographic: in scene units
+  double left, right, top, bottom, widest;
+
+  explicit Rectangle(const Frame& frame)
+      : left(-frame.view.cx / frame.view.fx), right((frame.width - frame.view.cx) / frame.view.fx),
+        top(-frame.view.cy / frame.view.fy), bottom((frame.height - frame.view.cy) / frame.view.fy),
+        widest(std::fmax(std::fmax(std::fabs(left), std::fabs(right)),
+                         std::fmax(std::fabs(top), std::fabs(bottom)))) {}
+};
+
 // Whether the part of a triangle within near..far projects into the picture's rectangle.
-static bool in_view(const Frame& frame, const Lone& lone) {
+static bool in_view(const Frame& frame, const Rectangle& r, const Lone& lone) {
   const LwView& view = frame.view;
   Polygon polygon{3, {}};
   for (int k = 0; k < 3; ++k) polygon.corners[k] = {lone.t.x[k][0], lone.t.y[k][0], lone.t.z[k][0]};
   polygon.cut(0, 0, 1, -view.z_near);
   polygon.cut(0, 0, -1, view.z_far);
-  const double left = -view.cx / view.fx, right = (frame.width - view.cx) / view.fx;
-  const double top = -view.cy / view.fy, bottom = (frame.height - view.cy) / view.fy;
   const double c = frame.orthographic ? 0 : 1, d = frame.orthographic ? 1 : 0;
-  polygon.cut(1, 0, -left * c, -left * d);
-  polygon.cut(-1, 0, right * c, right * d);
-  polygon.cut(0, 1, -top * c, -top * d);
-  polygon.cut(0, -1, bottom * c, bottom * d);
+  polygon.cut(1, 0, -r.left * c, -r.left * d);
+  polygon.cut(-1, 0, r.right * c, r.right * d);
+  polygon.cut(0, 1, -r.top * c, -r.top * d);
+  polygon.cut(0, -1, r.bottom * c, r.bottom * d);
   return polygon.count > 0;
 }
 
@@ -101,8 +115,8 @@ static bool any_sample(const Frame& frame, const Lone& lone, const Extent& box, 
   return false;
 }
 
-static uint8_t triangle_reach(const Frame& frame, const Shape& shape, const double* cam_from_mesh,
-                              int64_t triangle) {
+static uint8_t triangle_reach(const Frame& frame, const Rectangle& rectangle, const Shape& shape,
+                              const double* cam_from_mesh, int64_t triangle) {
   const Lone lone = lone_triangle(frame, shape, cam_from_mesh, static_cast<uint32_t>(triangle));
   if (!has_area(shape, triangle, lone)) return kNoArea;
   double x[3], y[3], z[3];
@@ -120,51 +134,80 @@ static uint8_t triangle_reach(const Frame& frame, const Shape& shape, const doub
   const double sign = lone.e.side[0] < 0 ? -1.0 : 1.0;
   if (any_sample(frame, lone, box, sign)) return kCovers;
   if (lone.e.unsure[0] != 0 && any_sample(frame, lone, box, -sign)) return kCovers;
-  return in_view(frame, lone) ? kBetweenCentres : kOutsideView;
+  return in_view(frame, rectangle, lone) ? kBetweenCentres : kOutsideView;
 }
 
-// What no triangle of the placement can exceed, by the box of its mesh: one that lies beside the view
-// would otherwise be asked triangle by triangle.
-static uint8_t most_reach(const Frame& frame, int64_t placement) {
-  const LwView& view = frame.view;
-  const Box& box = frame.boxes.data()[frame.surfaces.placement_mesh[placement]];
-  if (box.low[0] > box.high[0]) return kNoArea;
-  const double* m = frame.surfaces.cam_from_mesh + 12 * placement;
-  const double left = -view.cx / view.fx, right = (frame.width - view.cx) / view.fx;
-  const double top = -view.cy / view.fy, bottom = (frame.height - view.cy) / view.fy;
-  const double widest = std::fmax(std::fmax(std::fabs(left), std::fabs(right)),
-                                  std::fmax(std::fabs(top), std::fabs(bottom)));
+// How far points lie beyond each plane of the view, the nearest of them: near, far, the four sides.
+struct Beyond {
   double nearest[6] = {INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
   double size = 0;
-  for (int corner = 0; corner < 8; ++corner) {
+
+  void add(const Frame& frame, const Rectangle& r, const double* m, const double point[3]) {
     double at[3];
     for (int k = 0; k < 3; ++k) {
       at[k] = m[4 * k + 3];
       double sum = std::fabs(at[k]);
       for (int j = 0; j < 3; ++j) {
-        const double term = m[4 * k + j] * ((corner >> j & 1) != 0 ? box.high[j] : box.low[j]);
+        const double term = m[4 * k + j] * point[j];
         at[k] += term;
         sum += std::fabs(term);
       }
-      size = std::fmax(size, sum);
+      size = sum > size ? sum : size;
     }
     const double scale = frame.orthographic ? 1.0 : at[2];
-    // How far beyond each plane of the view: near, far, and its four sides.
-    const double beyond[6] = {view.z_near - at[2],   at[2] - view.z_far,   left * scale - at[0],
-                              at[0] - right * scale, top * scale - at[1], at[1] - bottom * scale};
-    for (int i = 0; i < 6; ++i) nearest[i] = std::fmin(nearest[i], beyond[i]);
+    const double beyond[6] = {frame.view.z_near - at[2],  at[2] - frame.view.z_far,
+                              r.left * scale - at[0],     at[0] - r.right * scale,
+                              r.top * scale - at[1],      at[1] - r.bottom * scale};
+    for (int i = 0; i < 6; ++i) nearest[i] = beyond[i] < nearest[i] ? beyond[i] : nearest[i];
   }
-  const double margin = 1e-9 * (size + widest * (frame.orthographic ? 1.0 : size));
-  if (nearest[0] > margin) return kTooNear;
-  if (nearest[1] > margin) return kTooFar;
-  for (int i = 2; i < 6; ++i) {
-    if (nearest[i] > margin) return kOutsideView;
+
+  double margin(const Frame& frame, const Rectangle& r) const {
+    return 1e-9 * (size + r.widest * (frame.orthographic ? 1.0 : size));
   }
-  return kCovers;
+
+  bool sides(double margin) const {
+    for (int i = 2; i < 6; ++i) {
+      if (nearest[i] > margin) return true;
+    }
+    return false;
+  }
+};
+
+// What no triangle of the placement can exceed, by the box of its mesh: one that lies beside the view
+// would otherwise be asked triangle by triangle.
+static uint8_t most_reach(const Frame& frame, const Rectangle& r, int64_t placement) {
+  const Box& box = frame.boxes.data()[frame.surfaces.placement_mesh[placement]];
+  if (box.low[0] > box.high[0]) return kNoArea;
+  const double* m = frame.surfaces.cam_from_mesh + 12 * placement;
+  Beyond beyond;
+  for (int corner = 0; corner < 8; ++corner) {
+    const double at[3] = {(corner & 1) != 0 ? box.high[0] : box.low[0],
+                          (corner & 2) != 0 ? box.high[1] : box.low[1],
+                          (corner & 4) != 0 ? box.high[2] : box.low[2]};
+    beyond.add(frame, r, m, at);
+  }
+  const double margin = beyond.margin(frame, r);
+  if (beyond.nearest[0] > margin) return kTooNear;
+  if (beyond.nearest[1] > margin) return kTooFar;
+  return beyond.sides(margin) ? kOutsideView : kCovers;
+}
+
+// Whether a triangle lies beside the view as a whole, told without its edges.
+static bool is_beside(const Frame& frame, const Rectangle& r, const Shape& shape, const double* m,
+                      int64_t triangle) {
+  const int32_t* index = shape.triangles + 3 * triangle;
+  Beyond beyond;
+  for (int k = 0; k < 3; ++k) {
+    const float* vertex = shape.vertices + 3 * static_cast<int64_t>(index[k]);
+    const double at[3] = {vertex[0], vertex[1], vertex[2]};
+    beyond.add(frame, r, m, at);
+  }
+  return beyond.sides(beyond.margin(frame, r));
 }
 
 static int32_t coverage(const LwSurfaces& surfaces, const LwView& view, int threads, uint8_t* reach) {
   Frame frame(surfaces, view);
+  const Rectangle rectangle(frame);
   Team team(threads);
   Queue queue;
   queue.reset(surfaces.placements, 1);
@@ -174,10 +217,12 @@ static int32_t coverage(const LwSurfaces& surfaces, const LwView& view, int thre
     if (frame.status != kOk || team.failed()) return;
     for (int64_t placement, end; queue.take(placement, end);) {
       const Shape shape(surfaces, surfaces.placement_mesh[placement]);
-      const uint8_t enough = most_reach(frame, placement);
+      const double* matrix = surfaces.cam_from_mesh + 12 * placement;
+      const uint8_t enough = most_reach(frame, rectangle, placement);
       uint8_t most = kNoArea;
       for (int64_t i = 0; i < shape.triangle_count && most < enough; ++i) {
-        const uint8_t one = triangle_reach(frame, shape, surfaces.cam_from_mesh + 12 * placement, i);
+        if (most >= kOutsideView && is_beside(frame, rectangle, shape, matrix, i)) continue;
+        const uint8_t one = triangle_reach(frame, rectangle, shape, matrix, i);
         most = one > most ? one : most;
       }
       reach[placement] = most;

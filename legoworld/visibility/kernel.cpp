@@ -13,6 +13,7 @@
 #include "frame.hpp"
 #include "instruction_sets.hpp"
 #include "scene.hpp"
+#include "runs.hpp"
 #include "team.hpp"
 
 namespace lw {
@@ -31,19 +32,27 @@ namespace avx2 {
 #undef LW_LANES
 }  // namespace avx2
 LW_END_AVX2
+LW_BEGIN_AVX512
+namespace avx512 {
+#define LW_LANES 8
+#include "variant.hpp"
+#undef LW_LANES
+}  // namespace avx512
+LW_END_AVX512
 #endif
 
 }  // namespace lw
 
 LW_API const char* lw_source_hash() { return LEGOWORLD_SOURCE_HASH; }
 
-// 0 the baseline of the platform, 1 AVX2.
-LW_API int32_t lw_best_level() { return lw::has_avx2() ? 1 : 0; }
+// 0 the baseline of the platform, 1 AVX2, 2 AVX-512.
+LW_API int32_t lw_best_level() { return lw::has_avx512() ? 2 : lw::has_avx2() ? 1 : 0; }
 
 LW_API int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
                             int32_t level, int32_t* instance, float* depth) {
   try {
 #if defined(__x86_64__)
+    if (level > 1) return lw::avx512::render(*surfaces, *view, threads, instance, depth);
     if (level > 0) return lw::avx2::render(*surfaces, *view, threads, instance, depth);
 #endif
     static_cast<void>(level);
@@ -59,5 +68,20 @@ LW_API int32_t lw_coverage(const LwSurfaces* surfaces, const LwView* view, int32
     return lw::baseline::coverage(*surfaces, *view, threads, reach);
   } catch (const std::bad_alloc&) {
     return lw::kNoMemory;
+  }
+}
+
+LW_API int32_t lw_extents(const int32_t* instance, int32_t width, int32_t height, int64_t instances,
+                          int64_t* area, int64_t* extent) {
+  return lw::extents(instance, width, height, instances, area, extent);
+}
+
+// Below 0: the negative of a status.
+LW_API int64_t lw_masks(const int32_t* instance, int32_t width, int32_t height, int64_t instances,
+                        char* text, int64_t space, int64_t* ends) {
+  try {
+    return lw::masks(instance, width, height, instances, text, space, ends);
+  } catch (const std::bad_alloc&) {
+    return -lw::kNoMemory;
   }
 }

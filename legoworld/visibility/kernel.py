@@ -36,8 +36,9 @@ __all__ = ["HOLDOUT", "MAX_SIDE", "Buffers", "Cutouts", "Surfaces", "coverage", 
 #: Largest width and height of a picture, pixels.
 MAX_SIDE = 8192
 
-#: Set to "baseline" to keep the kernel from using the CPU's wider vectors; the bytes are the same.
+#: Set to one of LEVELS to keep the kernel from using wider vectors; the bytes are the same.
 LEVEL_VARIABLE = "LEGOWORLD_KERNEL_LEVEL"
+LEVELS = ("baseline", "avx2")
 
 #: More threads than this are slower.
 MAX_THREADS = 64
@@ -227,11 +228,14 @@ def _on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
 
 def _level() -> int:
     wanted = os.environ.get(LEVEL_VARIABLE, "")
-    if wanted not in ("", "baseline"):
+    best = int(library().lw_best_level())
+    if not wanted:
+        return best
+    if wanted not in LEVELS:
         raise LegoWorldError(
-            f"{LEVEL_VARIABLE} is unknown", found=wanted, expected="baseline, or nothing"
+            f"{LEVEL_VARIABLE} is unknown", found=wanted, expected=f"{' or '.join(LEVELS)}, or none"
         )
-    return 0 if wanted == "baseline" else int(library().lw_best_level())
+    return min(LEVELS.index(wanted), best)
 
 
 def _raise_for(status: int) -> None:

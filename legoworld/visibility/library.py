@@ -77,8 +77,9 @@ def library() -> ctypes.CDLL:
 def load_library(folder: Path) -> ctypes.CDLL:
     """The kernel of `folder`; see library()."""
     loaded = open_library(folder, "visibility kernel")
-    for name in ("lw_render", "lw_coverage", "lw_best_level"):
+    for name in ("lw_render", "lw_coverage", "lw_best_level", "lw_extents"):
         getattr(loaded, name).restype = ctypes.c_int32
+    loaded.lw_masks.restype = ctypes.c_int64
     return loaded
 
 

@@ -9,13 +9,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.conventions import ALPHA_THRESHOLD, NO_INSTANCE
+from legoworld.conventions import ALPHA_THRESHOLD
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
 from legoworld.visibility.camera import projection
 from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
 from legoworld.visibility.projection import Projection
+from legoworld.visibility.runs import instance_extents
 
 #: Why an instance has no pixel, by the kernel's coverage code of its best placement.
 UNSEEN_REASONS: Final = {
@@ -131,35 +132,6 @@ def unseen_reasons(
     held_out = np.ones(len(grouping.instances), bool)
     held_out[grouping.surface_instance[snapshot.surface_holdout == 0]] = False
     return {int(i): "holdout" if held_out[i] else UNSEEN_REASONS[int(best[i])] for i in unseen}
-
-
-def instance_extents(
-    instance: NDArray[np.int32], n_instances: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Visible area (N,) and half-open extents x0, y0, x1, y1 (N, 4) of an (H, W) id picture.
-
-    Works on horizontal runs of equal ids, of which a picture has far fewer than pixels.
-    """
-    width = instance.shape[1]
-    flat = instance.ravel()
-    starts = np.ones(len(flat), bool)
-    starts[1:] = flat[1:] != flat[:-1]
-    starts[::width] = True
-    first = np.flatnonzero(starts)
-    length = np.diff(np.append(first, len(flat)))
-    ids = flat[first]
-    kept = ids != NO_INSTANCE
-    first, length, ids = first[kept], length[kept], ids[kept]
-    area = np.bincount(ids, weights=length, minlength=n_instances).astype(np.int64)
-    row, column = np.divmod(first, width)
-    extents = np.zeros((n_instances, 4), np.int64)
-    extents[:, :2] = np.iinfo(np.int64).max
-    np.minimum.at(extents[:, 0], ids, column)
-    np.minimum.at(extents[:, 1], ids, row)
-    np.maximum.at(extents[:, 2], ids, column + length)
-    np.maximum.at(extents[:, 3], ids, row + 1)
-    extents[area == 0] = 0
-    return area, extents
 
 
 def _only(surfaces: Surfaces, placements: NDArray[np.intp]) -> Surfaces:

@@ -24,7 +24,6 @@ from legoworld.readouts.depth import (
     write_depth,
 )
 from legoworld.readouts.exports import (
-    ColumnRuns,
     box_exports,
     box_predictions,
     mask_exports,
@@ -36,7 +35,8 @@ from legoworld.scene.instances import Instance
 from legoworld.tracks.vocabulary import Category
 from legoworld.visibility.kernel import Buffers, Surfaces
 from legoworld.visibility.projection import Projection
-from legoworld.visibility.view import View, instance_extents
+from legoworld.visibility.runs import ColumnRuns, instance_extents
+from legoworld.visibility.view import View
 
 #: A view of made-up buffers has no surfaces behind it.
 NOTHING = Surfaces(
@@ -81,11 +81,20 @@ def instances(*category_ids: int | None) -> list[Instance]:
 
 @given(id_pictures())
 def test_masks_are_byte_for_byte_what_pycocotools_encodes(picture):
-    runs = ColumnRuns(picture)
-    for i in range(int(picture.max()) + 2):
+    n = int(picture.max()) + 2
+    runs = ColumnRuns(picture, n)
+    for i in range(n):
         mask = np.asfortranarray(picture == i, np.uint8)
         expected = coco_mask.encode(mask)
         assert runs.size_hw == mask.shape
+        assert runs.counts(i) == expected["counts"].decode()
+
+
+def test_masks_of_a_picture_of_nothing_but_edges():
+    picture = (np.indices((70, 90)).sum(0) % 3).astype(np.int32) - 1
+    runs = ColumnRuns(picture, 2)
+    for i in range(2):
+        expected = coco_mask.encode(np.asfortranarray(picture == i, np.uint8))
         assert runs.counts(i) == expected["counts"].decode()
 
 

@@ -126,3 +126,26 @@ def test_a_box_beside_the_view_decides_as_all_its_triangles_do(seed, orthographi
     asked = [mesh(np.concatenate([points, strays]), faces) for points, faces in meshes]
     assert codes.tolist() == coverage(place(asked, at), camera, SIZE).tolist()
     assert {1, 2, 3, 5} <= set(codes.tolist())
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_placement_is_the_best_of_its_triangles_each_asked_alone(seed, orthographic):
+    """Once one of them is beside the view, others beside it are passed over without their edges."""
+    rng = np.random.default_rng(seed)
+    size = {"fx": 8.0, "fy": 8.0} if orthographic else {}
+    camera = pixel_camera(SIZE, orthographic=orthographic, z_near=1.0, z_far=50.0, **size)
+    points, faces = sphere(6, 8)
+    at = [
+        moved(
+            rotation(rng) * 10.0 ** rng.uniform(-1, 0.7),
+            rng.normal(size=3) * (9, 9, 8) + (0, 0, 12),
+        )
+        for _ in range(40)
+    ]
+    whole = coverage(place([(points, faces)], [(0, m, 0) for m in at]), camera, SIZE)
+    alone = place([(points, faces[i : i + 1]) for i in range(len(faces))],
+                  [(i, m, 0) for m in at for i in range(len(faces))])  # fmt: skip
+    best = coverage(alone, camera, SIZE).reshape(len(at), len(faces)).max(1)
+    assert whole.tolist() == best.tolist()
+    assert {3, 5} <= set(whole.tolist())

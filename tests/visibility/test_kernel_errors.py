@@ -176,7 +176,7 @@ def test_unknown_level(monkeypatch):
         render(GOOD, CAMERA, SIZE)
 
 
-def test_the_baseline_level_is_the_one_that_is_drawn_with(monkeypatch):
+def test_the_level_that_is_asked_for_is_drawn_with(monkeypatch):
     levels = []
     original = kernel.library()
 
@@ -189,11 +189,11 @@ def test_the_baseline_level_is_the_one_that_is_drawn_with(monkeypatch):
             return original.lw_render(surfaces, view, threads, level, *buffers)
 
     monkeypatch.setattr(kernel, "library", Watched)
-    monkeypatch.setenv("LEGOWORLD_KERNEL_LEVEL", "baseline")
-    render(GOOD, CAMERA, SIZE)
-    monkeypatch.delenv("LEGOWORLD_KERNEL_LEVEL")
-    render(GOOD, CAMERA, SIZE)
-    assert levels == [0, original.lw_best_level()]
+    for level in ("baseline", "avx2", ""):
+        monkeypatch.setenv("LEGOWORLD_KERNEL_LEVEL", level)
+        render(GOOD, CAMERA, SIZE)
+    best = original.lw_best_level()
+    assert levels == [0, min(1, best), best]
 
 
 ONE_NAN = np.zeros((4, 3, 2), np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from visibility.kernel_scenes import mesh, moved, pixel_camera, place, rotation, sphere
 
-from legoworld.visibility.kernel import LEVEL_VARIABLE, Surfaces, render
+from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, Surfaces, render
 
 SIZE = (333, 222)
 
@@ -81,8 +81,9 @@ def test_same_bytes_for_every_order(seed):
 def test_same_bytes_without_wide_vectors(seed, monkeypatch):
     surfaces = crowd(seed)
     wide = picture(surfaces)
-    monkeypatch.setenv(LEVEL_VARIABLE, "baseline")
-    assert picture(surfaces) == wide
+    for level in LEVELS:
+        monkeypatch.setenv(LEVEL_VARIABLE, level)
+        assert picture(surfaces) == wide
 
 
 def test_large_and_small_meshes_take_the_same_way():

@@ -24,7 +24,15 @@ from visibility.kernel_scenes import (
     sphere,
 )
 
-from legoworld.visibility.kernel import HOLDOUT, LEVEL_VARIABLE, Buffers, Cutouts, Surfaces, render
+from legoworld.visibility.kernel import (
+    HOLDOUT,
+    LEVEL_VARIABLE,
+    LEVELS,
+    Buffers,
+    Cutouts,
+    Surfaces,
+    render,
+)
 
 SIZE = (96, 72)
 CAMERA = pixel_camera(SIZE)
@@ -144,9 +152,10 @@ def test_a_crowd_in_other_units(depth_scale):
 def test_a_crowd_without_wide_vectors(monkeypatch):
     surfaces = place(*crowd(np.random.default_rng(7), 300))
     wide = assert_same(surfaces)
-    monkeypatch.setenv(LEVEL_VARIABLE, "baseline")
-    assert render(surfaces, CAMERA, SIZE).instance.tobytes() == wide.instance.tobytes()
-    assert_same(surfaces)
+    for level in LEVELS:
+        monkeypatch.setenv(LEVEL_VARIABLE, level)
+        assert render(surfaces, CAMERA, SIZE).instance.tobytes() == wide.instance.tobytes()
+        assert_same(surfaces)
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -7,7 +7,7 @@ import pytest
 from visibility import oracle
 from visibility.kernel_scenes import mesh, moved, pixel_camera, place, rotation
 
-from legoworld.visibility.kernel import LEVEL_VARIABLE, Cutouts, render
+from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, Cutouts, render
 
 SIZE = (90, 150)  # two tiles across, three down: a sliver passes whole tiles from top to bottom
 CAMERA = pixel_camera(SIZE, cx=44.7, cy=75.2)
@@ -45,7 +45,7 @@ def agree(surfaces, camera=CAMERA, size_wh=SIZE):
     return seen
 
 
-@pytest.mark.parametrize("level", ["", "baseline"])
+@pytest.mark.parametrize("level", ["", *LEVELS])
 @pytest.mark.parametrize("width_px", [1.0, 4.0, 12.0])
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_tall_needles(width_px, orthographic, level, monkeypatch):

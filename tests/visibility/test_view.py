@@ -11,11 +11,13 @@ from hypothesis import given
 from scene.by_hand import CAMERA, RENDER, HandScene
 from strategies import id_pictures
 
+from legoworld.errors import ShapeError
 from legoworld.scene.instances import group
 from legoworld.scene.labels import Labels
 from legoworld.scene.snapshot import Cutout
 from legoworld.visibility.camera import projection
-from legoworld.visibility.view import instance_extents, unseen_reasons, view
+from legoworld.visibility.runs import instance_extents
+from legoworld.visibility.view import unseen_reasons, view
 
 SIZE = (64, 48)
 NO_LABELS = Labels(objects={}, collections={}, warnings=())
@@ -105,6 +107,11 @@ def test_area_and_extent_are_those_of_the_pixels(ids):
         if len(rows):
             box = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
         assert extents[number].tolist() == box
+
+
+def test_an_id_beyond_the_instances_is_refused():
+    with pytest.raises(ShapeError, match="not among"):
+        instance_extents(np.array([[-1, 0], [1, 2]], np.int32), 2)
 
 
 def test_depth_is_in_metres_and_areas_are_of_the_picture():
