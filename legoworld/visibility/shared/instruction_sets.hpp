@@ -1,5 +1,6 @@
-// Code that is compiled once more for AVX2 and for AVX-512, and whether this CPU runs it. Included by the kernels of
-// legoworld/visibility and legoworld/evaluation: the hash of either's sources covers this folder.
+// Code that is compiled once more for AVX2 and for AVX-512, and whether this CPU runs it. Included by
+// the kernels of legoworld/visibility and legoworld/evaluation: the hash of either's sources covers
+// this folder.
 
 #pragma once
 
