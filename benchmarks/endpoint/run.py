@@ -20,7 +20,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from legoworld.endpoint.server import HOST, EndpointServer
+from legoworld.endpoint.listener import HOST
+from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
 from legoworld.workers.protections import protections
 from legoworld.workers.sandbox import SandboxLimits

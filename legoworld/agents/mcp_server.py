@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.baselines import environments
-from legoworld.endpoint.server import HOST
+from legoworld.endpoint.listener import HOST
 from legoworld.errors import UsageError
 from legoworld.files import readable_json, write_text
 from legoworld.records.agents import McpFormat

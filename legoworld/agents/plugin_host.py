@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
 import subprocess
 import threading
@@ -10,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Self
 
-from legoworld.endpoint.server import HOST
+from legoworld.endpoint.listener import Listener
 
 _END_WITHIN_S: Final = 30.0
 
@@ -26,10 +25,8 @@ class PluginHost:
         self._running: subprocess.Popen[bytes] | None = None
         self._closing = False
         self._owning = threading.Lock()
-        self._listener = socket.create_server((HOST, 0))
-        self.port: int = self._listener.getsockname()[1]
-        self._thread = threading.Thread(target=self._accept, daemon=True)
-        self._thread.start()
+        self._listener = Listener(0, self._accepted)
+        self.port: int = self._listener.port
 
     def __enter__(self) -> Self:
         return self
@@ -39,9 +36,7 @@ class PluginHost:
 
     def close(self) -> None:
         """Listen no more, and wait for the server: its client is gone, so it ends by itself."""
-        with contextlib.suppress(OSError):
-            self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
+        self._listener.stop()
         with self._owning:
             self._closing = True
             running = self._running
@@ -50,18 +45,13 @@ class PluginHost:
                 running.wait(_END_WITHIN_S)
             except subprocess.TimeoutExpired:
                 running.kill()
-        self._thread.join()
+        self._listener.join()
 
-    def _accept(self) -> None:
-        while True:
-            try:
-                client, _ = self._listener.accept()
-            except OSError:
+    def _accepted(self, client: socket.socket) -> None:
+        with client, self._log.open("ab") as errors, self._owning:
+            if self._closing:
                 return
-            with client, self._log.open("ab") as errors, self._owning:
-                if self._closing:
-                    return
-                self._running = subprocess.Popen(
-                    self._command, stdin=client.fileno(), stdout=client.fileno(), stderr=errors
-                )
-            self._running.wait()
+            self._running = subprocess.Popen(
+                self._command, stdin=client.fileno(), stdout=client.fileno(), stderr=errors
+            )
+        self._running.wait()

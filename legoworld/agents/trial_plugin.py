@@ -12,15 +12,19 @@ from typing import Final
 from legoworld import __version__
 from legoworld.agents.plugin_host import PluginHost
 from legoworld.agents.workspaces import Workspace
-from legoworld.endpoint.server import HOST, EndpointServer
+from legoworld.endpoint.listener import HOST
+from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session
 from legoworld.errors import UsageError
+from legoworld.files import sha256_of_file
+from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.evidence_making import Given, make_evidence
-from legoworld.plugin.evidence_runs import depth_of, regions_file
+from legoworld.plugin.evidence_runs import covers, depth_file, run_of, usable_run
 from legoworld.plugin.ledger import read_ledger
 from legoworld.plugin.modules import MODULES
 from legoworld.plugin.serving import require_server
 from legoworld.records.agents import PluginCalls
+from legoworld.records.folders.run_reading import RUN
 from legoworld.records.plugin_modules import Module, PluginUsed
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
@@ -33,8 +37,8 @@ _EVIDENCE: Final = "evidence"
 class PluginOptions:
     """What a run's plugin is asked to be.
 
-    modules: those that are on; regions: results over the track's image ids, files or run folders;
-    depth: a run folder or a folder of arrays by the photos' names, None without.
+    modules: those that are on; regions: run folders, or results files over the track's image ids;
+    depth: a run folder, or a folder of arrays by the photos' names, None without.
     """
 
     modules: tuple[Module, ...]
@@ -71,11 +75,33 @@ def plan_plugin(options: PluginOptions, vocabulary: Vocabulary | None) -> Plugin
     return PluginPlan(
         options=PluginOptions(
             modules=options.modules,
-            regions=tuple(regions_file(path) for path in options.regions),
-            depth=options.depth,
+            regions=tuple(_regions(path) for path in options.regions),
+            depth=None if options.depth is None else _depth(options.depth),
         ),
         vocabulary=vocabulary,
     )
+
+
+def _regions(path: Path) -> Path:
+    """A run folder that can be used, or a results file that no run stands for."""
+    run = run_of(path)
+    if run is None and not path.is_file():
+        raise EvidenceInvalidError(
+            f"{path.name} holds no regions",
+            found=f"no {RUN}",
+            expected="a run of boxes or masks, or a COCO or LVIS results file",
+        )
+    if run is not None:
+        usable_run(run)
+    return run or path
+
+
+def _depth(folder: Path) -> Path:
+    """A run folder that can be used, or a folder of arrays."""
+    run = run_of(folder)
+    if run is not None:
+        usable_run(run)
+    return run or folder
 
 
 @contextmanager
@@ -117,17 +143,24 @@ def calls_of(record: Path) -> PluginCalls:
 
 
 def _make_evidence(plan: PluginPlan, image: TrackImage, workspace: Workspace, into: Path) -> None:
-    depth = None if plan.options.depth is None else depth_of(plan.options.depth, image.file_name)
+    options, photo_sha256 = plan.options, sha256_of_file(workspace.image)
+    given = [*options.regions, *([] if options.depth is None else [options.depth])]
+    runs = [path for path in dict.fromkeys(given) if run_of(path)]
+    array = None
+    if options.depth is not None and not run_of(options.depth):
+        array = depth_file(options.depth, image.file_name)
     make_evidence(
         Given(
             photo=workspace.image,
-            regions=plan.options.regions,
+            regions=[path for path in options.regions if not run_of(path)],
             image_id=image.id,
             vocabulary=plan.vocabulary,
-            depth=depth[0] if depth else None,
-            depth_space=depth[1] if depth else "depth",
+            depth=array[0] if array else None,
+            depth_space=array[1] if array else "depth",
             hfov_deg=image.hfov_deg,
             all_images=True,
+            # A model may have found nothing in a photo of its track, or failed on it.
+            runs=[run for run in runs if covers(run, photo_sha256)],
         ),
         into,
     )

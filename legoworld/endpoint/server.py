@@ -7,23 +7,14 @@ import socket
 import threading
 from typing import Final, Self
 
-from legoworld import exit_codes
 from legoworld.endpoint.framing import FramingError, MessageSplitter
+from legoworld.endpoint.listener import Listener
 from legoworld.endpoint.session import Session
-from legoworld.errors import LegoWorldError
 from legoworld.records.base import RecordError, canonical, decode
 from legoworld.records.endpoint import Answer, Caller, Command, Failure
 
-HOST: Final = "127.0.0.1"
 #: Blender MCP's own.
 PORT: Final = 9876
-
-
-class PortTakenError(LegoWorldError):
-    """The port cannot be listened on."""
-
-    code = "port_taken"
-    exit_code = exit_codes.BLOCKED
 
 
 class EndpointServer:
@@ -38,18 +29,8 @@ class EndpointServer:
         self._by: Caller = by
         self._clients: set[socket.socket] = set()
         self._owning = threading.Lock()
-        try:
-            self._listener = socket.create_server((HOST, port))
-        except OSError as error:
-            raise PortTakenError(
-                f"port {port} cannot be used",
-                found=error.strerror or str(error),
-                expected="a free port",
-                next_step="pass another --port, or 0 for any",
-            ) from error
-        self.port: int = self._listener.getsockname()[1]
-        self._thread = threading.Thread(target=self._accept, daemon=True)
-        self._thread.start()
+        self._listener = Listener(port, self._accepted)
+        self.port: int = self._listener.port
 
     def __enter__(self) -> Self:
         return self
@@ -59,25 +40,18 @@ class EndpointServer:
 
     def close(self) -> None:
         """Listen no more, and leave the clients. The session stays as it is."""
-        with contextlib.suppress(OSError):
-            self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
+        self._listener.stop()
         with self._owning:
             for client in self._clients:
                 with contextlib.suppress(OSError):
                     client.shutdown(socket.SHUT_RDWR)
-        self._thread.join()
+        self._listener.join()
 
-    def _accept(self) -> None:
-        while True:
-            try:
-                client, _ = self._listener.accept()
-            except OSError:
-                return
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            with self._owning:
-                self._clients.add(client)
-            threading.Thread(target=self._serve, args=(client,), daemon=True).start()
+    def _accepted(self, client: socket.socket) -> None:
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with self._owning:
+            self._clients.add(client)
+        threading.Thread(target=self._serve, args=(client,), daemon=True).start()
 
     def _serve(self, client: socket.socket) -> None:
         splitter = MessageSplitter()

@@ -8,7 +8,8 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from legoworld.endpoint.server import HOST, EndpointServer
+from legoworld.endpoint.listener import HOST
+from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
 from legoworld.errors import UsageError
 from legoworld.scene.folder import BLEND

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from legoworld.files import sha256_of_file, write_text
 from legoworld.plugin.evidence import EVIDENCE, Evidence, EvidenceInvalidError
-from legoworld.plugin.evidence_baselines import RunEvidence, of_run
 from legoworld.plugin.evidence_camera import (
     camera_evidence,
     camera_problem,
@@ -24,6 +23,7 @@ from legoworld.plugin.evidence_camera import (
     unusable_camera,
 )
 from legoworld.plugin.evidence_depth import GivenDepth, write_depth
+from legoworld.plugin.evidence_runs import RunEvidence, of_run
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, readable
 from legoworld.records.plugin_evidence import (

@@ -1,46 +1,98 @@
-"""Evidence for the photos of a track, out of runs of specialist models; never of ground truth."""
+"""What runs of specialist models say of a photo, never ground truth: found by the photo's hash.
+
+Beside runs there are results files and folders of arrays that no run stands for.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 import numpy as np
 
+from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
-from legoworld.records.base import RecordError, decode
-from legoworld.records.folders.prediction_files import PREDICTIONS
-from legoworld.records.folders.run_reading import RUN
+from legoworld.readouts.tasks import protocol
+from legoworld.records.base import canonical
+from legoworld.records.folders.run_reading import (
+    RUN,
+    RunDamagedError,
+    finished_records,
+    finished_run,
+)
 from legoworld.records.plugin_evidence import DepthSpace
-from legoworld.records.run_file import RunHead
+from legoworld.records.run_file import Configuration, ImageRecord
+from legoworld.tracks.vocabulary import Vocabulary
 
-_DEPTH: Final = "depth"
+#: The forms of depth arrays beside runs: numbers along the camera's axis.
 _ARRAYS: Final = (".npz", ".npy", ".png")
+_SPACES: Final[dict[str, DepthSpace]] = {"depth": "depth", "disparity": "disparity"}
 
 
-def regions_file(path: Path) -> Path:
-    """The results file of a run folder, or a file itself.
+@dataclass(frozen=True, kw_only=True)
+class RunEvidence:
+    """One photo's part of a run. results: a list of COCO results as JSON; None of a depth run.
 
-    EvidenceInvalidError for a run that was prompted with ground truth.
+    source: the baseline and its version; depth: the array's file, and what its numbers are.
     """
-    run = path / RUN if path.is_dir() else path.parent / RUN
-    if run.is_file():
-        _refuse_truth(run)
-    file = path / PREDICTIONS if path.is_dir() else path
-    if not file.is_file():
-        raise EvidenceInvalidError(
-            f"{path.name} holds no regions",
-            found=f"no {PREDICTIONS}",
-            expected="a run of boxes or masks, or a COCO or LVIS results file",
-        )
-    return file
+
+    image_id: int
+    vocabulary: Vocabulary | None
+    source: str
+    results: bytes | None
+    depth: Path | None
+    space: DepthSpace
 
 
-def depth_of(folder: Path, file_name: str) -> tuple[Path, DepthSpace] | None:
-    """A photo's depth in a run folder or a folder of arrays, and its space; None where none is."""
-    below = folder / _DEPTH if (folder / RUN).is_file() else folder
+def run_of(path: Path) -> Path | None:
+    """The run folder that a path is, or that a results file lies in; None for any other path."""
+    folder = path if path.is_dir() else path.parent
+    return folder if (folder / RUN).is_file() else None
+
+
+def usable_run(folder: Path) -> Configuration:
+    """The configuration of a finished run. EvidenceInvalidError for one the plugin cannot use.
+
+    One that was prompted with ground truth is refused: evidence comes from the photo alone.
+    """
+    try:
+        configuration = finished_run(folder).configuration
+    except (RunDamagedError, OSError) as error:
+        raise _refused(f"{folder.name} is no finished run of a baseline", str(error)) from error
+    if configuration.used_truth:
+        raise _refused(f"{folder.name} was prompted with ground truth", "used_truth in run.json")
+    return configuration
+
+
+def of_run(folder: Path, photo_sha256: str) -> RunEvidence:
+    """What a finished run says of a photo. EvidenceInvalidError names what it lacks.
+
+    A run of other photos, or of scenes, is refused by the photos' hashes.
+    """
+    configuration = usable_run(folder)
+    records = _records(folder)
+    record = _of_photo(records, photo_sha256)
+    if record is None:
+        photos = sum(bool(r.scene is not None and r.scene.photo_sha256) for r in records)
+        found = f"{photos} photos, none of this hash"
+        raise _refused(f"{folder.name} is about other photos", found)
+    if record.row.status != "ok":
+        raise _refused(f"{folder.name} has no result for the photo", record.row.status)
+    return _evidence(folder, configuration, record)
+
+
+def covers(folder: Path, photo_sha256: str) -> bool:
+    """Whether a finished run has a result for a photo."""
+    record = _of_photo(_records(folder), photo_sha256)
+    return record is not None and record.row.status == "ok"
+
+
+def depth_file(folder: Path, file_name: str) -> tuple[Path, DepthSpace] | None:
+    """A photo's array in a folder of arrays that no run stands for; None where it has none."""
     stem = PurePosixPath(file_name).with_suffix("")
-    paths = [below / f"{stem}{suffix}" for suffix in _ARRAYS]
+    paths = [folder / f"{stem}{suffix}" for suffix in _ARRAYS]
     found = next((path for path in paths if path.is_file()), None)
     return None if found is None else (found, _space(found))
 
@@ -51,30 +103,55 @@ def _space(path: Path) -> DepthSpace:
         return "depth"
     with np.load(path, allow_pickle=False) as stored:
         said = str(stored["space"]) if "space" in stored else "depth"
-    if said == "disparity":
-        return "disparity"
-    if said != "depth":
+    if said not in _SPACES:
         raise EvidenceInvalidError(
             f"{path.name} is no depth along the camera's axis",
             found=said,
             expected="depth or disparity",
         )
-    return "depth"
+    return _SPACES[said]
 
 
-def _refuse_truth(run: Path) -> None:
+def _records(folder: Path) -> list[ImageRecord]:
     try:
-        used = decode(RunHead, run.read_bytes()).configuration.used_truth
-    except (OSError, RecordError) as error:
-        raise EvidenceInvalidError(
-            f"{run.name} beside the regions cannot be read",
-            found=str(error),
-            expected="a run folder of `legoworld baseline run`",
-        ) from error
-    if used:
-        raise EvidenceInvalidError(
-            "the regions were made with ground truth",
-            found="used_truth in run.json",
-            expected="regions of a run that saw photos alone",
-            next_step="run the baseline without --prompts-from-truth",
-        )
+        return list(finished_records(folder))
+    except (RunDamagedError, OSError) as error:
+        raise _refused(f"{folder.name} is no finished run of a baseline", str(error)) from error
+
+
+def _of_photo(records: Sequence[ImageRecord], photo_sha256: str) -> ImageRecord | None:
+    for record in records:
+        if record.scene is not None and record.scene.photo_sha256 == photo_sha256:
+            return record
+    return None
+
+
+def _evidence(folder: Path, configuration: Configuration, record: ImageRecord) -> RunEvidence:
+    known = protocol(configuration.task, None)
+    source = f"{configuration.baseline or 'import'} {configuration.baseline_version or ''}".strip()
+    depth, space, results = None, "depth", None
+    if written := record.row.depth:
+        depth, space = folder / written.file, written.space or "depth"
+        if not depth.is_file() or sha256_of_file(depth) != written.sha256:
+            raise _refused(f"{folder.name} is damaged", f"{written.file} is not what was recorded")
+        if space not in _SPACES:
+            raise _refused(f"the depth of {folder.name} is not planar", f"space {space}")
+    else:
+        results = canonical(record.predictions).encode()
+    return RunEvidence(
+        image_id=record.row.image_id,
+        vocabulary=known.vocabulary if known else None,
+        source=source,
+        results=results,
+        depth=depth,
+        space=_SPACES[space],
+    )
+
+
+def _refused(what: str, found: str) -> EvidenceInvalidError:
+    return EvidenceInvalidError(
+        what,
+        found=found,
+        expected="a folder of `legoworld baseline run` over this photo",
+        next_step="run the baseline on a track that has this photo, unchanged",
+    )

@@ -78,6 +78,12 @@ def surface_view(scene: LiveScene, size_wh: tuple[int, int]) -> Buffers:
     return surfaces_through(camera, scene.snapshot, size_wh)
 
 
+def pixels_of(surfaces: Mask, buffers: Buffers) -> Mask:
+    """(H, W) bool: the pixels that show some surfaces. surfaces: (S,) bool."""
+    # The last entry is for -1: nothing is hit.
+    return np.asarray(np.append(surfaces, False)[buffers.instance])
+
+
 class _Measured(InTheWorld):
     """One scene under one photo; everything is computed when first asked for."""
 
@@ -152,8 +158,7 @@ class _Measured(InTheWorld):
 
     def mask(self, name: str) -> Mask:
         surfaces = self.surfaces(name)
-        # The last entry is for -1: nothing is hit.
-        return self._kept((name, "mask"), lambda: np.append(surfaces, False)[self.buffers.instance])
+        return self._kept((name, "mask"), lambda: pixels_of(surfaces, self.buffers))
 
     def region(self, name: str) -> Mask:
         if self.evidence is None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.measure import surface_view
+from legoworld.plugin.measure import pixels_of, surface_view
 from legoworld.plugin.residuals import outline
+from legoworld.plugin.small_render import rec709_luma
 from legoworld.plugin.state import LiveScene
 from legoworld.readouts.pictures import Rgb
 from legoworld.records.base import as_json
@@ -58,7 +59,10 @@ class _View:
         first, *others = _names(requirement) or [""]
         for names, rgb in ((others, _OTHER_RGB), ([first], _ENTITY_RGB)):
             for name in names:
-                mask = self._mask(name)
+                surfaces = self._entities.surfaces(name)
+                if surfaces is None:
+                    continue
+                mask = pixels_of(surfaces, self._buffers)
                 shown |= mask
                 drawn[mask] = drawn[mask] // 3 + np.array(rgb, np.uint8) // 3 * 2
         for name in _regions(requirement):
@@ -67,12 +71,6 @@ class _View:
                 shown |= mask
                 drawn[_thick(outline(mask))] = _REGION_RGB
         return _cropped(drawn, shown) if shown.any() else None
-
-    def _mask(self, name: str) -> Mask:
-        surfaces = self._entities.surfaces(name)
-        if surfaces is None:
-            return np.zeros(self._buffers.instance.shape, bool)
-        return np.asarray(np.append(surfaces, False)[self._buffers.instance])
 
 
 def _names(requirement: Requirement) -> list[str]:
@@ -93,7 +91,7 @@ def _regions(requirement: Requirement) -> Iterator[str]:
 
 
 def _gray(photo: Rgb) -> Rgb:
-    gray = (photo @ np.array([0.2126, 0.7152, 0.0722])).astype(np.uint8)
+    gray = np.rint(255 * rec709_luma(photo)).astype(np.uint8)
     return np.repeat(gray[..., None], 3, axis=2)
 
 
