@@ -158,7 +158,8 @@ class BenchTables(Record, frozen=True, kw_only=True):
     """What only a bench's section has.
 
     outcomes: of the picture of R and the points, errors: of the picture of A, each in the order of
-    its codes; delta: A's tolerance; tolerance: R's, a share of the depth.
+    its codes; delta: A's tolerance; tolerance: R's, a share of the depth; noise_floor: what the
+    references' own renders score, empty where it was not measured.
     """
 
     board: Leaderboard
@@ -169,3 +170,4 @@ class BenchTables(Record, frozen=True, kw_only=True):
     errors: tuple[Outcome, ...]
     delta: int
     tolerance: float
+    noise_floor: str

@@ -12,7 +12,7 @@ from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted, share
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow
-from legoworld.records.reconstruction_summary import Mean
+from legoworld.records.reconstruction_summary import Mean, NoiseSummary
 from legoworld.records.report_bench import (
     BenchTables,
     FlaggedCase,
@@ -54,6 +54,7 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
         errors=error_steps(rules.protocol.delta),
         delta=rules.protocol.delta,
         tolerance=rules.protocol.tolerance,
+        noise_floor=next(filter(None, (_noise_floor(side.bench.noise) for side in sides)), ""),
     )
 
 
@@ -178,6 +179,17 @@ def _cell(mean: Mean | None) -> NumberCell | None:
     )
 
 
+def _noise_floor(noise: NoiseSummary) -> str:
+    """A of the references rendered by the card; empty where it was not measured."""
+    if noise.reference_mean is None:
+        return ""
+    sd = f", sd {noise.reference_sd:.4f} between seeds" if noise.reference_sd else ""
+    return (
+        f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}{sd} "
+        f"({counted(noise.n_reference, 'case', 'cases')})"
+    )
+
+
 def bench_notes(side: Evaluated) -> list[str]:
     """Sentences about coverage, noise, and what counts 0."""
     summary = side.bench
@@ -188,12 +200,7 @@ def bench_notes(side: Evaluated) -> list[str]:
         f"intervals: {counted(summary.bootstrap.draws, 'bootstrap draw', 'bootstrap draws')} over "
         f"{counted(summary.bootstrap.groups, 'family', 'families')}",
     ]
-    if noise.reference_mean is not None:
-        sd = f", sd {noise.reference_sd:.4f} between seeds" if noise.reference_sd else ""
-        lines.append(
-            f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}{sd} "
-            f"({counted(noise.n_reference, 'case', 'cases')})"
-        )
+    lines += filter(None, [_noise_floor(noise)])
     if summary.articulation is not UNSET:
         found = summary.articulation
         score = "-" if found.score is None else f"{found.score:.4f}"

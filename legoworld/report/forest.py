@@ -123,7 +123,7 @@ def _bench_span(summary: ReconstructionSummary, metric: str) -> Span | None:
     mean = summary.metrics.get(metric)
     if mean is None:
         return None
-    return _with_ends(mean.value, mean.interval, f"{mean.over} cases")
+    return _with_ends(mean.value, mean.interval, f"{mean.n} {mean.over}")
 
 
 def _detection_span(summary: DetectionSummary, metric: str) -> Span | None:

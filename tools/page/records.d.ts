@@ -100,6 +100,7 @@ interface BenchTables {
   errors: Array<Outcome>;
   delta: number;
   tolerance: number;
+  noise_floor: string;
 }
 
 /** A case in the list, with what it can be filtered by. tier: "" where it has none. */

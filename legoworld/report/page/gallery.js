@@ -130,7 +130,7 @@ export function card(section, row, attributes) {
   const said = first.status === "ok" ? first.advice : first.status + (first.advice ? ": " + first.advice : "");
   const made = el("a", Object.assign({ class: "card", href: "#/" + section.key + "/" + row.id,
     "data-image": row.id }, attributes), [picture,
-    el("span", { class: "card-file" }, [row.file_name]), el("span", { class: "marks" }, marks),
+    el("span", { class: "card-file", title: row.file_name }, [section.bench ? caseName(row.file_name) : row.file_name]), el("span", { class: "marks" }, marks),
     el("span", { class: "card-said" }, [said])]);
   drawLater(picture, () => withView(row.view, (view) => picture.replaceChildren(thumbnail(section, view)),
     () => picture.append(el("span", { class: "no-thumb" }, ["left behind"]))));
@@ -284,3 +284,6 @@ export function focusPhoto(section, image) {
   const other = sectionElement(section.key).querySelector("[data-sheet] [data-image='" + Number(image) + "']");
   if (other) { other.focus(); }
 }
+
+/* Tier and view come last in a case's name, where a narrow card would cut them off. */
+function caseName(file) { return file.replace(/\.[a-z]+$/, "").replaceAll("__", " ").replace(/view_0*(?=\d)/, "view "); }

@@ -53,8 +53,16 @@ function forestFigure(section) {
     ...row.differences.map((s, k) => [row.name, labels[0] + " minus " + labels[k + 1], ...numbers(s), ""])]);
   return plotFigure({ name: "metrics-" + section.key, title: "Main metrics", root,
     keys: labels.map((label, k) => ["side-key-" + Math.min(k, 2), label]),
-    note: "95 % intervals" + (pairs ? "; a difference whose interval contains 0 does not tell the sides apart." : "."),
+    note: intervalNote(rows, pairs > 0, Boolean(section.bench)),
     head: ["metric", "of", "value", "low", "high", "over"], rows: table });
+}
+
+function intervalNote(rows, compared, bench) {
+  const spans = rows.flatMap((r) => [...r.sides, ...r.differences]);
+  if (!spans.some((span) => span && span.low !== null)) {
+    return bench ? "No intervals: they need two families or more." : "No intervals.";
+  }
+  return "95 % intervals" + (compared ? "; a difference whose interval contains 0 does not tell the sides apart." : ".");
 }
 
 function numbers(span) { return span ? [fixed(span.value, 4), fixed(span.low, 4), fixed(span.high, 4)] : ["-", "-", "-"]; }

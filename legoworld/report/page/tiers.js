@@ -16,7 +16,7 @@ export function tierFigures(section) {
   const rows = metrics.flatMap((metric) => bars.filter((b) => b.metric === metric).slice(0, MOST_ROWS));
   const many = new Set(bars.map((b) => b.label)).size > 1;
   const left = many ? 128 : 30;
-  const [width, right] = [420, 318];
+  const [width, right] = [420, 300];
   const high = rows.length * ROW + 28;
   const tiers = bars[0].tiers;
   const ticks = [0, 0.25, 0.5, 0.75, 1].flatMap((v) => {
