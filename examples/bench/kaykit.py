@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import sys
@@ -13,6 +14,8 @@ from mathutils import Matrix, Vector
 
 PACKS = ("furniture", "restaurant", "city_builder")
 VARIABLE = "LEGOWORLD_KAYKIT"
+
+logging.disable(logging.INFO)  # Blender's glTF add-on tells of every mesh
 
 
 def assets_folder(chosen: str | None) -> Path:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import random
 import shutil
 from collections.abc import Callable
@@ -130,6 +131,7 @@ def main() -> None:
     parser.add_argument("--amount", type=float)
     parser.add_argument("--only", help="only cases whose name holds this")
     chosen = parser.parse_args()
+    logging.disable(logging.INFO)  # Blender's glTF add-on tells of every mesh
     amount = DEFAULTS[chosen.change] if chosen.amount is None else chosen.amount
     for case in sorted(p for p in chosen.cases.iterdir() if (p / "scene.blend").is_file()):
         if not chosen.only or chosen.only in case.name:

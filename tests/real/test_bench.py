@@ -54,6 +54,19 @@ def made(real_data, tmp_path_factory):
     return folder
 
 
+def test_things_of_the_shipped_families_stand_on_things(real_data, tmp_path):
+    program("build.py", "--kaykit", real_data / "kaykit", "-o", tmp_path)
+    scenes = sorted(map(str, tmp_path.glob("*/scene.blend")))
+    assert len(scenes) == 8
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("floating.py")), *scenes],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    floating = json.loads(done.stdout.splitlines()[-1])
+    assert {name: things for name, things in floating.items() if things} == {}
+    assert len(floating) == 8
+
+
 def test_shipped_families_submitted_as_themselves_score_one(made, tmp_path):
     rows = scored(made, made / "itself", tmp_path)
     assert len(rows) == 12
