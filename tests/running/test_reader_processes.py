@@ -88,6 +88,7 @@ def test_a_killed_process_is_replaced_once(
     capsys.readouterr()
     rows = (tmp_path / "run" / "per_image.jsonl").read_text()
     assert rows.count("the process that read the scene ended, twice") == lost
+    assert rows.count("next: run the same command again, with fewer --workers where") == lost
     readout(scenes, tmp_path / "undisturbed", "--workers", 1)
     readout(scenes, tmp_path / "run", "--workers", 1)
     assert results(tmp_path / "run") == results(tmp_path / "undisturbed")

@@ -37,7 +37,7 @@ def rich() -> bytes:
     made.quad("Odd", 0, 16, 4, extras={"category": "zebrra"})
     made.quad("Odd2", 6, 16, 4, extras={"category": "zebrra"})
     made.quad("Box", -20, 10, 6)
-    made.node(name="Ghost", extras={"category": "bird"})
+    made.node(name="Ghost", extras={"category": "BIRD"})
     return made.glb()
 
 

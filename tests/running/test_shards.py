@@ -6,26 +6,27 @@ import json
 from pathlib import Path
 
 import pytest
-from running.run_folders import readout, results
+from gltf.documents import Document
+from running.run_folders import readout as readout_of
+from running.run_folders import results
 
 from legoworld import cli
 
-pytestmark = pytest.mark.blender
-
-SCENES = """
-for i in range(5):
-    fresh(); camera()
-    quad("Dog", x=i - 2, category="dog")
-    save(f"scene{i}")
-fresh(); quad("Dog", category="dog"); save("no_camera")
-"""
-
 
 @pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("scenes")
-    build_scenes(SCENES, folder)
+    for name in ("no_camera", *(f"scene{i}" for i in range(5))):
+        made = Document(camera=name != "no_camera")
+        made.quad("Dog", int(name[-1]) if name[-1].isdigit() else 0, 0, extras={"category": "dog"})
+        (folder / name).mkdir()
+        (folder / name / "scene.glb").write_bytes(made.glb())
     return folder
+
+
+def readout(scenes: object, run: object, *more: object, task: str = "coco") -> int:
+    fixed = ("--source", "glb", "--no-cache", "--workers", 1)
+    return readout_of(scenes, run, *fixed, *more, task=task)
 
 
 def merge(output: Path, *shards: Path) -> int:
@@ -106,8 +107,51 @@ def test_shards_that_make_up_no_run_are_refused(scenes: Path, tmp_path: Path, ca
         ([a, other], "different images_sha256"),
         ([a, whole], "not a shard"),
         ([tmp_path, b], "not a finished shard"),
+        ([whole, a], "whole is not a shard"),
+        ([a, a, b, b], "given twice: 1/2, 2/2"),
     ]:
         capsys.readouterr()
         assert merge(tmp_path / "merged", *shards) in (1, 2)
         assert said in capsys.readouterr().err
         assert not (tmp_path / "merged" / "run.json").exists()
+
+
+def test_a_merge_into_one_of_its_inputs_is_refused(scenes: Path, tmp_path: Path, capsys):
+    shards = [tmp_path / "a", tmp_path / "b"]
+    for i, shard in enumerate(shards, 1):
+        readout(scenes, shard, "--shard", f"{i}/2")
+    before = results(shards[1])
+    capsys.readouterr()
+    for more in ((), ("--overwrite",)):
+        assert cli.run(["merge", *map(str, shards), "-o", str(shards[1]), *more]) == 2
+        assert "-o b is one of the input runs" in capsys.readouterr().err
+    assert results(shards[1]) == before
+
+
+def test_a_shard_that_has_not_ended_or_lost_predictions_is_refused(
+    scenes: Path, tmp_path: Path, capsys
+):
+    shards = [tmp_path / "a", tmp_path / "b"]
+    for i, shard in enumerate(shards, 1):
+        readout(scenes, shard, "--shard", f"{i}/2")
+    (shards[0] / "journal.jsonl").write_text("")
+    assert merge(tmp_path / "merged", *shards) == 2
+    said = capsys.readouterr().err
+    assert "a is not a finished shard; found: it has not ended" in said
+    (shards[0] / "journal.jsonl").unlink()
+    document = json.loads((shards[0] / "run.json").read_text())
+    document["configuration"]["task"] = "cocoa"
+    (shards[0] / "run.json").write_text(json.dumps(document))
+    assert merge(tmp_path / "merged", *shards) == 2
+    assert "found: task 'cocoa'" in capsys.readouterr().err
+
+
+def test_one_undivided_run_is_rewritten_in_files(scenes: Path, tmp_path: Path):
+    readout(scenes, tmp_path / "whole")
+    readout(scenes, tmp_path / "divided", "--images-per-file", 2)
+    code = cli.run(["merge", str(tmp_path / "whole"), "-o", str(tmp_path / "made"),
+                    "--images-per-file", "2"])  # fmt: skip
+    assert code == 1
+    assert results(tmp_path / "made") == results(tmp_path / "divided")
+    assert cli.run(["merge", str(tmp_path / "made"), "-o", str(tmp_path / "back")]) == 1
+    assert results(tmp_path / "back") == results(tmp_path / "whole")

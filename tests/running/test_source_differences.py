@@ -17,6 +17,7 @@ from legoworld.running.source_comparison import compare_sources
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts, write_frozen
+from legoworld.scene.snapshot import SceneCollection
 
 #: name, x, y, side and category of squares in a picture of 64 x 64 pixels.
 SQUARES = (("Chair", 4, 4, 8, "chair"), ("Apple", -20, 4, 4, "apple"), ("Rock", -20, -20, 6, None))
@@ -136,6 +137,21 @@ def test_counts_and_projections_that_differ_are_said(tmp_path):
         "the projection's cx is 0.000 px, not 32.000",
         "the projection's cy is 48.000 px, not 32.000",
     )
+
+
+def test_labels_of_collections_that_no_node_carries_are_said(tmp_path):
+    def collection(name, **labels):
+        return SceneCollection(name=name, library=None, parents=(), properties=labels)
+
+    held = tuple(collection(name, category="tree") for name in ("Chair", "Grove", "Rock", "Hedge"))
+    ours = changed(opened(tmp_path / "a"), collections=(*held, collection("Plain")))
+    # Chair comes as a labelled node, Rock as one without a label.
+    assert compared(ours, opened(tmp_path / "b")).differences == (
+        "labels of collections are lost: Grove, Rock, Hedge",
+    )
+    many = tuple(collection(f"C{i}", category="tree") for i in range(12))
+    (said,) = compared(changed(ours, collections=many), opened(tmp_path / "b")).differences
+    assert said.endswith("C8, C9")
 
 
 def test_another_pose_and_another_depth_are_said(tmp_path):
