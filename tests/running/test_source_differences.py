@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from gltf.documents import Document
 from gltf.scenes import NoBlender
+from msgspec.structs import replace as replace_row
 from scene.by_hand import VOCABULARY
 
 from legoworld.errors import LegoWorldError, SceneChangedError
+from legoworld.running import source_comparison
 from legoworld.running.inspection import OpenScene, look, open_scene, write_inspection
 from legoworld.running.source_comparison import compare_sources
 from legoworld.scene.blender_process import Limits
@@ -77,6 +79,26 @@ def test_an_instance_that_moved_and_one_of_each_side(tmp_path):
     assert [e.name for e in found.lost] == ["Rock"]
     assert [e.name for e in found.gained] == ["Tree"]
     assert (found.differing_px, found.disagreeing, found.faithful) == (32 + 36, 1, False)
+
+
+def test_a_pair_at_the_limit_agrees(tmp_path):
+    """A column of 1,000 of which one pixel is gone: an IoU of exactly .999."""
+    wide = (("Wall", -20, 5, 10, None), ("Aisle", 0, 0, 4, None))
+    blend, glb = (opened(tmp_path / name, wide) for name in "ab")
+    ours, theirs = looked_at(blend), looked_at(glb)
+    rows = {row.name: row for row in ours.entries}
+    overlap = {rows["Wall"].id: 999, rows["Aisle"].id: 16}
+    partners = [(i, i, n) for i, n in sorted(overlap.items())]
+    entries = tuple(replace_row(row, area_px=1000) if row.name == "Wall" else row
+                    for row in ours.entries)  # fmt: skip
+    smaller = tuple(replace_row(row, area_px=999) if row.name == "Wall" else row
+                    for row in theirs.entries)  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(source_comparison, "_partners", lambda *_: partners)
+        found = compare_sources(replace(ours, entries=entries), replace(theirs, entries=smaller))
+    assert {p.name: p.iou for p in found.pairs} == {"Aisle": 1.0, "Wall": 0.999}
+    assert [p.name for p in found.pairs] == ["Aisle", "Wall"]  # both agree: by name
+    assert found.disagreeing == 0
 
 
 def test_another_category_alone_is_not_faithful(tmp_path):

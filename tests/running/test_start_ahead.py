@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from legoworld import cli
+from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender_process import BlenderProcess
 
 
@@ -26,7 +27,7 @@ def readout(folder: Path, *more: str) -> int:
     track = folder / "track.json"
     image = {"id": 1, "file_name": "a.jpg", "width": 8, "height": 8}
     track.write_text(json.dumps({"images": [image], "categories": [{"id": 1, "name": "cup"}]}))
-    (folder / "scenes").mkdir()
+    (folder / "scenes").mkdir(exist_ok=True)
     output = ["--track", str(track), "-o", str(folder / "run"), "-q"]
     return cli.run(["readout", str(folder / "scenes"), "--task", "coco", *output, *more])
 
@@ -36,6 +37,23 @@ def test_without_a_cache_blender_starts_ahead_and_ends_with_the_command(calls, t
     assert calls[0] == "start"
     assert calls[-1] == "close"
     assert calls.count("start") == 1
+
+
+def test_the_process_that_was_started_reads_the_scenes(calls, tmp_path, monkeypatch, capsys):
+    used: list[tuple[str, int]] = []
+
+    def request(self: BlenderProcess, _message: object) -> None:
+        used.append(("request", id(self)))
+        raise SceneInvalidError("it was asked")
+
+    monkeypatch.setattr(BlenderProcess, "start", lambda self: used.append(("start", id(self))))
+    monkeypatch.setattr(BlenderProcess, "request", request)
+    (tmp_path / "scenes" / "a").mkdir(parents=True)
+    (tmp_path / "scenes" / "a" / "scene.blend").write_text("a scene")
+    assert readout(tmp_path, "--no-cache") == 1
+    assert [what for what, _ in used] == ["start", "request"]
+    assert len({number for _, number in used}) == 1
+    assert calls.count("close") == 1  # by the command, not by the reader
 
 
 @pytest.mark.parametrize("more", [(), ("--no-cache", "--source", "glb")])
