@@ -96,6 +96,56 @@ def test_required_extensions_that_are_unknown_are_named():
     assert boxes(made.glb()) == [QUAD]
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "EXT_mesh_gpu_instancing", "EXT_meshopt_compression", "EXT_texture_avif",
+        "EXT_texture_webp", "KHR_animation_pointer", "KHR_draco_mesh_compression",
+        "KHR_lights_punctual", "KHR_materials_clearcoat", "KHR_mesh_quantization",
+        "KHR_node_visibility", "KHR_texture_basisu", "KHR_texture_transform", "KHR_xmp_json_ld",
+        "MSFT_texture_dds",
+    ],
+)  # fmt: skip
+def test_an_extension_that_is_read_or_changes_no_surface_may_be_required(name):
+    made = quad()
+    made.json["extensionsRequired"] = [name]
+    assert boxes(made.glb()) == [QUAD]
+    made.json["extensionsRequired"] = [name, f"{name[:3]}_{name}"]
+    with pytest.raises(UnsupportedGltfError) as verdict:
+        read(made.glb())
+    assert name in verdict.value.expected or name.startswith("KHR_materials_")
+    assert verdict.value.expected.endswith(" or KHR_materials_*")
+
+
+def test_a_file_s_own_settings_are_plain_metres_and_square_pixels():
+    made = quad()
+    made.json["scenes"][0]["name"] = "Attic"
+    snapshot = read(made.glb())
+    assert vars(snapshot.render) == {
+        "resolution_x": 1080, "resolution_y": 1080, "resolution_percentage": 100,
+        "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "use_border": False, "frame": 0,
+        "subframe": 0.0, "unit_system": "METRIC", "unit_scale": 1.0, "scene_name": "Attic",
+        "view_layer": "",
+    }  # fmt: skip
+    camera = {k: v for k, v in vars(snapshot.camera).items() if k != "world_from_camera"}
+    assert camera == {
+        "name": "Camera", "type": "ORTHO", "lens_mm": 36.0, "sensor_width_mm": 36.0,
+        "sensor_height_mm": 36.0, "sensor_fit": "AUTO", "shift_x": 0.0, "shift_y": 0.0,
+        "ortho_scale": 64.0, "clip_start": 0.1, "clip_end": 100,
+    }  # fmt: skip
+    assert snapshot.collections == ()
+    assert [(o.name, o.type, o.parent, o.instance_type, o.library) for o in snapshot.objects] == [
+        ("Camera", "CAMERA", -1, "NONE", None), ("Quad", "MESH", -1, "NONE", None),
+    ]  # fmt: skip
+    assert snapshot.occurrence_object.tolist() == [0, 1]
+    assert snapshot.occurrence_instancer.tolist() == [-1, -1]
+    assert snapshot.occurrence_frame.tolist() == [0, 0]
+    assert snapshot.surface_occurrence.tolist() == [1]
+    assert snapshot.surface_mesh.tolist() == snapshot.surface_holdout.tolist() == [0]
+    matrix = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0]]
+    assert snapshot.world_from_mesh.tolist() == [matrix]
+
+
 def test_no_camera_and_no_mesh_have_their_own_verdicts():
     without = Document(camera=False)
     without.quad("Quad", 4, 4)
@@ -158,7 +208,8 @@ def test_data_uris_and_files_in_the_folder_are_read(tmp_path):
 @pytest.mark.parametrize(
     "uri",
     ["../out.bin", "/etc/passwd", "file:///etc/passwd", "http://example.org/a.bin", "link.bin",
-     "a/../../out.bin", "%2e%2e/out.bin", "C:\\out.bin", "..\\out.bin", "//host/share", "", "a\0b"],
+     "a/../../out.bin", "%2e%2e/out.bin", "./a:b.bin", "a\\b.bin", "a.bin?b", "a.bin#b",
+     "C:\\out.bin", "..\\out.bin", "//host/share", "", "a\0b"],
 )  # fmt: skip
 def test_uris_that_lead_out_of_the_folder_are_refused(uri, tmp_path):
     folder = tmp_path / "scene"

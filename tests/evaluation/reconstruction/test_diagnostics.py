@@ -24,6 +24,7 @@ from legoworld.evaluation.reconstruction.aligned import (
 from legoworld.evaluation.reconstruction.correspondence import on_one_raster
 from legoworld.evaluation.reconstruction.diagnostics import chamfer_over_diagonal, voxel_iou
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.integrity import correlation
 from legoworld.evaluation.reconstruction.points import finite_points, points_m
 
 RANDOM = np.random.default_rng(7)
@@ -132,6 +133,11 @@ def test_voxels_are_counted_once_and_anchored_at_the_camera():
     assert voxel_iou(none, none, 0.05) is None
     far = np.array([[1e9, 0.0, 0.0], [2e9, 0.0, 0.0], [-1e9, 0.0, 0.0], [0.0, 0.0, 1e9]])
     assert voxel_iou(far, far[:1], 0.05) == 1 / 3  # what lies beyond is in the outermost one
+    # The outermost voxel ends before the next row begins.
+    for k in (1, 2):
+        top, next_row = np.zeros((1, 3)), np.zeros((1, 3))
+        top[0, k], next_row[0, k - 1], next_row[0, k] = 1e9, 0.06, (-(1 << 20) + 1.5) * 0.05
+        assert voxel_iou(top, next_row, 0.05) == 0.0
     one = np.array([[0.0, 0.0, 0.0]])
     for axis in range(3):
         assert voxel_iou(one, one + 0.05 * np.eye(3)[axis], 0.05) == 0.0
@@ -179,3 +185,23 @@ def test_a_camera_of_ones_own(tmp_path):
     for i in (2, 3, 4):
         assert rows[i]["R"] == 1.0
         assert found[i] < 0.95
+
+
+def test_the_correlation_of_pictures_mirrored_or_not():
+    picture = RANDOM.integers(0, 256, (4, 6, 3)).astype(np.uint8)
+    for same in (picture, picture[:, ::-1], picture[::-1], picture[::-1, ::-1]):
+        assert correlation(same, picture) == pytest.approx(1.0, rel=1e-12)
+    assert correlation((picture // 2 + 9).astype(np.uint8), picture) > 0.99
+    other = picture.copy()
+    other[:2] = RANDOM.integers(0, 256, (2, 6, 3))
+    directions = (other, other[:, ::-1], other[::-1], other[::-1, ::-1])
+    expected = max(np.corrcoef(o.ravel(), picture.ravel())[0, 1] for o in directions)
+    assert expected > 0.3
+    assert correlation(other, picture) == pytest.approx(expected, rel=1e-12)
+    flat = np.full_like(picture, 7)
+    assert correlation(flat, picture) == correlation(picture, flat) == 0.0
+    step = np.zeros((1, 2, 3), np.uint8)
+    step[:, 0] = 255
+    assert correlation(step, 255 - step) == pytest.approx(1.0)  # mirrored
+    gradient = np.uint8([[[0] * 3, [10] * 3, [0] * 3]])
+    assert correlation(gradient, 255 - gradient) == 0.0  # below nothing counts as nothing
