@@ -19,7 +19,7 @@ from legoworld.errors import NoMeshError
 from legoworld.scene.gltf.cutouts import threshold_at_half
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.materials import material_alpha, varying_alpha
-from legoworld.scene.gltf.pictures import alpha_of
+from legoworld.scene.gltf.pictures import alpha_of, size_wh
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 
 #: glTF's v points down: (0, 0) is the picture's upper left corner.
@@ -352,6 +352,42 @@ def test_deep_png_and_webp(kind):
     found, why = alpha_of(data)
     assert why == ""
     assert found.tolist() == alpha.tolist()
+
+
+def test_deep_alpha_is_rounded_to_eight_bits():
+    alpha = np.array([[0, 128, 129, 300, 385, 386, 65406, 65407, 65535]], np.uint16)
+    picture = np.full((1, 9, 4), 100, np.uint16)
+    picture[..., 3] = alpha
+    found, _ = alpha_of(cv2.imencode(".png", picture)[1].tobytes())
+    assert found.tolist() == [[0, 0, 1, 1, 1, 2, 254, 255, 255]]
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        (b"VP8X" + bytes(8) + b"\x03\x00\x00" + b"\x01\x01\x00", (4, 258)),
+        (b"VP8L" + bytes(5) + (0x3FFE | 9 << 14).to_bytes(4, "little") + bytes(6), (16383, 10)),
+        (b"VP8L" + bytes(5) + (15 | 9 << 14 | 1 << 28).to_bytes(4, "little") + bytes(6), (16, 10)),
+        (b"VP8 " + bytes(10) + (0x4000 | 12).to_bytes(2, "little") + b"\x07\xc0", (12, 7)),
+        (b"ALPH" + bytes(14), (0, 0)),
+    ],
+)
+def test_the_size_of_a_webp_by_its_first_chunk(header, expected):
+    data = b"RIFF\0\0\0\0WEBP" + header
+    assert len(data) >= 30
+    assert size_wh(data) == expected
+    assert size_wh(data[:29]) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("size", "sound"),
+    [((1, 1), True), ((0, 5), False), ((5, 0), False), ((8192, 8192), True), ((8192, 8193), False),
+     ((16384, 1), True), ((16385, 1), False), ((1, 16385), False)],
+)  # fmt: skip
+def test_the_largest_picture_that_is_decoded(size, sound):
+    data = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + struct.pack(">II", *size) + bytes(9)
+    assert size_wh(data) == (size if sound else (0, 0))
+    assert size_wh(data[:32]) == (0, 0)
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,15 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from pathlib import Path
 
 import pytest
 from gltf.documents import Document, boxes, glb_of, read, square
 
 from legoworld.errors import NoCameraError, NoMeshError, SceneInvalidError
 from legoworld.scene.artefacts import check_glb
+from legoworld.scene.gltf.buffers import external_files
+from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.verdicts import UnreadableGltfError, UnsupportedGltfError
 
 QUAD = ("Quad", 64, (36, 20, 44, 28))  # 4..12 right of the middle, 4..12 above it
@@ -209,7 +212,7 @@ def test_data_uris_and_files_in_the_folder_are_read(tmp_path):
     "uri",
     ["../out.bin", "/etc/passwd", "file:///etc/passwd", "http://example.org/a.bin", "link.bin",
      "a/../../out.bin", "%2e%2e/out.bin", "./a:b.bin", "a\\b.bin", "a.bin?b", "a.bin#b",
-     "C:\\out.bin", "..\\out.bin", "//host/share", "", "a\0b"],
+     "C:\\out.bin", "..\\out.bin", "//host/share", "", "a\0b", "%ff.bin"],
 )  # fmt: skip
 def test_uris_that_lead_out_of_the_folder_are_refused(uri, tmp_path):
     folder = tmp_path / "scene"
@@ -224,6 +227,17 @@ def test_uris_that_lead_out_of_the_folder_are_refused(uri, tmp_path):
     (folder / "scene.glb").write_bytes(made.glb())
     with pytest.raises(SceneInvalidError, match="outside its folder"):
         check_glb(folder / "scene.glb")
+
+
+def test_files_that_a_document_names():
+    owners = {
+        "buffers": [{"byteLength": 1, "uri": "b.bin"}, {"uri": "data:;base64,AA=="}, {}],
+        "images": [{"uri": "sub/a%20b.png"}, {"uri": "b.bin"}, {"bufferView": 0}],
+    }
+    assert external_files(Fields(owners), Path("folder")) == ["b.bin", "sub/a b.png"]
+    assert external_files(Fields({}), Path("folder")) == []
+    with pytest.raises(SceneInvalidError, match=r"found: x{200};"):
+        external_files(Fields({"images": [{"uri": "x" * 200 + "?y"}]}), Path("folder"))
 
 
 def test_check_glb_reads_ranges_without_decoding(tmp_path):

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import importlib.util
+import io
+import json
+import resource
 import shutil
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from gltf.documents import Document, boxes, read, square
 
-from legoworld.scene.gltf import draco
+from legoworld.scene.gltf import draco, draco_worker
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.primitives import _draco_ids
 from legoworld.scene.gltf.verdicts import Budget, UnreadableGltfError, UnsupportedGltfError
@@ -159,6 +163,64 @@ def test_a_unique_id_has_32_bits(number, taken):
     packed["attributes"] = {"NORMAL": 0}
     with pytest.raises(UnreadableGltfError, match="names no positions"):
         _draco_ids(fields)
+
+
+class Decoded:
+    """What the decoder gives: of b"3" three faces over five vertices."""
+
+    def __init__(self, data):
+        self.faces = None if data == b"points" else np.zeros((int(data), 3), np.int64)
+        values = np.arange(10.0, dtype=np.float32).reshape(5, 2)
+        self.attributes = [{"unique_id": 7, "data": values}, {"unique_id": 9, "data": values[:, 0]}]
+
+
+@pytest.fixture
+def answered(monkeypatch):
+    """The worker's answers to some payloads, in this process; the limits it set."""
+    limits = []
+
+    def answer(limit_bytes, *payloads):
+        request = {"limit_bytes": limit_bytes, "payloads": [[len(d), ids] for d, ids in payloads]}
+        sent = json.dumps(request).encode() + b"\n" + b"".join(d for d, _ in payloads)
+        output = io.BytesIO()
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(sent)))
+        monkeypatch.setattr(sys, "stdout", SimpleNamespace(buffer=output))
+        draco_worker.main()
+        header, _, body = output.getvalue().partition(b"\n")
+        return json.loads(header), body
+
+    monkeypatch.setitem(sys.modules, "DracoPy", SimpleNamespace(decode=Decoded))
+    monkeypatch.setattr(resource, "setrlimit", lambda what, limit: limits.append((what, limit)))
+    return answer, limits
+
+
+def test_the_worker_answers_each_payload(answered):
+    answer, limits = answered
+    answers, body = answer(1000, (b"3", [9, 7]), (b"0", []))
+    assert answers == [
+        [["<u4", [3, 3]], ["<f4", [5, 1]], ["<f4", [5, 2]]], [["<u4", [0, 3]]],
+    ]  # fmt: skip
+    assert len(body) == 36 + 20 + 40
+    assert np.frombuffer(body[36:56], "<f4").tolist() == [0, 2, 4, 6, 8]
+    memory = 1000 + (1 << 30)
+    assert limits == [
+        (resource.RLIMIT_AS, (memory, memory)), (resource.RLIMIT_CPU, (60, 60)),
+        (resource.RLIMIT_CORE, (0, 0)),
+    ]  # fmt: skip
+
+
+def test_the_worker_s_first_error_ends_its_work(answered):
+    answer, _ = answered
+    refused, _ = answer(1000, (b"1", []), (b"x", []), (b"1", []))
+    assert refused[0] == [["<u4", [1, 3]]]
+    assert refused[1].startswith("ValueError invalid literal")
+    assert refused[2] == "not decoded"
+    assert answer(1000, (b"points", []))[0] == ["ValueError a point cloud"]
+    assert answer(1000, (b"1", [8]))[0] == ["KeyError 8"]
+    assert answer(36, (b"3", []))[0] == [[["<u4", [3, 3]]]]
+    large = "larger than a file of this size may be"
+    assert answer(35, (b"3", []), (b"1", [])) == ([large, "not decoded"], b"")
+    assert answer(60, (b"3", []), (b"3", []))[0] == [[["<u4", [3, 3]]], large]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is capped on Linux")

@@ -110,6 +110,12 @@ def test_each_vertex_follows_its_joints():
     assert boxes(skinned(*rounded, second=more).glb()) == [("Quad", 64, (46, 15, 54, 23))]
 
 
+def test_a_vertex_without_weights_follows_the_first_joint():
+    joints = [[1, 1, 1, 1], [1, 1, 1, 1], [1, 0, 0, 0], [1, 0, 0, 0]]
+    weights = [[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]]
+    assert boxes(skinned(joints, weights).glb()) == boxes(skinned(*BOTH).glb())
+
+
 def test_inverse_bind_matrices_undo_the_rest_pose():
     undo = np.tile(np.eye(4), (2, 1, 1))
     undo[0, :3, 3] = (-10, 0, 0)
