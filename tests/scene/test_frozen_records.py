@@ -19,7 +19,7 @@ from legoworld.scene.freeze import (
     write_frozen,
 )
 from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
-from legoworld.scene.programs.record import execution_warnings
+from legoworld.scene.side_files import program_warnings
 
 
 @pytest.fixture
@@ -180,7 +180,7 @@ def test_a_program_that_was_stopped_is_a_warning_of_its_scene(record, warning, s
     blend = hash_files(scene.path, ["scene.blend"])["scene.blend"].sha256
     document = {"files": {"scene.blend": blend}, **record}
     (scene.path / "execution.json").write_text(json.dumps(document))
-    found = execution_warnings(scene.path, blend)
+    found = program_warnings(scene.path, blend)
     assert checked_artefacts(scene, require_frozen=False).warnings == found
     freeze_now(scene)
     assert checked_artefacts(scene, require_frozen=False).warnings == found
@@ -192,9 +192,9 @@ def test_a_program_that_was_stopped_is_a_warning_of_its_scene(record, warning, s
 
 
 def test_an_execution_json_that_cannot_be_used_is_a_warning(scene):
-    assert execution_warnings(scene.path, None) == ()
+    assert program_warnings(scene.path, None) == ()
     (scene.path / "execution.json").write_text("[]")
-    (warning,) = execution_warnings(scene.path, None)
+    (warning,) = program_warnings(scene.path, None)
     assert warning.startswith("execution.json cannot be used; found: ")
 
 
