@@ -1,318 +1,372 @@
 // The search, in lanes. Included by nearest.cpp once per instruction set, inside its namespace.
 
-typedef double Vd __attribute__((vector_size(8 * LW_LANES)));
-typedef int64_t Vm __attribute__((vector_size(8 * LW_LANES)));
+typedef double Vd __attribute__((vector_size(8 * LW_LANES), may_alias));
+typedef int64_t Vm __attribute__((vector_size(8 * LW_LANES), may_alias));
+typedef float Vf __attribute__((vector_size(8 * LW_LANES), may_alias));
+typedef float Loose __attribute__((vector_size(8 * LW_LANES), may_alias, aligned(4)));
 
-constexpr int kLanes = LW_LANES;
-constexpr int kGroup = kTile * kTile, kVectors = kGroup / kLanes;  // queries that share one list of leaves
-// Squared distances of a bound and of a point differ by rounding, far less than this.
-constexpr double kLooser = 1.0 + 1e-9;
+constexpr int kLanes = LW_LANES, kFloats = 2 * kLanes;
+constexpr int kVectors = kLeaf / kLanes, kHalves = kLeaf / kFloats;
 
 constexpr int64_t kNone = INT64_MAX;
+// Squared distances of a pair in float64 and in floats differ by at most this factor and the query's
+// own slack: (d + s)^2 <= d^2 (1 + e) + s^2 (1 + 1 / e), s what rounding moves both points by.
+constexpr float kFloatly = 1.0f + 2e-4f, kSlackly = 1.1e4f, kLeast = 1e-37f;
+constexpr int kSteps = 4;  // of a walk, at most
 
-static inline bool any(Vm mask) {
+// A bit for each lane where a <= b.
+static inline unsigned within(Vf a, Vf b) {
 #if defined(__x86_64__) && LW_LANES == 2
-    return _mm_movemask_pd((__m128d)mask) != 0;
+    return static_cast<unsigned>(_mm_movemask_ps((__m128)(a <= b)));
 #elif defined(__x86_64__) && LW_LANES == 4
-    return _mm256_movemask_pd((__m256d)mask) != 0;
+    return static_cast<unsigned>(_mm256_movemask_ps((__m256)(a <= b)));
+#elif defined(__x86_64__)
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LE_OQ);
+#else
+    unsigned out = 0;
+    for (int lane = 0; lane < kFloats; ++lane) out |= (a[lane] <= b[lane] ? 1u : 0u) << lane;
+    return out;
+#endif
+}
+
+static inline bool any_within(Vd a, Vd b) {
+#if defined(__x86_64__) && LW_LANES == 2
+    return _mm_movemask_pd((__m128d)(a <= b)) != 0;
+#elif defined(__x86_64__) && LW_LANES == 4
+    return _mm256_movemask_pd((__m256d)(a <= b)) != 0;
+#elif defined(__x86_64__)
+    return _mm512_cmp_pd_mask((__m512d)a, (__m512d)b, _CMP_LE_OQ) != 0;
 #else
     for (int lane = 0; lane < kLanes; ++lane)
-        if (mask[lane]) return true;
+        if (a[lane] <= b[lane]) return true;
     return false;
 #endif
 }
 
-static inline Vd beyond(Vd along, double half) {
-    Vd out = (Vd)((Vm)along & INT64_MAX) - half;
-    return out > 0.0 ? out : Vd{};
+static inline Vf larger(Vf a, Vf b) {
+#if defined(__x86_64__) && LW_LANES == 2
+    return (Vf)_mm_max_ps((__m128)a, (__m128)b);
+#elif defined(__x86_64__) && LW_LANES == 4
+    return (Vf)_mm256_max_ps((__m256)a, (__m256)b);
+#elif defined(__x86_64__)
+    return (Vf)_mm512_max_ps((__m512)a, (__m512)b);
+#else
+    return a > b ? a : b;
+#endif
 }
 
-static inline Vd outside(Vd at, double low, double high) {
-    Vd below = low - at, above = at - high;
-    Vd out = below > above ? below : above;
-    return out > 0.0 ? out : Vd{};
+static inline Vf smaller(Vf a, Vf b) {
+#if defined(__x86_64__) && LW_LANES == 2
+    return (Vf)_mm_min_ps((__m128)a, (__m128)b);
+#elif defined(__x86_64__) && LW_LANES == 4
+    return (Vf)_mm256_min_ps((__m256)a, (__m256)b);
+#elif defined(__x86_64__)
+    return (Vf)_mm512_min_ps((__m512)a, (__m512)b);
+#else
+    return a < b ? a : b;
+#endif
 }
 
-struct Group {
-    Vd x[kVectors], y[kVectors], z[kVectors], best[kVectors];
-    Vm index[kVectors];
-    double middle[3], radius;  // every query is within radius of the middle
+static inline Vf splat(float v) { return Vf{} + v; }
 
-    double worst() const {
-        Vd most = best[0];
-        for (int v = 1; v < kVectors; ++v) most = best[v] > most ? best[v] : most;
-        double out = most[0];
-        for (int lane = 1; lane < kLanes; ++lane) out = most[lane] > out ? most[lane] : out;
-        return out;
-    }
+static inline Vf loaded(const std::vector<float> &values, int32_t at) {
+    return *reinterpret_cast<const Loose *>(values.data() + at);
+}
+
+// Sixteen queries of one leaf; lanes behind the last repeat it.
+struct alignas(64) Group {
+    double x[kLeaf], y[kLeaf], z[kLeaf], best[kLeaf];
+    int64_t index[kLeaf];
+    float near_x[kLeaf], near_y[kLeaf], near_z[kLeaf], slack[kLeaf];
+    float limit[kLeaf];  // what an answer's squared distance in floats is within
+    float low[3], high[3], middle[3], radius;
 };
 
-// Leaves are left out for one of two reasons. Distance: a box is farther from the middle than the
-// worst answer so far and the radius. Bisectors: let w be any target. Of a point x, and a query q
-// at m + d with |d| <= r, |q - x|^2 - |q - w|^2 = |m - x|^2 - |m - w|^2 - 2 d . (x - w), so x can be
+// A leaf that was looked at: the least squared distance of each query in floats.
+struct alignas(64) Visit {
+    float least[kLeaf];
+    int32_t leaf;
+};
+
+// Everything is measured in floats first: which leaf may hold whose answer is known when the last
+// one is done, and only those are measured in float64. The search walks from the leaf that held the
+// neighbours' answers to the leaf whose neighbours hold nothing nearer, then looks at all others
+// that may. Boxes are left out for one of two reasons. Distance: a box is farther from the queries'
+// box than the worst answer so far. Bisectors: let w be any target. Of a point x, and a query q at
+// m + d with |d| <= r, |q - x|^2 - |q - w|^2 = |m - x|^2 - |m - w|^2 - 2 d . (x - w), so x can be
 // nearer than w only where |m - x|^2 <= |m - w|^2 + 2 r |x - w|. With w near the answers this leaves
-// the leaves about w, however far away all of them are.
+// the boxes about w, however far away all of them are.
 class Search {
 public:
     Search(const Cloud &queries, const Cloud &targets, Reach reach, double *squared,
            int32_t *index)
-        : queries_(queries), targets_(targets), reach_(reach), squared_(squared), index_(index) {
-        std::size_t n = targets.leaves.size();
-        bound_.resize(n);
-        excess_.resize(n);
-        leaves_.resize(n);
-    }
+        : queries_(queries), targets_(targets), reach_(reach), squared_(squared), index_(index),
+          seen_(targets.leaves.size(), -1) {}
 
     void run() {
         int32_t label = -1;
         for (const Leaf &leaf : queries_.leaves) {
-            if (leaf.label != label) near_ = -1;
+            const int32_t first = targets_.node_start[leaf.label];
+            if (first == targets_.node_start[leaf.label + 1]) continue;
+            if (leaf.label != label) near_ = targets_.node_begin[first];
             label = leaf.label;
-            if (targets_.node_start[label] == targets_.node_start[label + 1]) continue;
-            for (int32_t begin = leaf.begin; begin < leaf.end; begin += kGroup)
-                answer(label, begin, std::min(begin + kGroup, leaf.end));
+            answer(leaf);
+            ++group_number_;
         }
     }
 
 private:
-    void answer(int32_t label, int32_t begin, int32_t end) {
-        take(begin, end);
-        seed(label, begin, end);
-        if (group_.worst() == 0.0) return give(begin, end);  // no two pixels share a point
-        choose();
-        int32_t n = gather(label), first = 0;
-        if (!n) return give(begin, end);
-        for (int32_t k = 1; k < n; ++k)
-            if (bound_[leaves_[k]] < bound_[leaves_[first]]) first = k;
-        visit(leaves_[first]);
-        choose();
-        double reach = reach_of(group_.worst());
-        for (int32_t k = 0; k < n; ++k) {
-            int32_t leaf = leaves_[k];
-            if (k == first || bound_[leaf] > reach || behind(leaf)) continue;
-            if (visit(leaf)) reach = reach_of(group_.worst());
-        }
-        give(begin, end);
+    void answer(const Leaf &leaf) {
+        take(leaf);
+        visits_.clear();
+        visit_block(leaf.block, leaf.label);
+        if (visits_.size() == 1 && same()) return give(leaf);
+        visit(near_);
+        walk(leaf.label);
+        gather(leaf.label);
+        for (const Visit &visit : visits_) measure(visit);
+        give(leaf);
     }
 
-    double reach_of(double worst_squared) const {
-        double reach = std::sqrt(worst_squared) + group_.radius;
-        return reach * reach * kLooser;
-    }
-
-    void take(int32_t begin, int32_t end) {
-        double low[3] = {kInfinity, kInfinity, kInfinity};
-        double high[3] = {-kInfinity, -kInfinity, -kInfinity};
-        for (int k = 0; k < kGroup; ++k) {
-            int32_t p = std::min(begin + k, end - 1);
-            double at[3] = {queries_.x[p], queries_.y[p], queries_.z[p]};
-            group_.x[k / kLanes][k % kLanes] = at[0];
-            group_.y[k / kLanes][k % kLanes] = at[1];
-            group_.z[k / kLanes][k % kLanes] = at[2];
-            for (int d = 0; d < 3; ++d) {
-                low[d] = at[d] < low[d] ? at[d] : low[d];
-                high[d] = at[d] > high[d] ? at[d] : high[d];
-            }
+    void take(const Leaf &leaf) {
+        const int32_t last = leaf.end - 1;
+        for (int k = 0; k < kLeaf; ++k) {
+            int32_t p = leaf.begin + k < last ? leaf.begin + k : last;
+            group_.x[k] = queries_.x[p];
+            group_.y[k] = queries_.y[p];
+            group_.z[k] = queries_.z[p];
+            group_.near_x[k] = queries_.near_x[p];
+            group_.near_y[k] = queries_.near_y[p];
+            group_.near_z[k] = queries_.near_z[p];
         }
-        double across = 0.0, size = 0.0;
-        for (int d = 0; d < 3; ++d) {
-            group_.middle[d] = 0.5 * (low[d] + high[d]);
-            across += (high[d] - low[d]) * (high[d] - low[d]);
-            size += std::abs(group_.middle[d]);
-        }
-        group_.radius = across > 0.0 ? 0.5 * std::sqrt(across) * kLooser + kSlack * size : 0.0;
-        for (int v = 0; v < kVectors; ++v) {
+        worst_ = 0.0f;
+        for (int k = 0; k < kLeaf; ++k) {
             // Nothing beyond reach is an answer; rounding must not make anything within it one.
-            Vd most = group_.z[v] * reach_.of_z;
-            most = most > reach_.least ? most : Vd{} + reach_.least;
-            group_.best[v] = most * most * kLooser;
-            group_.index[v] = Vm{} + kNone;
+            double most = group_.z[k] * reach_.of_z;
+            most = most > reach_.least ? most : reach_.least;
+            group_.best[k] = most * most * kLooser;
+            group_.index[k] = kNone;
+            float s = kOff * (std::abs(group_.near_x[k]) + std::abs(group_.near_y[k]) +
+                              std::abs(group_.near_z[k]));
+            group_.slack[k] = s * s * kSlackly + kLeast;
+            group_.limit[k] = static_cast<float>(group_.best[k]) * kFloatly + group_.slack[k];
+            worst_ = group_.limit[k] > worst_ ? group_.limit[k] : worst_;
+        }
+        float squared = 0.0f;
+        for (int d = 0; d < 3; ++d) {
+            group_.low[d] = leaf.low[d];
+            group_.high[d] = leaf.high[d];
+            group_.middle[d] = 0.5f * (leaf.low[d] + leaf.high[d]);
+            float half = 0.5f * (leaf.high[d] - leaf.low[d]) + kOff * std::abs(group_.middle[d]);
+            squared += half * half;
+        }
+        group_.radius = std::sqrt(squared) * kFloatly;
+    }
+
+    void give(const Leaf &leaf) const {
+        for (int k = 0; k < leaf.end - leaf.begin; ++k) {
+            if (group_.index[k] == kNone) continue;
+            int32_t at = queries_.index[leaf.begin + k];
+            squared_[at] = group_.best[k];
+            index_[at] = static_cast<int32_t>(group_.index[k]);
         }
     }
 
-    void give(int32_t begin, int32_t end) const {
-        for (int k = 0; k < end - begin; ++k) {
-            if (group_.index[k / kLanes][k % kLanes] == kNone) continue;
-            int32_t at = queries_.index[begin + k];
-            squared_[at] = group_.best[k / kLanes][k % kLanes];
-            index_[at] = static_cast<int32_t>(group_.index[k / kLanes][k % kLanes]);
-        }
-    }
-
-    // The target at each query's own pixel where it is of its label, and the one that was near the group before.
-    void seed(int32_t label, int32_t begin, int32_t end) {
-        if (near_ < 0) near_ = targets_.leaves[targets_.nodes[targets_.node_start[label]].begin].begin;
-        for (int v = 0; v < kVectors; ++v) {
-            offer(v, near_);
-            Vd x{}, y{}, z{};
-            Vm index{};
-            for (int lane = 0; lane < kLanes; ++lane) {
-                int32_t p = std::min(begin + v * kLanes + lane, end - 1);
-                int32_t pixel = queries_.index[p], own = targets_.place[pixel];
-                int32_t target = own < 0 || targets_.label[pixel] != label ? near_ : own;
-                x[lane] = targets_.x[target];
-                y[lane] = targets_.y[target];
-                z[lane] = targets_.z[target];
-                index[lane] = targets_.index[target];
-            }
-            improve(v, x, y, z, index);
-        }
-    }
-
-    bool improve(int v, Vd x, Vd y, Vd z, Vm index) {
-        Vd dx = group_.x[v] - x, dy = group_.y[v] - y, dz = group_.z[v] - z;
-        Vd squared = dx * dx + dy * dy + dz * dz;
-        if (!any(squared <= group_.best[v])) return false;
-        Vm better = (squared < group_.best[v]) |
-                    ((squared == group_.best[v]) & (index < group_.index[v]));
-        group_.best[v] = better ? squared : group_.best[v];
-        group_.index[v] = better ? index : group_.index[v];
+    // Whether each query is a target, too: no two pixels share a point.
+    bool same() {
+        for (float least : visits_[0].least)
+            if (least > 0.0f) return false;
+        measure(visits_[0]);
+        for (double best : group_.best)
+            if (best > 0.0) return false;
         return true;
     }
 
-    bool offer(int v, int32_t p) {
-        Vd none{};
-        return improve(v, none + targets_.x[p], none + targets_.y[p], none + targets_.z[p],
-                       Vm{} + targets_.index[p]);
+    void visit_block(int32_t block, int32_t label) {
+        for (int32_t k = targets_.first_leaf[block]; k >= 0; k = targets_.next_leaf[k])
+            if (targets_.leaves[k].label == label) visit(k);
     }
 
-    double from_middle(int32_t p) const {
-        double x = targets_.x[p] - group_.middle[0], y = targets_.y[p] - group_.middle[1],
-               z = targets_.z[p] - group_.middle[2];
-        return x * x + y * y + z * z;
-    }
-
-    // Of the answers so far the one nearest to the middle; the target before where there is none.
-    void choose() {
-        near_squared_ = from_middle(near_);
-        for (int k = 0; k < kGroup; ++k) {
-            int64_t index = group_.index[k / kLanes][k % kLanes];
-            if (index == kNone) continue;
-            int32_t p = targets_.place[index];
-            double squared = from_middle(p);
-            if (squared < near_squared_) {
-                near_squared_ = squared;
-                near_ = p;
+    // The leaf nearest to a query in the middle, of those visited.
+    bool nearest_leaf() {
+        float least = std::numeric_limits<float>::infinity();
+        for (const Visit &visit : visits_)
+            if (visit.least[kSide + 1] < least) {
+                least = visit.least[kSide + 1];
+                near_ = visit.leaf;
             }
+        return !visits_.empty();
+    }
+
+    void walk(int32_t label) {
+        int32_t from = -1;
+        for (int step = 0; step < kSteps && nearest_leaf() && near_ != from; ++step) {
+            from = near_;
+            const int32_t block = targets_.leaves[near_].block;
+            const int32_t row = block / targets_.across, column = block % targets_.across;
+            for (int32_t r = row - 1; r <= row + 1; ++r)
+                for (int32_t c = column - 1; c <= column + 1; ++c)
+                    if (r >= 0 && r < targets_.down && c >= 0 && c < targets_.across)
+                        visit_block(r * targets_.across + c, label);
         }
     }
 
-    bool behind(int32_t leaf) const {
-        const Boxes &b = targets_.boxes;
-        double x = targets_.x[near_] - b.centre[0][leaf], y = targets_.y[near_] - b.centre[1][leaf],
-               z = targets_.z[near_] - b.centre[2][leaf];
-        double apart = std::sqrt(x * x + y * y + z * z) + b.radius[leaf];
-        return bound_[leaf] > (near_squared_ + 2.0 * group_.radius * apart) * kLooser;
+    // A leaf, where its box may hold anything nearer for any query.
+    void visit(int32_t k) {
+        if (seen_[k] == group_number_) return;
+        seen_[k] = group_number_;
+        const Leaf &leaf = targets_.leaves[k];
+        unsigned open = 0;
+        for (int h = 0; h < kHalves; ++h) {
+            Vf bound = outside(at<Vf>(group_.near_x, h), leaf.low[0], leaf.high[0]) +
+                       outside(at<Vf>(group_.near_y, h), leaf.low[1], leaf.high[1]) +
+                       outside(at<Vf>(group_.near_z, h), leaf.low[2], leaf.high[2]);
+            open |= (within(bound, at<Vf>(group_.limit, h)) != 0u) << h;
+        }
+        if (!open) return;
+        visits_.emplace_back();
+        visits_.back().leaf = k;
+        Vf worst{};
+        for (int h = 0; h < kHalves; ++h) {
+            Vf limit = at<Vf>(group_.limit, h);
+            Vf least = splat(std::numeric_limits<float>::infinity());
+            if (open >> h & 1u) {
+                least = least_of(leaf, h);
+                limit = smaller(limit, least * (kFloatly * kFloatly) +
+                                           at<Vf>(group_.slack, h) * 2.1f);
+                at<Vf>(group_.limit, h) = limit;
+            }
+            at<Vf>(visits_.back().least, h) = least;
+            worst = larger(worst, limit);
+        }
+        worst_ = 0.0f;
+        for (int lane = 0; lane < kFloats; ++lane)
+            worst_ = worst[lane] > worst_ ? worst[lane] : worst_;
+    }
+
+    Vf least_of(const Leaf &leaf, int h) const {
+        const Vf x = at<Vf>(group_.near_x, h), y = at<Vf>(group_.near_y, h),
+                 z = at<Vf>(group_.near_z, h);
+        Vf least = splat(std::numeric_limits<float>::infinity());
+        for (int32_t p = leaf.begin; p < leaf.end; ++p) {
+            Vf dx = x - targets_.near_x[p], dy = y - targets_.near_y[p],
+               dz = z - targets_.near_z[p];
+            least = smaller(least, dx * dx + dy * dy + dz * dz);
+        }
+        return least;
+    }
+
+    // In float64, for the queries of which the leaf may hold the answer.
+    void measure(const Visit &visit) {
+        const Leaf &leaf = targets_.leaves[visit.leaf];
+        for (int h = 0; h < kHalves; ++h) {
+            unsigned open = within(at<Vf>(visit.least, h), at<Vf>(group_.limit, h));
+            if (open & ((1u << kLanes) - 1u)) scan(2 * h, leaf.begin, leaf.end);
+            if (open >> kLanes) scan(2 * h + 1, leaf.begin, leaf.end);
+        }
+    }
+
+    void scan(int v, int32_t begin, int32_t end) {
+        const Vd x = at<Vd>(group_.x, v), y = at<Vd>(group_.y, v), z = at<Vd>(group_.z, v);
+        Vd best = at<Vd>(group_.best, v);
+        Vm index = at<Vm>(group_.index, v);
+        for (int32_t p = begin; p < end; ++p) {
+            Vd dx = x - targets_.x[p], dy = y - targets_.y[p], dz = z - targets_.z[p];
+            Vd squared = dx * dx + dy * dy + dz * dz;
+            if (!any_within(squared, best)) continue;
+            Vm other = Vm{} + targets_.index[p];
+            Vm better = (squared < best) | ((squared == best) & (other < index));
+            best = better ? squared : best;
+            index = better ? other : index;
+        }
+        at<Vd>(group_.best, v) = best;
+        at<Vm>(group_.index, v) = index;
+    }
+
+    static Vf outside(Vf from, float low, float high) {
+        Vf out = larger(larger(low - from, from - high), Vf{});
+        return out * out;
     }
 
     // Leaves that may hold an answer, by the boxes of nodes and then their own.
-    int32_t gather(int32_t label) {
-        const double reach = reach_of(group_.worst());
-        const double nx = targets_.x[near_], ny = targets_.y[near_], nz = targets_.z[near_];
-        int32_t found = 0;
-        for (int32_t n = targets_.node_start[label]; n < targets_.node_start[label + 1]; ++n) {
-            const Node &node = targets_.nodes[n];
-            double apart = 0.0, across = 0.0;
-            const double near[3] = {nx, ny, nz};
+    void gather(int32_t label) {
+        bisect();
+        each_near(targets_.node_boxes, targets_.node_start[label], targets_.node_start[label + 1],
+                  [this](int32_t node) {
+                      each_near(targets_.boxes, targets_.node_begin[node],
+                                targets_.node_begin[node + 1],
+                                [this](int32_t leaf) { visit(leaf); });
+                  });
+    }
+
+    void bisect() {
+        const Leaf &leaf = targets_.leaves[near_];
+        const int32_t p = (leaf.begin + leaf.end) / 2;
+        const float to[3] = {targets_.near_x[p], targets_.near_y[p], targets_.near_z[p]};
+        float squared = 0.0f, size = 0.0f;
+        for (int d = 0; d < 3; ++d) {
+            chosen_[d] = to[d];
+            float apart = group_.middle[d] - to[d];
+            squared += apart * apart;
+            size += std::abs(group_.middle[d]) + std::abs(to[d]);
+        }
+        // Not worth its time where the queries are as far apart as their answers.
+        far_ = squared > 16.0f * group_.radius * group_.radius;
+        chosen_squared_ = squared * (1.0f + 2e-5f) + 1.1e5f * kOff * kOff * size * size + kLeast;
+    }
+
+    template <typename Take>
+    void each_near(const Boxes &boxes, int32_t begin, int32_t end, Take take) {
+        for (int32_t k = begin; k < end; k += kFloats) {
+            Vf bound{};
+            Vf low[3], high[3];
             for (int d = 0; d < 3; ++d) {
-                double below = node.bounds.low[d] - group_.middle[d];
-                double above = group_.middle[d] - node.bounds.high[d];
-                double out = below > above ? below : above;
-                out = out > 0.0 ? out : 0.0;
-                apart += out * out;
-                double to_low = near[d] - node.bounds.low[d];
-                double to_high = node.bounds.high[d] - near[d];
-                double far = to_low > to_high ? to_low : to_high;
-                across += far * far;
-            }
-            if (apart > reach) continue;
-            if (apart > (near_squared_ + 2.0 * group_.radius * std::sqrt(across)) * kLooser)
-                continue;
-            measure(node.begin, node.end);
-            for (int32_t k = node.begin; k < node.end; ++k) {
-                leaves_[found] = k;
-                found += bound_[k] <= reach && excess_[k] <= 0.0;
-            }
-        }
-        return found;
-    }
-
-    // bound_: squared distance of the middle to a leaf's box; excess_: above 0 behind bisectors.
-    void measure(int32_t begin, int32_t end) {
-        const Boxes &b = targets_.boxes;
-        const double mx = group_.middle[0], my = group_.middle[1], mz = group_.middle[2];
-        const double wx = targets_.x[near_], wy = targets_.y[near_], wz = targets_.z[near_];
-        const double most = near_squared_ * kLooser, twice = 2.0 * group_.radius * kLooser;
-        const double *cx = b.centre[0].data(), *cy = b.centre[1].data(), *cz = b.centre[2].data();
-        const double *ax = b.axis[0][0].data(), *az = b.axis[0][2].data();
-        const double *bx = b.axis[1][0].data(), *by = b.axis[1][1].data(),
-                     *bz = b.axis[1][2].data();
-        const double *nx = b.axis[2][0].data(), *ny = b.axis[2][1].data(),
-                     *nz = b.axis[2][2].data();
-        const double *ha = b.half[0].data(), *hb = b.half[1].data(), *hn = b.half[2].data();
-        const double *radius = b.radius.data();
-        double *__restrict__ bound = bound_.data();
-        double *__restrict__ excess = excess_.data();
-        for (int32_t k = begin; k < end; ++k) {
-            double x = mx - cx[k], y = my - cy[k], z = mz - cz[k];
-            double along_a = std::abs(ax[k] * x + az[k] * z) - ha[k];
-            double along_b = std::abs(bx[k] * x + by[k] * y + bz[k] * z) - hb[k];
-            double along_n = std::abs(nx[k] * x + ny[k] * y + nz[k] * z) - hn[k];
-            along_a = along_a > 0.0 ? along_a : 0.0;
-            along_b = along_b > 0.0 ? along_b : 0.0;
-            along_n = along_n > 0.0 ? along_n : 0.0;
-            double squared = along_a * along_a + along_b * along_b + along_n * along_n;
-            x = wx - cx[k], y = wy - cy[k], z = wz - cz[k];
-            double apart = std::sqrt(x * x + y * y + z * z) + radius[k];
-            bound[k] = squared;
-            excess[k] = squared - (most + twice * apart);
-        }
-    }
-
-    // Whether a leaf held anything nearer for any query.
-    bool visit(int32_t leaf) {
-        const Boxes &b = targets_.boxes;
-        bool nearer = false;
-        for (int v = 0; v < kVectors; ++v) {
-            Vd x = group_.x[v] - b.centre[0][leaf], y = group_.y[v] - b.centre[1][leaf],
-               z = group_.z[v] - b.centre[2][leaf];
-            Vd along[3], bound{};
-            for (int a = 0; a < 3; ++a) {
-                along[a] = x * b.axis[a][0][leaf] + y * b.axis[a][1][leaf] +
-                           z * b.axis[a][2][leaf];
-                Vd out = beyond(along[a], b.half[a][leaf]);
+                low[d] = loaded(boxes.low[d], k);
+                high[d] = loaded(boxes.high[d], k);
+                Vf out = larger(larger(low[d] - group_.high[d], group_.low[d] - high[d]), Vf{});
                 bound += out * out;
             }
-            if (any(bound <= group_.best[v] * kLooser)) nearer |= scan(leaf, v, along);
+            unsigned near = within(bound, splat(worst_));
+            if (end - k < kFloats) near &= (1u << (end - k)) - 1u;
+            if (near && far_) near &= before_bisectors(low, high);
+            for (; near; near &= near - 1) take(k + __builtin_ctz(near));
         }
-        return nearer;
     }
 
-    // along: the queries in the frame of the leaf's box.
-    bool scan(int32_t leaf, int v, const Vd *along) {
-        const Leaf &all = targets_.leaves[leaf];
-        bool nearer = false;
-        const Bounds *chunk = &targets_.chunks[all.chunk];
-        for (int32_t begin = all.begin; begin < all.end; begin += kChunk, ++chunk) {
-            Vd bound{};
-            for (int a = 0; a < 3; ++a) {
-                Vd out = outside(along[a], chunk->low[a], chunk->high[a]);
-                bound += out * out;
-            }
-            if (!any(bound <= group_.best[v] * kLooser)) continue;
-            int32_t end = begin + kChunk < all.end ? begin + kChunk : all.end;
-            for (int32_t p = begin; p < end; ++p) nearer |= offer(v, p);
+    // Where |m - x|^2 <= |m - w|^2 + 2 r |x - w|, squared once more to do without a root.
+    unsigned before_bisectors(const Vf *low, const Vf *high) const {
+        Vf squared{}, across{};
+        for (int d = 0; d < 3; ++d) {
+            Vf out = larger(larger(low[d] - group_.middle[d], group_.middle[d] - high[d]), Vf{});
+            squared += out * out;
+            Vf most = larger(chosen_[d] - low[d], high[d] - chosen_[d]);
+            across += most * most;
         }
-        return nearer;
+        Vf excess = larger(squared - chosen_squared_, Vf{});
+        const float twice = 2.0f * group_.radius * kFloatly;
+        return within(excess * excess, twice * twice * across * kFloatly);
+    }
+
+    template <typename V, typename T>
+    static V &at(T *values, int vector) {
+        return reinterpret_cast<V *>(values)[vector];
+    }
+
+    template <typename V, typename T>
+    static const V &at(const T *values, int vector) {
+        return reinterpret_cast<const V *>(values)[vector];
     }
 
     const Cloud &queries_, &targets_;
     const Reach reach_;
     double *squared_;
     int32_t *index_;
-    std::vector<double> bound_, excess_;
-    std::vector<int32_t> leaves_;
+    std::vector<int32_t> seen_;  // the last group that looked at each leaf
+    std::vector<Visit> visits_;
     Group group_;
-    int32_t near_ = -1;  // a target near the group
-    double near_squared_ = kInfinity;
+    int32_t group_number_ = 0;
+    int32_t near_ = -1;    // a leaf near the group
+    float worst_ = 0.0f;   // of the limits
+    float chosen_[3] = {}, chosen_squared_ = 0.0f;  // w of the bisectors
+    bool far_ = false;
 };

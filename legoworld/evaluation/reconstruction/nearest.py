@@ -64,6 +64,8 @@ class Reach:
     absolute_m: float
 
 
+#: As wide a vector as the CPU has.
+WIDEST: Final = 8
 #: No limit.
 ANYWHERE: Final = Reach(relative=0.0, absolute_m=math.inf)
 
@@ -82,13 +84,13 @@ class Nearest:
 
 
 def nearest_between(
-    a: GridSurface, b: GridSurface, *, reach: Reach = ANYWHERE, plain: bool = False
+    a: GridSurface, b: GridSurface, *, reach: Reach = ANYWHERE, lanes: int = WIDEST
 ) -> tuple[Nearest, Nearest]:
     """Of each point of a its nearest of b, and of each point of b its nearest of a.
 
     The grids are of one size; a is the reference, whose depths decide how far `reach` goes: what
     has no answer within it has none. Every answer is that of every pair in float64, bit for bit.
-    plain: without AVX2, for tests: the same answers.
+    lanes: float64 numbers in a vector at most, for tests: the same answers.
     """
     shape = a.raster.height, a.raster.width
     labels = max(int(max(a.label.max(initial=-1), b.label.max(initial=-1))) + 1, 1)
@@ -100,7 +102,7 @@ def nearest_between(
     ]
     done = library().lw_nearest(
         ctypes.byref(structs[0]), ctypes.byref(structs[1]),
-        ctypes.c_double(reach.relative), ctypes.c_double(reach.absolute_m), ctypes.c_int32(plain),
+        ctypes.c_double(reach.relative), ctypes.c_double(reach.absolute_m), ctypes.c_int32(lanes),
         pointer(found[0].squared_m2), pointer(found[0].index),
         pointer(found[1].squared_m2), pointer(found[1].index),
     )  # fmt: skip
@@ -115,14 +117,14 @@ def nearest_both_ways(
     raster: Raster,
     *,
     reach: Reach = ANYWHERE,
-    plain: bool = False,
+    lanes: int = WIDEST,
 ) -> tuple[Nearest, Nearest]:
     """`nearest_between` two depths on one raster whose pixels have one label."""
     a, b = (
         GridSurface(depth_z_m=depth, label=label, raster=raster)
         for depth in (a_depth_z_m, b_depth_z_m)
     )
-    return nearest_between(a, b, reach=reach, plain=plain)
+    return nearest_between(a, b, reach=reach, lanes=lanes)
 
 
 def _struct(

@@ -18,6 +18,10 @@ from legoworld.evaluation.reconstruction.nearest import (
 from legoworld.evaluation.reconstruction.points import Raster, points_m
 
 
+#: float64 numbers in a vector: AVX-512, AVX2 and what every CPU has, where this one has them.
+LANES = (8, 4, 2)
+
+
 def raster_of(width, height, focal=0.9):
     return Raster(
         fx=width * focal, fy=width * focal, cx=width / 2, cy=height / 2, width=width, height=height
@@ -26,9 +30,9 @@ def raster_of(width, height, focal=0.9):
 
 def check(a, b, label, raster):
     a, b, label = np.float32(a), np.float32(b), np.int32(label)
-    for plain in (False, True):
+    for lanes in LANES:
         for found, (x, y) in zip(
-            nearest_both_ways(a, b, label, raster, plain=plain), ((a, b), (b, a)), strict=True
+            nearest_both_ways(a, b, label, raster, lanes=lanes), ((a, b), (b, a)), strict=True
         ):
             squared, index = nearest(x, y, label, raster)
             np.testing.assert_array_equal(found.squared_m2, squared)
@@ -106,8 +110,8 @@ def test_within_reach_the_answers_are_the_same_and_beyond_there_is_none(kind, re
     reach = Reach(relative=relative, absolute_m=absolute)
     for label in (np.zeros(a.shape, np.int32), patches(a.shape, random).astype(np.int32)):
         whole = nearest_both_ways(a, b, label, raster)
-        for plain in (False, True):
-            found = nearest_both_ways(a, b, label, raster, reach=reach, plain=plain)
+        for lanes in LANES:
+            found = nearest_both_ways(a, b, label, raster, reach=reach, lanes=lanes)
             for side, (some, every) in enumerate(zip(found, whole, strict=True)):
                 kept = some.index >= 0
                 np.testing.assert_array_equal(some.squared_m2[kept], every.squared_m2[kept])
@@ -141,8 +145,8 @@ def test_moved_points_of_another_camera_are_brute_force_s_too(degrees):
         moved = np.stack([m[0] * x + m[1] * y + m[2] * z + m[3] for m in motion], axis=-1)
     one = GridSurface(depth_z_m=a, label=labels[0], raster=raster)
     two = GridSurface(depth_z_m=b, label=labels[1], raster=other, motion=motion)
-    for plain in (False, True):
-        found = nearest_between(one, two, plain=plain)
+    for lanes in LANES:
+        found = nearest_between(one, two, lanes=lanes)
         for result, (p, lp, q, lq) in zip(
             found,
             ((still, labels[0], moved, labels[1]), (moved, labels[1], still, labels[0])),
