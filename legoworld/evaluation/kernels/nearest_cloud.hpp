@@ -61,9 +61,9 @@ struct Leaf {
 };
 
 struct Cloud {
-    std::vector<double> x, y, z;
+    std::vector<double> x, y, z;  // a leaf's in raster order
     std::vector<float> near_x, near_y, near_z;  // the same as floats
-    std::vector<int32_t> index;                 // of a point's pixel
+    std::vector<int64_t> index;                 // of a point's pixel
     std::vector<Leaf> leaves;                   // by label, then node
     std::vector<Leaf> unordered;                // in the order they are made
     Boxes boxes, node_boxes;
@@ -154,12 +154,12 @@ private:
         for (int from = 0; from < n;) {
             const int32_t label = label_[open[from]];
             const auto begin = static_cast<int32_t>(count_);
-            float last = depth_[open[from]];
-            for (; from < n && label_[open[from]] == label; ++from) {
-                if (depth_[open[from]] > last * kJump) break;
-                last = depth_[open[from]];
-                add_point(open[from] / grid_.width, open[from] % grid_.width);
-            }
+            int to = from + 1;
+            while (to < n && label_[open[to]] == label &&
+                   depth_[open[to]] <= depth_[open[to - 1]] * kJump)
+                ++to;
+            std::sort(open + from, open + to);
+            for (; from < to; ++from) add_point(open[from] / grid_.width, open[from] % grid_.width);
             close_leaf(label, node, block, begin);
         }
     }

@@ -13,6 +13,13 @@ constexpr int64_t kNone = INT64_MAX;
 // own slack: (d + s)^2 <= d^2 (1 + e) + s^2 (1 + 1 / e), s what rounding moves both points by.
 constexpr float kFloatly = 1.0f + 2e-4f, kSlackly = 1.1e4f, kLeast = 1e-37f;
 constexpr int kSteps = 4;  // of a walk, at most
+constexpr int kFew = 5;    // queries that are asked one by one sooner than together
+constexpr float kInf = std::numeric_limits<float>::infinity();
+// Sixteen numbers from here on are 0 for as many points as a leaf has, then infinity.
+constexpr float kBehind[2 * kLeaf] = {0,    0,    0,    0,    0,    0,    0,    0,
+                                      0,    0,    0,    0,    0,    0,    0,    0,
+                                      kInf, kInf, kInf, kInf, kInf, kInf, kInf, kInf,
+                                      kInf, kInf, kInf, kInf, kInf, kInf, kInf, kInf};
 
 // A bit for each lane where a <= b.
 static inline unsigned within(Vf a, Vf b) {
@@ -26,20 +33,6 @@ static inline unsigned within(Vf a, Vf b) {
     unsigned out = 0;
     for (int lane = 0; lane < kFloats; ++lane) out |= (a[lane] <= b[lane] ? 1u : 0u) << lane;
     return out;
-#endif
-}
-
-static inline bool any_within(Vd a, Vd b) {
-#if defined(__x86_64__) && LW_LANES == 2
-    return _mm_movemask_pd((__m128d)(a <= b)) != 0;
-#elif defined(__x86_64__) && LW_LANES == 4
-    return _mm256_movemask_pd((__m256d)(a <= b)) != 0;
-#elif defined(__x86_64__)
-    return _mm512_cmp_pd_mask((__m512d)a, (__m512d)b, _CMP_LE_OQ) != 0;
-#else
-    for (int lane = 0; lane < kLanes; ++lane)
-        if (a[lane] <= b[lane]) return true;
-    return false;
 #endif
 }
 
@@ -67,11 +60,34 @@ static inline Vf smaller(Vf a, Vf b) {
 #endif
 }
 
+static inline Vd smaller(Vd a, Vd b) { return a < b ? a : b; }
+
+// The least of all lanes.
+static inline float lowest(Vf v) {
+#if defined(__x86_64__)
+#if LW_LANES == 8
+    __m256 most = _mm256_min_ps(_mm512_castps512_ps256((__m512)v),
+                                _mm256_castpd_ps(_mm512_extractf64x4_pd((__m512d)v, 1)));
+#elif LW_LANES == 4
+    __m256 most = (__m256)v;
+#endif
+#if LW_LANES == 2
+    __m128 few = (__m128)v;
+#else
+    __m128 few = _mm_min_ps(_mm256_castps256_ps128(most), _mm256_extractf128_ps(most, 1));
+#endif
+    few = _mm_min_ps(few, _mm_movehl_ps(few, few));
+    return _mm_cvtss_f32(_mm_min_ss(few, _mm_shuffle_ps(few, few, 1)));
+#else
+    float out = v[0];
+    for (int lane = 1; lane < kFloats; ++lane) out = v[lane] < out ? v[lane] : out;
+    return out;
+#endif
+}
+
 static inline Vf splat(float v) { return Vf{} + v; }
 
-static inline Vf loaded(const std::vector<float> &values, int32_t at) {
-    return *reinterpret_cast<const Loose *>(values.data() + at);
-}
+static inline Vf loaded(const float *values) { return *reinterpret_cast<const Loose *>(values); }
 
 // Sixteen queries of one leaf; lanes behind the last repeat it.
 struct alignas(64) Group {
@@ -129,16 +145,13 @@ private:
     }
 
     void take(const Leaf &leaf) {
-        const int32_t last = leaf.end - 1;
-        for (int k = 0; k < kLeaf; ++k) {
-            int32_t p = leaf.begin + k < last ? leaf.begin + k : last;
-            group_.x[k] = queries_.x[p];
-            group_.y[k] = queries_.y[p];
-            group_.z[k] = queries_.z[p];
-            group_.near_x[k] = queries_.near_x[p];
-            group_.near_y[k] = queries_.near_y[p];
-            group_.near_z[k] = queries_.near_z[p];
-        }
+        const int count = leaf.end - leaf.begin;
+        fill(group_.x, queries_.x, leaf.begin, count);
+        fill(group_.y, queries_.y, leaf.begin, count);
+        fill(group_.z, queries_.z, leaf.begin, count);
+        fill(group_.near_x, queries_.near_x, leaf.begin, count);
+        fill(group_.near_y, queries_.near_y, leaf.begin, count);
+        fill(group_.near_z, queries_.near_z, leaf.begin, count);
         worst_ = 0.0f;
         for (int k = 0; k < kLeaf; ++k) {
             // Nothing beyond reach is an answer; rounding must not make anything within it one.
@@ -161,6 +174,12 @@ private:
             squared += half * half;
         }
         group_.radius = std::sqrt(squared) * kFloatly;
+    }
+
+    template <typename T>
+    static void fill(T *lanes, const std::vector<T> &values, int32_t begin, int count) {
+        std::copy_n(values.data() + begin, kLeaf, lanes);
+        for (int k = count; k < kLeaf; ++k) lanes[k] = lanes[count - 1];
     }
 
     void give(const Leaf &leaf) const {
@@ -189,7 +208,7 @@ private:
 
     // The leaf nearest to a query in the middle, of those visited.
     bool nearest_leaf() {
-        float least = std::numeric_limits<float>::infinity();
+        float least = kInf;
         for (const Visit &visit : visits_)
             if (visit.least[kSide + 1] < least) {
                 least = visit.least[kSide + 1];
@@ -221,39 +240,54 @@ private:
             Vf bound = outside(at<Vf>(group_.near_x, h), leaf.low[0], leaf.high[0]) +
                        outside(at<Vf>(group_.near_y, h), leaf.low[1], leaf.high[1]) +
                        outside(at<Vf>(group_.near_z, h), leaf.low[2], leaf.high[2]);
-            open |= (within(bound, at<Vf>(group_.limit, h)) != 0u) << h;
+            open |= within(bound, at<Vf>(group_.limit, h)) << (h * kFloats);
         }
         if (!open) return;
         visits_.emplace_back();
-        visits_.back().leaf = k;
+        Visit &visit = visits_.back();
+        visit.leaf = k;
+        if (__builtin_popcount(open) > kFew) {
+            for (int h = 0; h < kHalves; ++h) at<Vf>(visit.least, h) = least_of(leaf, h);
+        } else {
+            for (int h = 0; h < kHalves; ++h) at<Vf>(visit.least, h) = splat(kInf);
+            for (; open; open &= open - 1) {
+                const int lane = __builtin_ctz(open);
+                visit.least[lane] = least_of_one(leaf, lane);
+            }
+        }
         Vf worst{};
         for (int h = 0; h < kHalves; ++h) {
             Vf limit = at<Vf>(group_.limit, h);
-            Vf least = splat(std::numeric_limits<float>::infinity());
-            if (open >> h & 1u) {
-                least = least_of(leaf, h);
-                limit = smaller(limit, least * (kFloatly * kFloatly) +
-                                           at<Vf>(group_.slack, h) * 2.1f);
-                at<Vf>(group_.limit, h) = limit;
-            }
-            at<Vf>(visits_.back().least, h) = least;
+            limit = smaller(limit, at<Vf>(visit.least, h) * (kFloatly * kFloatly) +
+                                       at<Vf>(group_.slack, h) * 2.1f);
+            at<Vf>(group_.limit, h) = limit;
             worst = larger(worst, limit);
         }
-        worst_ = 0.0f;
-        for (int lane = 0; lane < kFloats; ++lane)
-            worst_ = worst[lane] > worst_ ? worst[lane] : worst_;
+        worst_ = -lowest(-worst);
     }
 
     Vf least_of(const Leaf &leaf, int h) const {
         const Vf x = at<Vf>(group_.near_x, h), y = at<Vf>(group_.near_y, h),
                  z = at<Vf>(group_.near_z, h);
-        Vf least = splat(std::numeric_limits<float>::infinity());
+        Vf least = splat(kInf);
         for (int32_t p = leaf.begin; p < leaf.end; ++p) {
             Vf dx = x - targets_.near_x[p], dy = y - targets_.near_y[p],
                dz = z - targets_.near_z[p];
             least = smaller(least, dx * dx + dy * dy + dz * dz);
         }
         return least;
+    }
+
+    float least_of_one(const Leaf &leaf, int lane) const {
+        const float *behind = kBehind + kLeaf - (leaf.end - leaf.begin);
+        Vf least = splat(kInf);
+        for (int p = 0; p < kLeaf; p += kFloats) {
+            Vf dx = group_.near_x[lane] - loaded(targets_.near_x.data() + leaf.begin + p),
+               dy = group_.near_y[lane] - loaded(targets_.near_y.data() + leaf.begin + p),
+               dz = group_.near_z[lane] - loaded(targets_.near_z.data() + leaf.begin + p);
+            least = smaller(least, dx * dx + dy * dy + dz * dz + loaded(behind + p));
+        }
+        return lowest(least);
     }
 
     // In float64, for the queries of which the leaf may hold the answer.
@@ -266,21 +300,24 @@ private:
         }
     }
 
+    // Points of a leaf are in raster order, so the first of the least is the lowest.
     void scan(int v, int32_t begin, int32_t end) {
         const Vd x = at<Vd>(group_.x, v), y = at<Vd>(group_.y, v), z = at<Vd>(group_.z, v);
-        Vd best = at<Vd>(group_.best, v);
-        Vm index = at<Vm>(group_.index, v);
+        Vd squared[kLeaf], least = Vd{} + kInfinity;
         for (int32_t p = begin; p < end; ++p) {
             Vd dx = x - targets_.x[p], dy = y - targets_.y[p], dz = z - targets_.z[p];
-            Vd squared = dx * dx + dy * dy + dz * dz;
-            if (!any_within(squared, best)) continue;
-            Vm other = Vm{} + targets_.index[p];
-            Vm better = (squared < best) | ((squared == best) & (other < index));
-            best = better ? squared : best;
-            index = better ? other : index;
+            Vd one = dx * dx + dy * dy + dz * dz;
+            squared[p - begin] = one;
+            least = smaller(least, one);
         }
-        at<Vd>(group_.best, v) = best;
-        at<Vm>(group_.index, v) = index;
+        Vm place{};
+        for (int32_t p = end - 1; p >= begin; --p)
+            place = squared[p - begin] == least ? Vm{} + targets_.index[p] : place;
+        const Vd best = at<Vd>(group_.best, v);
+        const Vm index = at<Vm>(group_.index, v);
+        const Vm better = (least < best) | ((least == best) & (place < index));
+        at<Vd>(group_.best, v) = better ? least : best;
+        at<Vm>(group_.index, v) = better ? place : index;
     }
 
     static Vf outside(Vf from, float low, float high) {
@@ -321,8 +358,8 @@ private:
             Vf bound{};
             Vf low[3], high[3];
             for (int d = 0; d < 3; ++d) {
-                low[d] = loaded(boxes.low[d], k);
-                high[d] = loaded(boxes.high[d], k);
+                low[d] = loaded(boxes.low[d].data() + k);
+                high[d] = loaded(boxes.high[d].data() + k);
                 Vf out = larger(larger(low[d] - group_.high[d], group_.low[d] - high[d]), Vf{});
                 bound += out * out;
             }

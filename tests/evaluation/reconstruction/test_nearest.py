@@ -30,13 +30,12 @@ def raster_of(width, height, focal=0.9):
 
 def check(a, b, label, raster):
     a, b, label = np.float32(a), np.float32(b), np.int32(label)
+    expected = [nearest(x, y, label, raster) for x, y in ((a, b), (b, a))]
     for lanes in LANES:
-        for found, (x, y) in zip(
-            nearest_both_ways(a, b, label, raster, lanes=lanes), ((a, b), (b, a)), strict=True
-        ):
-            squared, index = nearest(x, y, label, raster)
-            np.testing.assert_array_equal(found.squared_m2, squared)
-            np.testing.assert_array_equal(found.index, index)
+        found = nearest_both_ways(a, b, label, raster, lanes=lanes)
+        for one, (squared, index) in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(one.squared_m2, squared)
+            np.testing.assert_array_equal(one.index, index)
 
 
 def patches(shape, random, labels=3, side=6):
