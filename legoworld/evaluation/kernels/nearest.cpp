@@ -12,13 +12,28 @@
 
 namespace nearest {
 
-// How far an answer may be: of_z times the query's planar z or `least` metres, whichever is more.
-struct Reach {
-    double of_z, least;
-};
+// Of a squared distance, more than the rounding of a tolerance to floats.
+constexpr double kFloatTolerance = 1.0 + 1e-6;
+constexpr int kMostTolerances = 16;
 
-// Of a squared distance: more than rounding can make of it.
-constexpr double kLooser = 1.0 + 1e-9;
+// Tolerances tau(g) = relative * z_g + absolute of the reference points g that are to be decided;
+// none asks for the nearest, wherever it is. The reference points are the queries (moving 0: z_g is
+// the query's own z) or the targets (moving 1: z_g is as far from the query's z as g is, at most).
+struct Asked {
+    float relative[kMostTolerances], absolute[kMostTolerances], moving;
+    int count;
+
+    // Nothing farther is a hit: d <= r z_g + a and z_g <= z + d give d <= (r z + a) / (1 - r).
+    double reach_squared(double z) const {
+        double most = count ? 0.0 : kInfinity;
+        for (int k = 0; k < count; ++k) {
+            double share = 1.0 - moving * relative[k];
+            double tau = share > 0.0 ? (relative[k] * z + absolute[k]) / share : kInfinity;
+            most = tau > most ? tau : most;
+        }
+        return most * most * kFloatTolerance;
+    }
+};
 
 namespace baseline {
 #define LW_LANES 2
@@ -70,14 +85,14 @@ int widest() {
 #endif
 }
 
-void search(const Cloud &queries, const Cloud &targets, Reach reach, int lanes, double *squared,
+void search(const Cloud &queries, const Cloud &targets, const Asked &asked, int lanes, double *squared,
             int32_t *index) {
 #if defined(__x86_64__)
-    if (lanes >= 8) return avx512::Search(queries, targets, reach, squared, index).run();
-    if (lanes >= 4) return avx2::Search(queries, targets, reach, squared, index).run();
+    if (lanes >= 8) return avx512::Search(queries, targets, asked, squared, index).run();
+    if (lanes >= 4) return avx2::Search(queries, targets, asked, squared, index).run();
 #endif
     static_cast<void>(lanes);
-    baseline::Search(queries, targets, reach, squared, index).run();
+    baseline::Search(queries, targets, asked, squared, index).run();
 }
 
 // Kept from call to call: fresh pages take longer than what is written to them.
@@ -87,23 +102,31 @@ struct Scratch {
 
 }  // namespace nearest
 
-// Of each point of a the nearest of b with its label, and the other way round, where it is within
-// reach: relative of a's planar z or absolute metres, whichever is more; of b's points, whatever
-// may be within that of a point of a. squared, index: (height, width), filled by the caller with
-// what stands where there is no answer. The grids are of one size. lanes: of a vector at most.
-LW_API int32_t lw_nearest(const LwSurface *surface_a, const LwSurface *surface_b, double relative,
-                          double absolute, int32_t lanes, double *squared_a, int32_t *index_a,
-                          double *squared_b, int32_t *index_b) {
+// Of each point of a the nearest of b with its label, and the other way round. With `count`
+// tolerances, tau = relative * z + absolute at planar z of points of a, only what decides each of
+// them: an answer is a hit where the nearest is one and a miss where that is, whether a's own z or
+// the answer's is asked, and no answer is a miss. squared, index: (height, width), filled by the
+// caller with what stands where there is no answer. The grids are of one size, and a does not move
+// where there are tolerances. lanes: of a vector of float64 at most.
+LW_API int32_t lw_nearest(const LwSurface *surface_a, const LwSurface *surface_b,
+                          const double *relative, const double *absolute, int32_t count,
+                          int32_t lanes, double *squared_a, int32_t *index_a, double *squared_b,
+                          int32_t *index_b) {
+    if (count > nearest::kMostTolerances) return kTooMany;
     try {
         thread_local nearest::Scratch scratch;
         const int wide = std::min(static_cast<int>(lanes), nearest::widest());
         nearest::Cloud &a = scratch.a, &b = scratch.b;
         nearest::Builder(*surface_a, a).build();
         nearest::Builder(*surface_b, b).build();
-        // |q - g| <= r z_g and z_g <= z_q + |q - g| give |q - g| <= r / (1 - r) z_q.
-        nearest::Reach of_a = {relative, absolute}, of_b = {relative / (1.0 - relative), absolute};
-        nearest::search(a, b, of_a, wide, squared_a, index_a);
-        nearest::search(b, a, of_b, wide, squared_b, index_b);
+        nearest::Asked asked = {{}, {}, 0.0f, count};
+        for (int k = 0; k < count; ++k) {
+            asked.relative[k] = static_cast<float>(relative[k]);
+            asked.absolute[k] = static_cast<float>(absolute[k]);
+        }
+        nearest::search(a, b, asked, wide, squared_a, index_a);
+        asked.moving = 1.0f;
+        nearest::search(b, a, asked, wide, squared_b, index_b);
     } catch (const std::bad_alloc &) {
         return kNoMemory;
     }

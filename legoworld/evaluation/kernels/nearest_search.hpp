@@ -85,6 +85,19 @@ static inline float lowest(Vf v) {
 #endif
 }
 
+static inline Vf root(Vf v) {
+#if defined(__x86_64__) && LW_LANES == 2
+    return (Vf)_mm_sqrt_ps((__m128)v);
+#elif defined(__x86_64__) && LW_LANES == 4
+    return (Vf)_mm256_sqrt_ps((__m256)v);
+#elif defined(__x86_64__)
+    return (Vf)_mm512_sqrt_ps((__m512)v);
+#else
+    for (int lane = 0; lane < kFloats; ++lane) v[lane] = std::sqrt(v[lane]);
+    return v;
+#endif
+}
+
 static inline Vf splat(float v) { return Vf{} + v; }
 
 static inline Vf loaded(const float *values) { return *reinterpret_cast<const Loose *>(values); }
@@ -94,7 +107,8 @@ struct alignas(64) Group {
     double x[kLeaf], y[kLeaf], z[kLeaf], best[kLeaf];
     int64_t index[kLeaf];
     float near_x[kLeaf], near_y[kLeaf], near_z[kLeaf], slack[kLeaf];
-    float limit[kLeaf];  // what an answer's squared distance in floats is within
+    float known[kLeaf];  // what an answer's squared distance in floats is within
+    float limit[kLeaf];  // what anything is within that would change what is asked
     float low[3], high[3], middle[3], radius;
 };
 
@@ -114,9 +128,9 @@ struct alignas(64) Visit {
 // the boxes about w, however far away all of them are.
 class Search {
 public:
-    Search(const Cloud &queries, const Cloud &targets, Reach reach, double *squared,
+    Search(const Cloud &queries, const Cloud &targets, const Asked &asked, double *squared,
            int32_t *index)
-        : queries_(queries), targets_(targets), reach_(reach), squared_(squared), index_(index),
+        : queries_(queries), targets_(targets), asked_(asked), squared_(squared), index_(index),
           seen_(targets.leaves.size(), -1) {}
 
     void run() {
@@ -138,8 +152,8 @@ private:
         visit_block(leaf.block, leaf.label);
         if (visits_.size() == 1 && same()) return give(leaf);
         visit(near_);
-        walk(leaf.label);
-        gather(leaf.label);
+        if (worst() >= 0.0f) walk(leaf.label);
+        if (worst() >= 0.0f) gather(leaf.label);
         for (const Visit &visit : visits_) measure(visit);
         give(leaf);
     }
@@ -152,19 +166,16 @@ private:
         fill(group_.near_x, queries_.near_x, leaf.begin, count);
         fill(group_.near_y, queries_.near_y, leaf.begin, count);
         fill(group_.near_z, queries_.near_z, leaf.begin, count);
-        worst_ = 0.0f;
         for (int k = 0; k < kLeaf; ++k) {
-            // Nothing beyond reach is an answer; rounding must not make anything within it one.
-            double most = group_.z[k] * reach_.of_z;
-            most = most > reach_.least ? most : reach_.least;
-            group_.best[k] = most * most * kLooser;
+            group_.best[k] = asked_.reach_squared(group_.z[k]);
             group_.index[k] = kNone;
             float s = kOff * (std::abs(group_.near_x[k]) + std::abs(group_.near_y[k]) +
                               std::abs(group_.near_z[k]));
             group_.slack[k] = s * s * kSlackly + kLeast;
-            group_.limit[k] = static_cast<float>(group_.best[k]) * kFloatly + group_.slack[k];
-            worst_ = group_.limit[k] > worst_ ? group_.limit[k] : worst_;
+            group_.known[k] = static_cast<float>(group_.best[k]) * kFloatly + group_.slack[k];
+            group_.limit[k] = group_.known[k];
         }
+        worst_known_ = false;
         float squared = 0.0f;
         for (int d = 0; d < 3; ++d) {
             group_.low[d] = leaf.low[d];
@@ -189,6 +200,17 @@ private:
             squared_[at] = group_.best[k];
             index_[at] = static_cast<int32_t>(group_.index[k]);
         }
+    }
+
+    // The largest limit; below 0 where everything that is asked is known.
+    float worst() {
+        if (!worst_known_) {
+            Vf most = at<Vf>(group_.limit, 0);
+            for (int h = 1; h < kHalves; ++h) most = larger(most, at<Vf>(group_.limit, h));
+            worst_ = -lowest(-most);
+            worst_known_ = true;
+        }
+        return worst_;
     }
 
     // Whether each query is a target, too: no two pixels share a point.
@@ -255,15 +277,31 @@ private:
                 visit.least[lane] = least_of_one(leaf, lane);
             }
         }
-        Vf worst{};
         for (int h = 0; h < kHalves; ++h) {
-            Vf limit = at<Vf>(group_.limit, h);
-            limit = smaller(limit, at<Vf>(visit.least, h) * (kFloatly * kFloatly) +
-                                       at<Vf>(group_.slack, h) * 2.1f);
-            at<Vf>(group_.limit, h) = limit;
-            worst = larger(worst, limit);
+            Vf known = smaller(at<Vf>(group_.known, h),
+                               at<Vf>(visit.least, h) * (kFloatly * kFloatly) +
+                                   at<Vf>(group_.slack, h) * 2.1f);
+            at<Vf>(group_.known, h) = known;
+            at<Vf>(group_.limit, h) = asked_.count ? undecided(known, h) : known;
         }
-        worst_ = -lowest(-worst);
+        worst_known_ = false;
+    }
+
+    // What of `known` may change a hit. An answer is within d, so its depth is within d of the
+    // query's: tolerances that are hits at both ends are decided, and so is what the others miss
+    // at both. Shares of 1e-3 and 1e-4 are far more than rounding.
+    Vf undecided(Vf known, int h) const {
+        const Vf z = at<Vf>(group_.near_z, h), d = root(known);
+        const Vf low = z - larger(z, -z) * 1e-4f - d * asked_.moving;
+        const Vf high = z + larger(z, -z) * 1e-4f + d * asked_.moving;
+        Vf most{};
+        for (int k = 0; k < asked_.count; ++k) {
+            const Vf sure = (low * asked_.relative[k] + asked_.absolute[k]) * 0.999f;
+            const Vf tau = (high * asked_.relative[k] + asked_.absolute[k]) * 1.001f;
+            most = larger(most, d <= sure ? Vf{} : tau);
+        }
+        const Vf limit = smaller(known, most * most * kFloatly + at<Vf>(group_.slack, h));
+        return most > 0.0f ? limit : Vf{} - 1.0f;
     }
 
     Vf least_of(const Leaf &leaf, int h) const {
@@ -294,7 +332,7 @@ private:
     void measure(const Visit &visit) {
         const Leaf &leaf = targets_.leaves[visit.leaf];
         for (int h = 0; h < kHalves; ++h) {
-            unsigned open = within(at<Vf>(visit.least, h), at<Vf>(group_.limit, h));
+            unsigned open = within(at<Vf>(visit.least, h), at<Vf>(group_.known, h));
             if (open & ((1u << kLanes) - 1u)) scan(2 * h, leaf.begin, leaf.end);
             if (open >> kLanes) scan(2 * h + 1, leaf.begin, leaf.end);
         }
@@ -363,7 +401,7 @@ private:
                 Vf out = larger(larger(low[d] - group_.high[d], group_.low[d] - high[d]), Vf{});
                 bound += out * out;
             }
-            unsigned near = within(bound, splat(worst_));
+            unsigned near = within(bound, splat(worst()));
             if (end - k < kFloats) near &= (1u << (end - k)) - 1u;
             if (near && far_) near &= before_bisectors(low, high);
             for (; near; near &= near - 1) take(k + __builtin_ctz(near));
@@ -395,7 +433,7 @@ private:
     }
 
     const Cloud &queries_, &targets_;
-    const Reach reach_;
+    const Asked asked_;
     double *squared_;
     int32_t *index_;
     std::vector<int32_t> seen_;  // the last group that looked at each leaf
@@ -404,6 +442,7 @@ private:
     int32_t group_number_ = 0;
     int32_t near_ = -1;    // a leaf near the group
     float worst_ = 0.0f;   // of the limits
+    bool worst_known_ = false;
     float chosen_[3] = {}, chosen_squared_ = 0.0f;  // w of the bisectors
     bool far_ = false;
 };

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from legoworld.evaluation.reconstruction.nearest import (
-    ANYWHERE,
-    GridSurface,
-    Reach,
-    nearest_between,
-)
+from legoworld.evaluation.reconstruction.nearest import GridSurface, nearest_between
 from legoworld.evaluation.reconstruction.points import F64, Depth, Labels, Raster, finite_points
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +21,8 @@ class Correspondence:
     reference_label, submitted_label: (N,) and (M,) position of the point's object;
     reference_z_m: (N,) planar z of reference points; nearest_z_m: (M,) that of the reference point
     nearest to each submitted one; distances are +inf where the other cloud has no point of the
-    object, or none within reach (nearest_z_m is then 1).
+    object (nearest_z_m is then 1). Made for tolerances, nothing but their hits may be read off it:
+    see `nearest.Nearest`.
     """
 
     reference_label: Labels
@@ -41,21 +39,21 @@ def on_one_raster(
     label: Labels,
     raster: Raster,
     *,
-    reach: Reach = ANYWHERE,
+    tolerances: Sequence[Tolerance] = (),
 ) -> Correspondence:
     """Of two depths on one raster. label: (H, W) object of each pixel, -1 for none."""
     reference, submitted = (
         GridSurface(depth_z_m=depth, label=label, raster=raster)
         for depth in (reference_z_m, submitted_z_m)
     )
-    return on_two_rasters(reference, submitted, reach=reach)
+    return on_two_rasters(reference, submitted, tolerances=tolerances)
 
 
 def on_two_rasters(
-    reference: GridSurface, submitted: GridSurface, *, reach: Reach = ANYWHERE
+    reference: GridSurface, submitted: GridSurface, *, tolerances: Sequence[Tolerance] = ()
 ) -> Correspondence:
-    """Of two surfaces whose rasters are of one size; distances beyond reach are +inf."""
-    ref, sub = nearest_between(reference, submitted, reach=reach)
+    """Of two surfaces whose rasters are of one size."""
+    ref, sub = nearest_between(reference, submitted, tolerances=tolerances)
     g = finite_points(reference.depth_z_m) & (reference.label >= 0)
     q = finite_points(submitted.depth_z_m) & (submitted.label >= 0)
     place = sub.index[q]

@@ -2,37 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.reconstruction.correspondence import Correspondence
-from legoworld.evaluation.reconstruction.nearest import ANYWHERE, Reach
-from legoworld.evaluation.reconstruction.points import F64, Labels
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tolerance:
-    """tau(g) of a reference point g at planar depth z: relative * z + absolute_m."""
-
-    name: str
-    relative: float = 0.0
-    absolute_m: float = 0.0
-
-    def tau_m(self, z_m: F64) -> F64:
-        """The tolerance at reference points of these depths."""
-        return self.relative * z_m + self.absolute_m
-
-
-def reach_of(tolerances: Iterable[Tolerance]) -> Reach:
-    """How far a search must look so that each of these tolerances is decided."""
-    used = list(tolerances)
-    relative = max(t.relative for t in used)
-    if relative >= 1 or any(t.relative and t.absolute_m for t in used):
-        return ANYWHERE
-    return Reach(relative=relative, absolute_m=max(t.absolute_m for t in used))
+from legoworld.evaluation.reconstruction.points import Labels
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 
 @dataclass(frozen=True, kw_only=True)

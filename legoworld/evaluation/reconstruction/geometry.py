@@ -21,8 +21,8 @@ from legoworld.evaluation.reconstruction.diagnostics import (
     precision_recall,
     voxel_iou,
 )
-from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, reach_of, scores
-from legoworld.evaluation.reconstruction.nearest import GridSurface, Reach
+from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
+from legoworld.evaluation.reconstruction.nearest import GridSurface
 from legoworld.evaluation.reconstruction.points import (
     Depth,
     Flags,
@@ -33,6 +33,7 @@ from legoworld.evaluation.reconstruction.points import (
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import RASTER, Reference, load_cloud
 from legoworld.evaluation.reconstruction.submission import Surface
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 from legoworld.records.reconstruction_rows import Diagnostics, ObjectRow, Registration
 
 #: The voxel edge that follows the scene: this share of the median reference depth.
@@ -60,10 +61,10 @@ def geometry_score(
 ) -> GeometryScore:
     """R of one submission. A case of which no object has a reference point has R = 0."""
     if choices.sampling == RASTER:
-        reach = reach_of((protocol.headline, *protocol.others))
         pairs = on_one_raster(
-            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster, reach=reach
-        )
+            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster,
+            tolerances=(protocol.headline, *protocol.others),
+        )  # fmt: skip
     else:
         pairs = _other_sampling(folders, case, reference, surface, protocol, choices.sampling)
     objects = len(case.truth.scored)
@@ -131,10 +132,10 @@ def _diagnostics(
     union = np.where(reference.label >= 0, 0, -1).astype(np.int32)
     everything = np.zeros_like(union)
     visible = on_one_raster(reference.depth_z_m, depth, everything, raster)
-    reach = reach_of((protocol.headline,))
-    of_objects = on_one_raster(reference.depth_z_m, depth, union, raster, reach=reach)
+    headline = (protocol.headline,)
+    of_objects = on_one_raster(reference.depth_z_m, depth, union, raster, tolerances=headline)
     motion = aligned.trimmed_icp(ours, theirs)
-    rigid = _moved(reference, surface, q, motion, reach) if motion is not None else None
+    rigid = _moved(reference, surface, q, motion, protocol.headline) if motion is not None else None
     median_m = float(np.median(reference.depth_z_m[g])) if g.any() else None
     scale = aligned.median_scaled(reference.depth_z_m, depth, g & q)
     shift = aligned.disparity_fitted(reference.depth_z_m, depth, g & q)
@@ -158,7 +159,7 @@ def _diagnostics(
 
 
 def _moved(
-    reference: Reference, surface: Surface, q: Flags, motion: aligned.Motion, reach: Reach
+    reference: Reference, surface: Surface, q: Flags, motion: aligned.Motion, tolerance: Tolerance
 ) -> Correspondence:
     """The submitted points after a motion, each in the mask of the pixel it then projects to."""
     raster = reference.raster
@@ -169,7 +170,7 @@ def _moved(
     return on_two_rasters(
         _grid(reference),
         GridSurface(depth_z_m=surface.depth_z_m, label=label, raster=raster, motion=rows),
-        reach=reach,
+        tolerances=(tolerance,),
     )
 
 
@@ -194,7 +195,7 @@ def _r_own(
     own = GridSurface(
         depth_z_m=surface.own_depth_z_m, label=reference.label, raster=surface.own_raster
     )
-    pairs = on_two_rasters(_grid(reference), own, reach=reach_of((protocol.headline,)))
+    pairs = on_two_rasters(_grid(reference), own, tolerances=(protocol.headline,))
     return _r(pairs, protocol, objects)
 
 
@@ -203,10 +204,10 @@ def _r_of_depth(
 ) -> float | None:
     if depth_z_m is None:
         return None
-    reach = reach_of((protocol.headline,))
     pairs = on_one_raster(
-        reference.depth_z_m, depth_z_m, reference.label, reference.raster, reach=reach
-    )
+        reference.depth_z_m, depth_z_m, reference.label, reference.raster,
+        tolerances=(protocol.headline,),
+    )  # fmt: skip
     return _r(pairs, protocol, objects)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.evaluation.reconstruction.points import Depth, Labels, Raster
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 
 class _GridStruct(ctypes.Structure):
@@ -53,21 +54,8 @@ class GridSurface:
     motion: NDArray[np.float64] | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reach:
-    """How far from a reference point an answer counts: the larger of two distances.
-
-    relative: a share of the point's planar depth, below 1; absolute_m: the same everywhere.
-    """
-
-    relative: float
-    absolute_m: float
-
-
 #: As wide a vector as the CPU has.
 WIDEST: Final = 8
-#: No limit.
-ANYWHERE: Final = Reach(relative=0.0, absolute_m=math.inf)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +64,8 @@ class Nearest:
 
     squared_m2: (H, W) float64 squared Euclidean distance, +inf where there is no point or the other
     surface has none of the label; index: (H, W) int32 row * W + column of the nearest, the lowest
-    of those at equal distance; -1 where there is none.
+    of those at equal distance; -1 where there is none. Asked for tolerances, it is a point that
+    every one of them takes for what it takes the nearest for: a hit or a miss; none is a miss.
     """
 
     squared_m2: NDArray[np.float64]
@@ -84,12 +73,17 @@ class Nearest:
 
 
 def nearest_between(
-    a: GridSurface, b: GridSurface, *, reach: Reach = ANYWHERE, lanes: int = WIDEST
+    a: GridSurface,
+    b: GridSurface,
+    *,
+    tolerances: Sequence[Tolerance] = (),
+    lanes: int = WIDEST,
 ) -> tuple[Nearest, Nearest]:
     """Of each point of a its nearest of b, and of each point of b its nearest of a.
 
-    The grids are of one size; a is the reference, whose depths decide how far `reach` goes: what
-    has no answer within it has none. Every answer is that of every pair in float64, bit for bit.
+    The grids are of one size. Every answer is that of every pair in float64, bit for bit. With
+    tolerances, at the planar depths of a, which has no motion, only their hits are those of every
+    pair: nothing is looked for that changes none of them.
     lanes: float64 numbers in a vector at most, for tests: the same answers.
     """
     shape = a.raster.height, a.raster.width
@@ -100,9 +94,12 @@ def nearest_between(
         Nearest(squared_m2=np.full(shape, np.inf), index=np.full(shape, -1, np.int32))
         for _ in range(2)
     ]
+    relative = np.array([t.relative for t in tolerances], np.float64)
+    absolute = np.array([t.absolute_m for t in tolerances], np.float64)
     done = library().lw_nearest(
         ctypes.byref(structs[0]), ctypes.byref(structs[1]),
-        ctypes.c_double(reach.relative), ctypes.c_double(reach.absolute_m), ctypes.c_int32(lanes),
+        pointer(relative), pointer(absolute), ctypes.c_int32(len(tolerances)),
+        ctypes.c_int32(lanes),
         pointer(found[0].squared_m2), pointer(found[0].index),
         pointer(found[1].squared_m2), pointer(found[1].index),
     )  # fmt: skip
@@ -116,7 +113,7 @@ def nearest_both_ways(
     label: Labels,
     raster: Raster,
     *,
-    reach: Reach = ANYWHERE,
+    tolerances: Sequence[Tolerance] = (),
     lanes: int = WIDEST,
 ) -> tuple[Nearest, Nearest]:
     """`nearest_between` two depths on one raster whose pixels have one label."""
@@ -124,7 +121,7 @@ def nearest_both_ways(
         GridSurface(depth_z_m=depth, label=label, raster=raster)
         for depth in (a_depth_z_m, b_depth_z_m)
     )
-    return nearest_between(a, b, reach=reach, lanes=lanes)
+    return nearest_between(a, b, tolerances=tolerances, lanes=lanes)
 
 
 def _struct(

@@ -6,8 +6,9 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from legoworld.cards import Card, load_card
-from legoworld.evaluation.reconstruction.fscore import Tolerance
+from legoworld.errors import InstallationError
 from legoworld.evaluation.reconstruction.integrity import FlagThresholds
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 _FIXED: Final[dict[str, Any]] = {
     "scoring.protocol": "lego_bench",

@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 from legoworld.evaluation.reconstruction.nearest import (
     GridSurface,
-    Reach,
     nearest_between,
     nearest_both_ways,
 )
 from legoworld.evaluation.reconstruction.points import Raster, points_m
-
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 #: float64 numbers in a vector: AVX-512, AVX2 and what every CPU has, where this one has them.
 LANES = (8, 4, 2)
@@ -99,29 +98,72 @@ def test_any_raster_labels_and_depths(width, height, seed, labels, rounded, side
     )  # fmt: skip
 
 
+def tolerances_of(*pairs):
+    return tuple(Tolerance(name=f"{r} {a}", relative=r, absolute_m=a) for r, a in pairs)
+
+
+ASKED = (
+    tolerances_of((0.02, 0), (0.05, 0), (0.1, 0), (0, 0.05), (0, 0.1)),
+    tolerances_of((0.05, 0)),
+    tolerances_of((0, 0.2)),
+    tolerances_of((0.6, 0), (1.5, 0.01)),
+)
+
+
+def check_decided(a, b, label, raster, tolerances):
+    """Hits at each tolerance are those of the nearest, and answers are points at their distance."""
+    whole = nearest_both_ways(a, b, label, raster)
+    points = [points_m(depth, raster).reshape(-1, 3) for depth in (a, b)]
+    z = np.where(np.isfinite(a), a, 0).ravel().astype(np.float64)
+    for lanes in LANES:
+        found = nearest_both_ways(a, b, label, raster, tolerances=tolerances, lanes=lanes)
+        for side, (some, every) in enumerate(zip(found, whole, strict=True)):
+            for one in tolerances:
+                hits = [
+                    (n.index.ravel() >= 0)
+                    & (np.sqrt(n.squared_m2.ravel())
+                       <= one.tau_m(z if side == 0 else z[np.maximum(n.index.ravel(), 0)]))
+                    for n in (some, every)
+                ]  # fmt: skip
+                np.testing.assert_array_equal(*hits)
+            kept = np.flatnonzero(some.index.ravel() >= 0)
+            d = points[side][kept] - points[1 - side][some.index.ravel()[kept]]
+            squared = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2]
+            np.testing.assert_array_equal(some.squared_m2.ravel()[kept], squared)
+            assert (label.ravel()[some.index.ravel()[kept]] == label.ravel()[kept]).all()
+
+
 @pytest.mark.parametrize("kind", SURFACES)
-@pytest.mark.parametrize(("relative", "absolute"), [(0.1, 0.1), (0.05, 0.0), (0.0, 0.2), (0.6, 0)])
-def test_within_reach_the_answers_are_the_same_and_beyond_there_is_none(kind, relative, absolute):
+@pytest.mark.parametrize("tolerances", ASKED)
+def test_asked_for_tolerances_the_hits_are_those_of_the_nearest(kind, tolerances):
     random = np.random.default_rng(len(kind))
     raster = raster_of(61, 43)
     a, _ = scene(raster, 5)
     b = np.float32(SURFACES[kind](a, random))
-    reach = Reach(relative=relative, absolute_m=absolute)
     for label in (np.zeros(a.shape, np.int32), patches(a.shape, random).astype(np.int32)):
-        whole = nearest_both_ways(a, b, label, raster)
-        for lanes in LANES:
-            found = nearest_both_ways(a, b, label, raster, reach=reach, lanes=lanes)
-            for side, (some, every) in enumerate(zip(found, whole, strict=True)):
-                kept = some.index >= 0
-                np.testing.assert_array_equal(some.squared_m2[kept], every.squared_m2[kept])
-                np.testing.assert_array_equal(some.index[kept], every.index[kept])
-                assert np.isinf(some.squared_m2[~kept]).all()
-                # Whatever a tolerance can make a hit is an answer.
-                known = every.index >= 0
-                z = a if side == 0 else np.where(known, a.ravel()[every.index], 0)
-                z = np.where(np.isfinite(z), z, 0).astype(np.float64)
-                tau = np.maximum(relative * z, absolute)
-                assert kept[known & (np.sqrt(every.squared_m2) <= tau)].all()
+        check_decided(a, b, label, raster, tolerances)
+
+
+@given(
+    width=st.integers(1, 40), height=st.integers(1, 30), seed=st.integers(0, 2**32 - 1),
+    labels=st.integers(1, 5), rounded=st.sampled_from([1, 2, 6]), side=st.sampled_from([3, 9]),
+    asked=st.lists(
+        st.tuples(st.sampled_from([0, 0.01, 0.25, 0.9]), st.sampled_from([0, 0.1, 0.25])),
+        min_size=1, max_size=4,
+    ),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_hits_of_any_raster_at_any_tolerances(width, height, seed, labels, rounded, side, asked):
+    """Depths and tolerances are round, so that many distances equal a tolerance."""
+    random = np.random.default_rng(seed)
+    raster = raster_of(width, height, focal=random.choice([0.25, 1.0, 4.0]))
+    a, _ = scene(raster, seed)
+    b, _ = scene(raster, seed + random.integers(0, 2))
+    scale = random.choice([0.75, 0.99, 1.0, 1.25])
+    check_decided(
+        np.round(a, rounded), np.round(np.float32(b * scale), rounded),
+        patches(a.shape, random, labels, side).astype(np.int32), raster, tolerances_of(*asked),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("degrees", [0.0, 0.3, 7.0, 170.0])

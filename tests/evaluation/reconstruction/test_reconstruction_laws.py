@@ -8,7 +8,7 @@ from evaluation.reconstruction import brute_force
 from evaluation.reconstruction.datasets import scene
 
 from legoworld.evaluation.reconstruction.correspondence import of_clouds, on_one_raster
-from legoworld.evaluation.reconstruction.fscore import Score, Tolerance, mean_f1, scores
+from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
 from legoworld.evaluation.reconstruction.points import (
     Raster,
     finite_points,
@@ -17,6 +17,7 @@ from legoworld.evaluation.reconstruction.points import (
     raster_of,
 )
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 RASTER = raster_of((160, 90), 50.0, (80, 45))
 FIVE = Tolerance(name="F5", relative=0.05)
