@@ -16,6 +16,7 @@ from legoworld.visibility.library import open_library
 
 _NO_MEMORY: Final = 1
 _FUNCTIONS: Final = (
+    "lw_hits",
     "lw_lanes",
     "lw_match",
     "lw_measure_masks",

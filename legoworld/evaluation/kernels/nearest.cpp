@@ -20,19 +20,34 @@ constexpr int kMostTolerances = 16;
 // none asks for the nearest, wherever it is. The reference points are the queries (moving 0: z_g is
 // the query's own z) or the targets (moving 1: z_g is as far from the query's z as g is, at most).
 struct Asked {
-    float relative[kMostTolerances], absolute[kMostTolerances], moving;
     int count;
+    float moving;
+    double of_z[kMostTolerances], at_least[kMostTolerances];   // tau
+    float relative[kMostTolerances], absolute[kMostTolerances];  // the same as floats
+    double reach_of_z[kMostTolerances], reach[kMostTolerances];  // by the query's z
 
     // Nothing farther is a hit: d <= r z_g + a and z_g <= z + d give d <= (r z + a) / (1 - r).
-    double reach_squared(double z) const {
-        double most = count ? 0.0 : kInfinity;
+    Asked(const double *r, const double *a, int32_t many, bool targets_are_reference)
+        : count(many), moving(targets_are_reference ? 1.0f : 0.0f) {
         for (int k = 0; k < count; ++k) {
-            double share = 1.0 - moving * relative[k];
-            double tau = share > 0.0 ? (relative[k] * z + absolute[k]) / share : kInfinity;
-            most = tau > most ? tau : most;
+            of_z[k] = r[k];
+            at_least[k] = a[k];
+            relative[k] = static_cast<float>(r[k]);
+            absolute[k] = static_cast<float>(a[k]);
+            const double share = targets_are_reference ? 1.0 - r[k] : 1.0;
+            reach_of_z[k] = share > 0.0 ? r[k] / share : 0.0;
+            reach[k] = share > 0.0 ? a[k] / share : kInfinity;
         }
-        return most * most * kFloatTolerance;
     }
+};
+
+// Where answers go: squared distance and index of each pixel's, or `hits`: (labels, tolerances) of
+// how many are within each, by the depth of the reference where that is not the query's own.
+struct Told {
+    double *squared;
+    int32_t *index;
+    int64_t *hits;
+    const float *depth;
 };
 
 namespace baseline {
@@ -85,20 +100,40 @@ int widest() {
 #endif
 }
 
-void search(const Cloud &queries, const Cloud &targets, const Asked &asked, int lanes, double *squared,
-            int32_t *index) {
+void search(const Cloud &queries, const Cloud &targets, const Asked &asked, int lanes,
+            const Told &told) {
 #if defined(__x86_64__)
-    if (lanes >= 8) return avx512::Search(queries, targets, asked, squared, index).run();
-    if (lanes >= 4) return avx2::Search(queries, targets, asked, squared, index).run();
+    if (lanes >= 8) return avx512::Search(queries, targets, asked, told).run();
+    if (lanes >= 4) return avx2::Search(queries, targets, asked, told).run();
 #endif
     static_cast<void>(lanes);
-    baseline::Search(queries, targets, asked, squared, index).run();
+    baseline::Search(queries, targets, asked, told).run();
 }
 
 // Kept from call to call: fresh pages take longer than what is written to them.
 struct Scratch {
     Cloud a, b;
 };
+
+struct Request {
+    const double *relative, *absolute;
+    int32_t count, lanes;
+};
+
+void both_ways(const LwSurface &surface_a, const LwSurface &surface_b, const Request &request,
+               const Told &of_a, const Told &of_b, int64_t *sizes) {
+    thread_local Scratch scratch;
+    const int lanes = std::min(static_cast<int>(request.lanes), widest());
+    Cloud &a = scratch.a, &b = scratch.b;
+    Builder(surface_a, a).build();
+    Builder(surface_b, b).build();
+    if (sizes != nullptr) {
+        for (const Leaf &leaf : a.leaves) sizes[2 * leaf.label] += leaf.end - leaf.begin;
+        for (const Leaf &leaf : b.leaves) sizes[2 * leaf.label + 1] += leaf.end - leaf.begin;
+    }
+    search(a, b, {request.relative, request.absolute, request.count, false}, lanes, of_a);
+    search(b, a, {request.relative, request.absolute, request.count, true}, lanes, of_b);
+}
 
 }  // namespace nearest
 
@@ -114,19 +149,25 @@ LW_API int32_t lw_nearest(const LwSurface *surface_a, const LwSurface *surface_b
                           int32_t *index_b) {
     if (count > nearest::kMostTolerances) return kTooMany;
     try {
-        thread_local nearest::Scratch scratch;
-        const int wide = std::min(static_cast<int>(lanes), nearest::widest());
-        nearest::Cloud &a = scratch.a, &b = scratch.b;
-        nearest::Builder(*surface_a, a).build();
-        nearest::Builder(*surface_b, b).build();
-        nearest::Asked asked = {{}, {}, 0.0f, count};
-        for (int k = 0; k < count; ++k) {
-            asked.relative[k] = static_cast<float>(relative[k]);
-            asked.absolute[k] = static_cast<float>(absolute[k]);
-        }
-        nearest::search(a, b, asked, wide, squared_a, index_a);
-        asked.moving = 1.0f;
-        nearest::search(b, a, asked, wide, squared_b, index_b);
+        nearest::both_ways(*surface_a, *surface_b, {relative, absolute, count, lanes},
+                           {squared_a, index_a, nullptr, nullptr},
+                           {squared_b, index_b, nullptr, nullptr}, nullptr);
+    } catch (const std::bad_alloc &) {
+        return kNoMemory;
+    }
+    return kDone;
+}
+
+// How many points of each label there are, (labels, 2) of a and b, and how many of them are hits at
+// each tolerance, (labels, count) each: all zero when called.
+LW_API int32_t lw_hits(const LwSurface *surface_a, const LwSurface *surface_b,
+                       const double *relative, const double *absolute, int32_t count,
+                       int32_t lanes, int64_t *sizes, int64_t *hits_a, int64_t *hits_b) {
+    if (count > nearest::kMostTolerances) return kTooMany;
+    try {
+        nearest::both_ways(*surface_a, *surface_b, {relative, absolute, count, lanes},
+                           {nullptr, nullptr, hits_a, nullptr},
+                           {nullptr, nullptr, hits_b, surface_a->depth}, sizes);
     } catch (const std::bad_alloc &) {
         return kNoMemory;
     }

@@ -12,7 +12,7 @@ constexpr int64_t kNone = INT64_MAX;
 // Squared distances of a pair in float64 and in floats differ by at most this factor and the query's
 // own slack: (d + s)^2 <= d^2 (1 + e) + s^2 (1 + 1 / e), s what rounding moves both points by.
 constexpr float kFloatly = 1.0f + 2e-4f, kSlackly = 1.1e4f, kLeast = 1e-37f;
-constexpr int kSteps = 4;  // of a walk, at most
+constexpr int kSteps = 3;  // of a walk, at most
 constexpr int kFew = 5;    // queries that are asked one by one sooner than together
 constexpr float kInf = std::numeric_limits<float>::infinity();
 // Sixteen numbers from here on are 0 for as many points as a leaf has, then infinity.
@@ -60,7 +60,17 @@ static inline Vf smaller(Vf a, Vf b) {
 #endif
 }
 
-static inline Vd smaller(Vd a, Vd b) { return a < b ? a : b; }
+static inline Vd smaller(Vd a, Vd b) {
+#if defined(__x86_64__) && LW_LANES == 2
+    return (Vd)_mm_min_pd((__m128d)a, (__m128d)b);
+#elif defined(__x86_64__) && LW_LANES == 4
+    return (Vd)_mm256_min_pd((__m256d)a, (__m256d)b);
+#elif defined(__x86_64__)
+    return (Vd)_mm512_min_pd((__m512d)a, (__m512d)b);
+#else
+    return a < b ? a : b;
+#endif
+}
 
 // The least of all lanes.
 static inline float lowest(Vf v) {
@@ -98,6 +108,19 @@ static inline Vf root(Vf v) {
 #endif
 }
 
+static inline Vd root(Vd v) {
+#if defined(__x86_64__) && LW_LANES == 2
+    return (Vd)_mm_sqrt_pd((__m128d)v);
+#elif defined(__x86_64__) && LW_LANES == 4
+    return (Vd)_mm256_sqrt_pd((__m256d)v);
+#elif defined(__x86_64__)
+    return (Vd)_mm512_sqrt_pd((__m512d)v);
+#else
+    for (int lane = 0; lane < kLanes; ++lane) v[lane] = std::sqrt(v[lane]);
+    return v;
+#endif
+}
+
 static inline Vf splat(float v) { return Vf{} + v; }
 
 static inline Vf loaded(const float *values) { return *reinterpret_cast<const Loose *>(values); }
@@ -128,9 +151,8 @@ struct alignas(64) Visit {
 // the boxes about w, however far away all of them are.
 class Search {
 public:
-    Search(const Cloud &queries, const Cloud &targets, const Asked &asked, double *squared,
-           int32_t *index)
-        : queries_(queries), targets_(targets), asked_(asked), squared_(squared), index_(index),
+    Search(const Cloud &queries, const Cloud &targets, const Asked &asked, const Told &told)
+        : queries_(queries), targets_(targets), asked_(asked), told_(told),
           seen_(targets.leaves.size(), -1) {}
 
     void run() {
@@ -166,8 +188,14 @@ private:
         fill(group_.near_x, queries_.near_x, leaf.begin, count);
         fill(group_.near_y, queries_.near_y, leaf.begin, count);
         fill(group_.near_z, queries_.near_z, leaf.begin, count);
+        for (double &best : group_.best) best = asked_.count ? 0.0 : kInfinity;
+        for (int t = 0; t < asked_.count; ++t)
+            for (int k = 0; k < kLeaf; ++k) {
+                double most = asked_.reach_of_z[t] * group_.z[k] + asked_.reach[t];
+                group_.best[k] = most > group_.best[k] ? most : group_.best[k];
+            }
         for (int k = 0; k < kLeaf; ++k) {
-            group_.best[k] = asked_.reach_squared(group_.z[k]);
+            group_.best[k] *= group_.best[k] * kFloatTolerance;
             group_.index[k] = kNone;
             float s = kOff * (std::abs(group_.near_x[k]) + std::abs(group_.near_y[k]) +
                               std::abs(group_.near_z[k]));
@@ -176,15 +204,6 @@ private:
             group_.limit[k] = group_.known[k];
         }
         worst_known_ = false;
-        float squared = 0.0f;
-        for (int d = 0; d < 3; ++d) {
-            group_.low[d] = leaf.low[d];
-            group_.high[d] = leaf.high[d];
-            group_.middle[d] = 0.5f * (leaf.low[d] + leaf.high[d]);
-            float half = 0.5f * (leaf.high[d] - leaf.low[d]) + kOff * std::abs(group_.middle[d]);
-            squared += half * half;
-        }
-        group_.radius = std::sqrt(squared) * kFloatly;
     }
 
     template <typename T>
@@ -193,12 +212,32 @@ private:
         for (int k = count; k < kLeaf; ++k) lanes[k] = lanes[count - 1];
     }
 
-    void give(const Leaf &leaf) const {
-        for (int k = 0; k < leaf.end - leaf.begin; ++k) {
+    void give(const Leaf &leaf) {
+        const int many = leaf.end - leaf.begin;
+        if (told_.hits != nullptr) return count(leaf.label, many);
+        for (int k = 0; k < many; ++k) {
             if (group_.index[k] == kNone) continue;
-            int32_t at = queries_.index[leaf.begin + k];
-            squared_[at] = group_.best[k];
-            index_[at] = static_cast<int32_t>(group_.index[k]);
+            const int64_t at = queries_.index[leaf.begin + k];
+            told_.squared[at] = group_.best[k];
+            told_.index[at] = static_cast<int32_t>(group_.index[k]);
+        }
+    }
+
+    // Answers within each tolerance, of the reference point's own depth.
+    void count(int32_t label, int many) {
+        double distance[kLeaf], z[kLeaf];
+        for (int k = 0; k < kLeaf; ++k) {
+            const bool none = k >= many || group_.index[k] == kNone;
+            z[k] = asked_.moving == 0.0f || none ? group_.z[k] : told_.depth[group_.index[k]];
+            distance[k] = none ? kInfinity : group_.best[k];
+        }
+        for (int v = 0; v < kVectors; ++v) at<Vd>(distance, v) = root(at<Vd>(distance, v));
+        int64_t *hits = told_.hits + static_cast<int64_t>(label) * asked_.count;
+        for (int t = 0; t < asked_.count; ++t) {
+            int64_t found = 0;
+            for (int k = 0; k < kLeaf; ++k)
+                found += distance[k] <= asked_.of_z[t] * z[k] + asked_.at_least[t];
+            hits[t] += found;
         }
     }
 
@@ -363,8 +402,30 @@ private:
         return out * out;
     }
 
+    // The box of those queries of which anything is undecided.
+    void enclose() {
+        const float *from[3] = {group_.near_x, group_.near_y, group_.near_z};
+        float squared = 0.0f;
+        for (int d = 0; d < 3; ++d) {
+            Vf low = splat(kInf), high = splat(-kInf);
+            for (int h = 0; h < kHalves; ++h) {
+                const Vf at = Search::at<Vf>(from[d], h), limit = Search::at<Vf>(group_.limit, h);
+                low = smaller(low, limit >= 0.0f ? at : splat(kInf));
+                high = larger(high, limit >= 0.0f ? at : splat(-kInf));
+            }
+            const float least = lowest(low), most = -lowest(-high);
+            group_.low[d] = least - std::abs(least) * kOff;
+            group_.high[d] = most + std::abs(most) * kOff;
+            group_.middle[d] = 0.5f * (least + most);
+            float half = 0.5f * (group_.high[d] - group_.low[d]) + kOff * std::abs(group_.middle[d]);
+            squared += half * half;
+        }
+        group_.radius = std::sqrt(squared) * kFloatly;
+    }
+
     // Leaves that may hold an answer, by the boxes of nodes and then their own.
     void gather(int32_t label) {
+        enclose();
         bisect();
         each_near(targets_.node_boxes, targets_.node_start[label], targets_.node_start[label + 1],
                   [this](int32_t node) {
@@ -434,8 +495,7 @@ private:
 
     const Cloud &queries_, &targets_;
     const Asked asked_;
-    double *squared_;
-    int32_t *index_;
+    const Told told_;
     std::vector<int32_t> seen_;  // the last group that looked at each leaf
     std::vector<Visit> visits_;
     Group group_;

@@ -87,24 +87,80 @@ def nearest_between(
     lanes: float64 numbers in a vector at most, for tests: the same answers.
     """
     shape = a.raster.height, a.raster.width
-    labels = max(int(max(a.label.max(initial=-1), b.label.max(initial=-1))) + 1, 1)
-    kept: list[NDArray[Any]] = []
-    structs = [_struct(one, labels, shape, kept) for one in (a, b)]
+    call = _Call(a, b, _labels(a, b), tolerances, lanes)
     found = [
         Nearest(squared_m2=np.full(shape, np.inf), index=np.full(shape, -1, np.int32))
         for _ in range(2)
     ]
-    relative = np.array([t.relative for t in tolerances], np.float64)
-    absolute = np.array([t.absolute_m for t in tolerances], np.float64)
-    done = library().lw_nearest(
-        ctypes.byref(structs[0]), ctypes.byref(structs[1]),
-        pointer(relative), pointer(absolute), ctypes.c_int32(len(tolerances)),
-        ctypes.c_int32(lanes),
-        pointer(found[0].squared_m2), pointer(found[0].index),
-        pointer(found[1].squared_m2), pointer(found[1].index),
+    check(
+        library().lw_nearest(
+            *call.arguments(),
+            pointer(found[0].squared_m2), pointer(found[0].index),
+            pointer(found[1].squared_m2), pointer(found[1].index),
+        )
     )  # fmt: skip
-    check(done)
     return found[0], found[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hits:
+    """How many points of each label there are, and how many are within each tolerance.
+
+    n_a, n_b: (labels,) int64; a, b: (labels, tolerances) int64. Of a point of a, the tolerance at
+    its own planar depth; of a point of b, at that of the point of a nearest to it.
+    """
+
+    n_a: NDArray[np.int64]
+    n_b: NDArray[np.int64]
+    a: NDArray[np.int64]
+    b: NDArray[np.int64]
+
+
+def hits_between(
+    a: GridSurface,
+    b: GridSurface,
+    labels: int,
+    tolerances: Sequence[Tolerance],
+    *,
+    lanes: int = WIDEST,
+) -> Hits:
+    """The hits of `nearest_between`, counted by label: 0 .. labels - 1."""
+    call = _Call(a, b, max(labels, _labels(a, b)), tolerances, lanes)
+    sizes = np.zeros((call.labels, 2), np.int64)
+    counts = [np.zeros((call.labels, len(tolerances)), np.int64) for _ in range(2)]
+    check(library().lw_hits(*call.arguments(), pointer(sizes), *(pointer(c) for c in counts)))
+    of_a, of_b = (c[:labels] for c in counts)
+    return Hits(n_a=sizes[:labels, 0], n_b=sizes[:labels, 1], a=of_a, b=of_b)
+
+
+def _labels(a: GridSurface, b: GridSurface) -> int:
+    highest = a.label.max(initial=-1)
+    return max(int(highest if b.label is a.label else max(highest, b.label.max(initial=-1))) + 1, 1)
+
+
+class _Call:
+    """The arguments that both functions begin with, and the arrays that they point into."""
+
+    def __init__(
+        self,
+        a: GridSurface,
+        b: GridSurface,
+        labels: int,
+        tolerances: Sequence[Tolerance],
+        lanes: int,
+    ) -> None:
+        shape = a.raster.height, a.raster.width
+        self.labels, self._lanes, self._kept = labels, lanes, list[NDArray[Any]]()
+        self._structs = [_struct(one, labels, shape, self._kept) for one in (a, b)]
+        self._relative = np.array([t.relative for t in tolerances], np.float64)
+        self._absolute = np.array([t.absolute_m for t in tolerances], np.float64)
+
+    def arguments(self) -> tuple[object, ...]:
+        return (
+            *(ctypes.byref(struct) for struct in self._structs),
+            pointer(self._relative), pointer(self._absolute),
+            ctypes.c_int32(len(self._relative)), ctypes.c_int32(self._lanes),
+        )  # fmt: skip
 
 
 def nearest_both_ways(
