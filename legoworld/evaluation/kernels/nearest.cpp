@@ -52,6 +52,7 @@ struct Told {
 
 namespace baseline {
 #define LW_LANES 2
+#include "nearest_lanes.hpp"
 #include "nearest_search.hpp"
 #undef LW_LANES
 }  // namespace baseline
@@ -60,6 +61,7 @@ namespace baseline {
 LW_BEGIN_AVX2
 namespace avx2 {
 #define LW_LANES 4
+#include "nearest_lanes.hpp"
 #include "nearest_search.hpp"
 #undef LW_LANES
 }  // namespace avx2
@@ -73,6 +75,7 @@ namespace avx2 {
 #endif
 namespace avx512 {
 #define LW_LANES 8
+#include "nearest_lanes.hpp"
 #include "nearest_search.hpp"
 #undef LW_LANES
 }  // namespace avx512

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.reconstruction.correspondence import Correspondence
+from legoworld.evaluation.reconstruction.nearest import GridSurface, hits_between
 from legoworld.evaluation.reconstruction.points import Labels
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
@@ -55,6 +57,24 @@ def scores(pairs: Correspondence, objects: int, tolerance: Tolerance) -> list[Sc
     return [
         Score(n_reference=g, n_submitted=q, reference_hits=hit_g, submitted_hits=hit_q)
         for g, q, hit_g, hit_q in zip(*(c.tolist() for c in columns), strict=True)
+    ]
+
+
+def scores_on_rasters(
+    reference: GridSurface,
+    submitted: GridSurface,
+    objects: int,
+    tolerances: Sequence[Tolerance],
+) -> list[list[Score]]:
+    """`scores` of two surfaces at each tolerance, without any distance: several times as fast."""
+    found = hits_between(reference, submitted, objects, tolerances)
+    sizes = list(zip(found.n_a.tolist(), found.n_b.tolist(), strict=True))
+    return [
+        [
+            Score(n_reference=g, n_submitted=q, reference_hits=hit_g, submitted_hits=hit_q)
+            for (g, q), hit_g, hit_q in zip(sizes, of_g, of_q, strict=True)
+        ]
+        for of_g, of_q in zip(found.a.T.tolist(), found.b.T.tolist(), strict=True)
     ]
 
 

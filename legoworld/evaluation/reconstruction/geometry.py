@@ -13,7 +13,6 @@ from legoworld.evaluation.reconstruction.correspondence import (
     Correspondence,
     of_clouds,
     on_one_raster,
-    on_two_rasters,
 )
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.diagnostics import (
@@ -21,11 +20,17 @@ from legoworld.evaluation.reconstruction.diagnostics import (
     precision_recall,
     voxel_iou,
 )
-from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
+from legoworld.evaluation.reconstruction.fscore import (
+    Score,
+    mean_f1,
+    scores,
+    scores_on_rasters,
+)
 from legoworld.evaluation.reconstruction.nearest import GridSurface
 from legoworld.evaluation.reconstruction.points import (
     Depth,
     Flags,
+    Labels,
     finite_points,
     pixel_of_points,
     points_m,
@@ -33,7 +38,6 @@ from legoworld.evaluation.reconstruction.points import (
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import RASTER, Reference, load_cloud
 from legoworld.evaluation.reconstruction.submission import Surface
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
 from legoworld.records.reconstruction_rows import Diagnostics, ObjectRow, Registration
 
 #: The voxel edge that follows the scene: this share of the median reference depth.
@@ -60,16 +64,17 @@ def geometry_score(
     choices: Choices,
 ) -> GeometryScore:
     """R of one submission. A case of which no object has a reference point has R = 0."""
+    objects, tolerances = len(case.truth.scored), (protocol.headline, *protocol.others)
     if choices.sampling == RASTER:
-        pairs = on_one_raster(
-            reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster,
-            tolerances=(protocol.headline, *protocol.others),
-        )  # fmt: skip
+        submitted = _grid(reference, surface.depth_z_m)
+        found = scores_on_rasters(_grid(reference), submitted, objects, tolerances)
     else:
         pairs = _other_sampling(folders, case, reference, surface, protocol, choices.sampling)
-    objects = len(case.truth.scored)
-    main = scores(pairs, objects, protocol.headline)
-    others = {t.name: scores(pairs, objects, t) for t in protocol.others}
+        found = [scores(pairs, objects, tolerance) for tolerance in tolerances]
+    main, others = (
+        found[0],
+        {t.name: one for t, one in zip(protocol.others, found[1:], strict=True)},
+    )
     r = mean_f1(main) or 0.0
     diagnostics, registration = None, None
     if choices.diagnostics:
@@ -132,15 +137,15 @@ def _diagnostics(
     union = np.where(reference.label >= 0, 0, -1).astype(np.int32)
     everything = np.zeros_like(union)
     visible = on_one_raster(reference.depth_z_m, depth, everything, raster)
-    headline = (protocol.headline,)
-    of_objects = on_one_raster(reference.depth_z_m, depth, union, raster, tolerances=headline)
+    of_objects = scores_on_rasters(
+        _grid(reference, label=union), _grid(reference, depth, union), 1, (protocol.headline,)
+    )[0]
     motion = aligned.trimmed_icp(ours, theirs)
-    rigid = _moved(reference, surface, q, motion, protocol.headline) if motion is not None else None
     median_m = float(np.median(reference.depth_z_m[g])) if g.any() else None
     scale = aligned.median_scaled(reference.depth_z_m, depth, g & q)
     shift = aligned.disparity_fitted(reference.depth_z_m, depth, g & q)
     found = Diagnostics(
-        object_union=precision_recall(scores(of_objects, 1, protocol.headline)[0]),
+        object_union=precision_recall(of_objects[0]),
         visible_scene=precision_recall(scores(visible, 1, protocol.headline)[0]),
         chamfer_l1_half_sum_over_reference_visible_box_diagonal=chamfer_over_diagonal(
             visible, ours
@@ -152,31 +157,32 @@ def _diagnostics(
         voxel_iou_10cm=voxel_iou(ours, theirs, 0.1),
         R_median_scale=_r_of_depth(reference, scale, protocol, objects),
         R_disparity_scale_shift=_r_of_depth(reference, shift, protocol, objects),
-        R_rigid=_r(rigid, protocol, objects) if rigid is not None else None,
+        R_rigid=_r(reference, _moved(reference, depth, q, motion), protocol, objects)
+        if motion
+        else None,
         R_own_intrinsics=_r_own(reference, surface, protocol, objects, r),
     )
     return found, motion.registration if motion else None
 
 
-def _moved(
-    reference: Reference, surface: Surface, q: Flags, motion: aligned.Motion, tolerance: Tolerance
-) -> Correspondence:
+def _moved(reference: Reference, depth_z_m: Depth, q: Flags, motion: aligned.Motion) -> GridSurface:
     """The submitted points after a motion, each in the mask of the pixel it then projects to."""
     raster = reference.raster
-    pixel = pixel_of_points(motion.moved(points_m(surface.depth_z_m, raster)[q]), raster)
+    pixel = pixel_of_points(motion.moved(points_m(depth_z_m, raster)[q]), raster)
     label = np.full(q.shape, -1, np.int32)
     label[q] = np.where(pixel >= 0, reference.label.ravel()[np.maximum(pixel, 0)], -1)
     rows = np.column_stack([motion.rotation, motion.translation_m])
-    return on_two_rasters(
-        _grid(reference),
-        GridSurface(depth_z_m=surface.depth_z_m, label=label, raster=raster, motion=rows),
-        tolerances=(tolerance,),
-    )
+    return GridSurface(depth_z_m=depth_z_m, label=label, raster=raster, motion=rows)
 
 
-def _grid(reference: Reference) -> GridSurface:
+def _grid(
+    reference: Reference, depth_z_m: Depth | None = None, label: Labels | None = None
+) -> GridSurface:
+    """A depth, or the reference's, in the reference's picture and masks, or others."""
     return GridSurface(
-        depth_z_m=reference.depth_z_m, label=reference.label, raster=reference.raster
+        depth_z_m=reference.depth_z_m if depth_z_m is None else depth_z_m,
+        label=reference.label if label is None else label,
+        raster=reference.raster,
     )
 
 
@@ -189,14 +195,11 @@ def _r_own(
 ) -> float | None:
     """R of the surface as the submission's own camera sees it: its own rays and its own pixels."""
     if surface.own_depth_z_m is None or surface.own_raster is None:
-        if r is not None:
-            return r
-        return _r_of_depth(reference, surface.depth_z_m, protocol, objects)
+        return r if r is not None else _r_of_depth(reference, surface.depth_z_m, protocol, objects)
     own = GridSurface(
         depth_z_m=surface.own_depth_z_m, label=reference.label, raster=surface.own_raster
     )
-    pairs = on_two_rasters(_grid(reference), own, tolerances=(protocol.headline,))
-    return _r(pairs, protocol, objects)
+    return _r(reference, own, protocol, objects)
 
 
 def _r_of_depth(
@@ -204,12 +207,10 @@ def _r_of_depth(
 ) -> float | None:
     if depth_z_m is None:
         return None
-    pairs = on_one_raster(
-        reference.depth_z_m, depth_z_m, reference.label, reference.raster,
-        tolerances=(protocol.headline,),
-    )  # fmt: skip
-    return _r(pairs, protocol, objects)
+    return _r(reference, _grid(reference, depth_z_m), protocol, objects)
 
 
-def _r(pairs: Correspondence, protocol: BenchProtocol, objects: int) -> float | None:
-    return mean_f1(scores(pairs, objects, protocol.headline))
+def _r(
+    reference: Reference, submitted: GridSurface, protocol: BenchProtocol, objects: int
+) -> float | None:
+    return mean_f1(scores_on_rasters(_grid(reference), submitted, objects, (protocol.headline,))[0])

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from legoworld.evaluation.reconstruction.nearest import (
     GridSurface,
+    hits_between,
     nearest_between,
     nearest_both_ways,
 )
-from legoworld.evaluation.reconstruction.points import Raster, points_m
+from legoworld.evaluation.reconstruction.points import Raster, finite_points, points_m
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 #: float64 numbers in a vector: AVX-512, AVX2 and what every CPU has, where this one has them.
@@ -110,27 +111,38 @@ ASKED = (
 )
 
 
+def hits_of(found, z, side, tolerance):
+    tau = tolerance.tau_m(z if side == 0 else z[np.maximum(found.index.ravel(), 0)])
+    return (found.index.ravel() >= 0) & (np.sqrt(found.squared_m2.ravel()) <= tau)
+
+
 def check_decided(a, b, label, raster, tolerances):
     """Hits at each tolerance are those of the nearest, and answers are points at their distance."""
-    whole = nearest_both_ways(a, b, label, raster)
+    surfaces = [GridSurface(depth_z_m=depth, label=label, raster=raster) for depth in (a, b)]
+    whole = nearest_between(*surfaces)
     points = [points_m(depth, raster).reshape(-1, 3) for depth in (a, b)]
     z = np.where(np.isfinite(a), a, 0).ravel().astype(np.float64)
+    labels = label.ravel()
     for lanes in LANES:
-        found = nearest_both_ways(a, b, label, raster, tolerances=tolerances, lanes=lanes)
+        found = nearest_between(*surfaces, tolerances=tolerances, lanes=lanes)
+        counted = hits_between(*surfaces, 7, tolerances, lanes=lanes)
         for side, (some, every) in enumerate(zip(found, whole, strict=True)):
-            for one in tolerances:
-                hits = [
-                    (n.index.ravel() >= 0)
-                    & (np.sqrt(n.squared_m2.ravel())
-                       <= one.tau_m(z if side == 0 else z[np.maximum(n.index.ravel(), 0)]))
-                    for n in (some, every)
-                ]  # fmt: skip
-                np.testing.assert_array_equal(*hits)
+            there = finite_points((a, b)[side]).ravel() & (labels >= 0)
+            np.testing.assert_array_equal(
+                (counted.n_a, counted.n_b)[side], np.bincount(labels[there], minlength=7)
+            )
+            for k, one in enumerate(tolerances):
+                expected = hits_of(every, z, side, one)
+                np.testing.assert_array_equal(hits_of(some, z, side, one), expected)
+                np.testing.assert_array_equal(
+                    (counted.a, counted.b)[side][:, k], np.bincount(labels[expected], minlength=7)
+                )
             kept = np.flatnonzero(some.index.ravel() >= 0)
-            d = points[side][kept] - points[1 - side][some.index.ravel()[kept]]
+            other = some.index.ravel()[kept]
+            d = points[side][kept] - points[1 - side][other]
             squared = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2]
             np.testing.assert_array_equal(some.squared_m2.ravel()[kept], squared)
-            assert (label.ravel()[some.index.ravel()[kept]] == label.ravel()[kept]).all()
+            assert (labels[other] == labels[kept]).all()
 
 
 @pytest.mark.parametrize("kind", SURFACES)
