@@ -65,49 +65,24 @@ namespace avx2 {
 #include "nearest_search.hpp"
 #undef LW_LANES
 }  // namespace avx2
-#if defined(__clang__)
-#pragma clang attribute pop
-#pragma clang attribute push(__attribute__((target("avx512f"))), apply_to = function)
-#else
-#pragma GCC pop_options
-#pragma GCC push_options
-#pragma GCC target("avx512f")
-#endif
+LW_END_AVX2
+LW_BEGIN_AVX512
 namespace avx512 {
 #define LW_LANES 8
 #include "nearest_lanes.hpp"
 #include "nearest_search.hpp"
 #undef LW_LANES
 }  // namespace avx512
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
+LW_END_AVX512
 #endif
-#endif
-
-// Doubles in the widest vector that this CPU and its system have. Asked of the CPU itself:
-// __builtin_cpu_supports does not link everywhere (zig's compiler-rt).
-int widest() {
-#if defined(__x86_64__)
-    constexpr uint32_t kYmmSaved = 0x6, kZmmSaved = 0xe6;
-    uint32_t a = 0, b = 0, c = 0, d = 0;
-    if (!__get_cpuid(1, &a, &b, &c, &d) || (c & bit_OSXSAVE) == 0) return 2;
-    uint32_t saved = 0, high = 0;
-    __asm__ volatile("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
-    if (!__get_cpuid_count(7, 0, &a, &b, &c, &d)) return 2;
-    if ((saved & kZmmSaved) == kZmmSaved && (b & bit_AVX512F) != 0) return 8;
-    return (saved & kYmmSaved) == kYmmSaved && (b & bit_AVX2) != 0 ? 4 : 2;
-#else
-    return 2;
-#endif
-}
 
 void search(const Cloud &queries, const Cloud &targets, const Asked &asked, int lanes,
             const Told &told) {
 #if defined(__x86_64__)
-    if (lanes >= 8) return avx512::Search(queries, targets, asked, told).run();
-    if (lanes >= 4) return avx2::Search(queries, targets, asked, told).run();
+    if (lanes >= 8 && lw::has_avx512())
+        return avx512::Search(queries, targets, asked, told).run();
+    if (lanes >= 4 && lw::has_avx2())
+        return avx2::Search(queries, targets, asked, told).run();
 #endif
     static_cast<void>(lanes);
     baseline::Search(queries, targets, asked, told).run();
@@ -126,7 +101,6 @@ struct Request {
 void both_ways(const LwSurface &surface_a, const LwSurface &surface_b, const Request &request,
                const Told &of_a, const Told &of_b, int64_t *sizes) {
     thread_local Scratch scratch;
-    const int lanes = std::min(static_cast<int>(request.lanes), widest());
     Cloud &a = scratch.a, &b = scratch.b;
     Builder(surface_a, a).build();
     Builder(surface_b, b).build();
@@ -134,8 +108,10 @@ void both_ways(const LwSurface &surface_a, const LwSurface &surface_b, const Req
         for (const Leaf &leaf : a.leaves) sizes[2 * leaf.label] += leaf.end - leaf.begin;
         for (const Leaf &leaf : b.leaves) sizes[2 * leaf.label + 1] += leaf.end - leaf.begin;
     }
-    search(a, b, {request.relative, request.absolute, request.count, false}, lanes, of_a);
-    search(b, a, {request.relative, request.absolute, request.count, true}, lanes, of_b);
+    search(a, b, {request.relative, request.absolute, request.count, false}, request.lanes,
+           of_a);
+    search(b, a, {request.relative, request.absolute, request.count, true}, request.lanes,
+           of_b);
 }
 
 }  // namespace nearest
