@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from legoworld.cards import Card, load_card
-from legoworld.errors import InstallationError
 from legoworld.evaluation.reconstruction.integrity import FlagThresholds
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
