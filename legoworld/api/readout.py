@@ -20,6 +20,7 @@ from legoworld.api.settings import (
     track_of,
 )
 from legoworld.errors import CatalogError, UsageError
+from legoworld.pluralize import counted
 from legoworld.readouts.tasks import protocol
 from legoworld.records.base import as_json
 from legoworld.records.folders.run_reading import RUN
@@ -31,7 +32,7 @@ from legoworld.running.readout_run import RunRequest, run_readout, shard_images
 from legoworld.running.submission import bench_rules
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source
-from legoworld.tracks.track import Track, track_of_folder
+from legoworld.tracks.track import Track, folders_without_scene, track_of_folder
 from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
@@ -139,6 +140,8 @@ def readout(
     elif render_noise or not render:
         raise UsageError("a render is made for the bench alone", found=f"--task {task}")
     _refuse_output_in_a_scene(written, place)
+    if track is None and shard is None and isinstance(place, Path):
+        _note_folders_without_scene(place, listener)
     request = RunRequest(
         image_options=ImageOptions(
             scenes=place if isinstance(place, str) else place.absolute(),
@@ -204,6 +207,15 @@ def _strangers(scenes: Place, track: Track) -> list[Stranger]:
         return []  # no scene at all: every row of the run reports it
     known = [image.scene for image in track.images]
     return strangers(folders, known, [name for name in known if name not in folders])
+
+
+def _note_folders_without_scene(scenes: Path, listener: Listener) -> None:
+    """Name the folders that a track would have made rows of: here they are no images."""
+    bare = folders_without_scene(scenes)
+    if bare:
+        shown = ", ".join(bare[:3]) + (f" and {len(bare) - 3} more" if bare[3:] else "")
+        held = counted(len(bare), "folder holds", "folders hold")
+        listener.notice(f"{held} files of a scene but no scene.blend or scene.glb: {shown}")
 
 
 def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:

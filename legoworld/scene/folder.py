@@ -73,6 +73,14 @@ def find_scene(scenes: Path, name: str) -> SceneFolder:
             next_step="run the scene program with `legoworld execute`, or leave it missing",
         )
     if not folder.file(BLEND).exists() and not folder.file(GLB).exists():
+        dangling = [n for n in (BLEND, GLB) if os.path.lexists(folder.file(n))]
+        if dangling:
+            raise SceneMissingError(
+                f"the scene folder {name!r} holds no scene",
+                found=f"{dangling[0]} is a link to a file that does not exist",
+                expected=BLEND,
+                next_step="deliver the file that the link names, or copy it into the folder",
+            )
         names = sorted(p.name for p in folder.path.iterdir())[:5]
         raise SceneMissingError(
             f"the scene folder {name!r} holds no scene",

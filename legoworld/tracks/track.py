@@ -17,6 +17,8 @@ from legoworld.tracks.dataset_versions import dataset_of
 from legoworld.tracks.vocabulary import Vocabulary, vocabulary_of
 
 _SCENE_FILES = ("scene.blend", "scene.glb")
+_BESIDE_A_SCENE = ("final.png", "scene.py", "labels.json", "provenance.json", "frozen.json",
+                   "execution.json")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,6 +105,20 @@ def track_of_folder(scenes: Place) -> Track:
         for i, name in enumerate(folders, start=1)
     )
     return Track(images=images, vocabulary=None, sha256=None, made_for=None)
+
+
+def folders_without_scene(scenes: Path) -> list[str]:
+    """Folders below SCENES with other files of a scene folder, or a folder named as the scene."""
+    return sorted(
+        Path(folder).relative_to(scenes).as_posix()
+        for folder, files in _visible_folders(scenes)
+        if Path(folder) != scenes
+        and not any(name in files for name in _SCENE_FILES)
+        and (
+            any(name in files for name in _BESIDE_A_SCENE)
+            or any(os.path.isdir(f"{folder}/{name}") for name in _SCENE_FILES)  # noqa: PTH112
+        )
+    )
 
 
 def _visible_folders(top: Path) -> Iterator[tuple[str, list[str]]]:

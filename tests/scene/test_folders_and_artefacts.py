@@ -9,9 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from legoworld.api.listening import Listener
+from legoworld.api.readout import readout
 from legoworld.errors import SceneInvalidError, SceneMissingError
 from legoworld.scene.artefacts import check_picture, decoded_picture, without_metadata
 from legoworld.scene.folder import SceneFolder, find_scene
+from legoworld.tracks.track import folders_without_scene
 
 
 def test_artefacts_stand_in_a_fixed_order_and_urdf_files_are_last(tmp_path):
@@ -48,6 +51,28 @@ def test_a_folder_that_is_not_there_and_one_without_a_scene(tmp_path):
         (tmp_path / "x" / name).write_text("")
     with pytest.raises(SceneMissingError, match=r"a, b, c, d, e; expected: scene\.blend"):
         find_scene(tmp_path, "x")
+
+
+def test_a_link_to_nothing_is_said_to_be_one(tmp_path):
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "scene.blend").symlink_to("elsewhere.blend")
+    with pytest.raises(SceneMissingError, match=r"scene\.blend is a link to a file that does not"):
+        find_scene(tmp_path, "x")
+
+
+def test_folders_of_a_scene_without_its_file_are_named_where_no_track_names_them(tmp_path):
+    for name in ("good/scene.glb", "bare/final.png", "textures/wood.png", "labels.json"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("{}")
+    (tmp_path / "folder" / "scene.blend").mkdir(parents=True)
+    assert folders_without_scene(tmp_path) == ["bare", "folder"]
+    notices: list[str] = []
+    heard = Listener(notice=notices.append)
+    run = readout(tmp_path, tmp_path / "run", task="coco", source="glb", listener=heard)
+    assert [row.scene for row in run.rows] == ["good"]
+    assert notices == [
+        "2 folders hold files of a scene but no scene.blend or scene.glb: bare, folder"
+    ]
 
 
 PICTURE = np.arange(2 * 3 * 4, dtype=np.uint8).reshape(2, 3, 4)  # BGRA
