@@ -7,7 +7,7 @@ of one object or the camera: 70 % bring it half-way home, 30 % throw it off agai
 agent's edits lower Q); --harmful takes another share. The submission is the last checkpoint. Regret
 is of R, the half of Q that needs no render: the best checkpoint's R minus the submission's. The
 pick is that of
-`trajectories.picking`, by the plugin's residuals alone.
+`trajectories.clearly_better`, by the plugin's residuals alone.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from copies import (
 from legoworld.evaluation.reconstruction.dataset import read_dataset
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.snapshot import Snapshot
-from legoworld.trajectories.picking import last_of_best, standing_of
+from legoworld.trajectories.clearly_better import clearly_best
 
 EDITS = 14
 
@@ -94,10 +94,10 @@ def main() -> None:
             for seed in range(chosen.each):
                 scenes = list(checkpoints(study, np.random.default_rng(seed), chosen.harmful))
                 r = [r_of(study, scene) for scene in scenes]
-                standings = [standing_of(report_of(study, scene)) for scene in scenes]
+                chosen_one = clearly_best([report_of(study, scene) for scene in scenes])
                 lowered += int((np.diff(r) < -1e-6).sum())
                 edits += len(r) - 1
-                rows.append((max(r), r[-1], r[last_of_best(standings)]))
+                rows.append((max(r), r[-1], r[chosen_one]))
             print(f"{case.stem}: {len(study.names)} objects", flush=True)
     best, last, picked = np.array(rows).T
     regret = (best - last).mean()

@@ -21,6 +21,7 @@ from legoworld.records.plugin_requirements import Report, Requirement
 from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import PROVENANCE, SceneFolder
+from legoworld.trajectories.clearly_better import clearly_best
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, RecordedTrial, recorded_trials
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
@@ -44,15 +45,6 @@ class Pick(Record, frozen=True, kw_only=True):
     sha256: str | None
     submitted: int | None
     passed: dict[str, tuple[int, int, int]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Standing:
-    """A scene under its requirements: how many it keeps, breaks, and leaves unknown."""
-
-    passed: int
-    failed: int
-    unknown: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +80,7 @@ def pick(scenes: Path, output: Path, plan: PickPlan) -> list[Pick]:
 def _chosen(
     trial: RecordedTrial, plan: PickPlan, blender: BlenderProcess
 ) -> tuple[Checkpoint | None, dict[str, tuple[int, int, int]]]:
-    """The checkpoint to take: the last, or the last of those that break the fewest requirements."""
+    """The checkpoint to take: the last, or one that keeps its requirements clearly better."""
     if not trial.live:
         return None, {}
     if plan.by == "last":
@@ -104,33 +96,22 @@ def _chosen(
             expected=f"{REQUIREMENTS}: a list of the plugin's requirements",
         ) from error
     evidence = read_evidence(folder) if (folder / "evidence.json").is_file() else None
-    standings: dict[Checkpoint, Standing] = {}
+    reports: dict[Checkpoint, Report] = {}
     for checkpoint in trial.live:
         try:
-            report = measure(read_live(trial.blend(checkpoint), blender), requirements, evidence)
+            scene = read_live(trial.blend(checkpoint), blender)
+            reports[checkpoint] = measure(scene, requirements, evidence)
         except LegoWorldError as error:
             plan.notice(f"{trial.about.scene}, checkpoint {checkpoint.ordinal}: {error}")
-            continue
-        standings[checkpoint] = standing_of(report)
-    counts = {str(c.ordinal): (s.passed, s.failed, s.unknown) for c, s in standings.items()}
-    if not standings:
+    counts = {str(c.ordinal): _counted(report) for c, report in reports.items()}
+    if not reports:
         return trial.live[-1], counts
-    return list(standings)[last_of_best(list(standings.values()))], counts
+    return list(reports)[clearly_best(list(reports.values()))], counts
 
 
-def standing_of(report: Report) -> Standing:
-    """The verdicts of a report, counted."""
+def _counted(report: Report) -> tuple[int, int, int]:
     verdicts = [result.verdict for result in report.results]
-    return Standing(
-        passed=verdicts.count("pass"),
-        failed=verdicts.count("fail"),
-        unknown=verdicts.count("unknown"),
-    )
-
-
-def last_of_best(standings: Sequence[Standing]) -> int:
-    """The position of the last scene that breaks the fewest requirements."""
-    return max(range(len(standings)), key=lambda i: (standings[i].passed, -standings[i].failed, i))
+    return verdicts.count("pass"), verdicts.count("fail"), verdicts.count("unknown")
 
 
 def _deliver(

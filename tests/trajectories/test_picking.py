@@ -1,0 +1,86 @@
+"""Which checkpoint `trajectory pick --by residuals` takes: the last, or a clearly better one."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from legoworld.records import plugin_requirements as kinds
+from legoworld.records.plugin_requirements import Report, Result
+from legoworld.trajectories.clearly_better import CLEARLY, clearly_best, lead
+
+WANTED = [kinds.Centroid(entity=f"thing {i}", region=f"thing {i}") for i in range(20)]
+
+
+def report(residuals):
+    """A report of centroids: residuals in tolerances, None for an unknown."""
+    results = []
+    for requirement, value in zip(WANTED, residuals, strict=False):
+        known = value is not None
+        verdict = "unknown" if not known else "pass" if value <= 1 else "fail"
+        residual = value * requirement.tolerance if known else None
+        results.append(
+            Result(
+                requirement=requirement, verdict=verdict, measurement=residual, residual=residual,
+                tolerance=requirement.tolerance, reason=None if known else "hidden",
+            )
+        )  # fmt: skip
+    return Report(
+        scene_signature="0" * 64, geometry_signature="0" * 64, photo_sha256=None, size_wh=(64, 48),
+        results=tuple(results), blocked=False,
+    )  # fmt: skip
+
+
+def test_one_scene_is_the_best_of_one():
+    assert clearly_best([report([3.0] * 5)]) == 0
+
+
+def test_equal_scenes_leave_the_last():
+    assert clearly_best([report([1.0] * 8)] * 4) == 3
+
+
+@pytest.mark.parametrize(("better", "taken"), [(3, 1), (4, 0), (20, 0)])
+def test_four_requirements_that_agree_are_needed(better, taken):
+    before = [1.0] * better + [2.0] * (20 - better)
+    assert clearly_best([report(before), report([2.0] * 20)]) == taken
+
+
+def test_requirements_that_disagree_leave_the_last():
+    before = [1.0] * 10 + [3.0] * 10
+    assert clearly_best([report(before), report([2.0] * 20)]) == 1
+
+
+def test_a_difference_within_the_noise_is_none():
+    assert clearly_best([report([1.0] * 20), report([1.4] * 20)]) == 1
+
+
+def test_an_unknown_is_never_better_and_a_lost_object_counts():
+    known, lost = report([2.0] * 20), report([None] * 6 + [2.0] * 14)
+    assert clearly_best([lost, known]) == 1
+    assert clearly_best([known, lost]) == 0
+    assert clearly_best([report([None] * 20), report([None] * 20)]) == 1
+
+
+def test_a_verdict_that_flips_at_its_tolerance_does_not_count_by_itself():
+    before, after = report([0.99] * 20), report([1.01] * 20)
+    assert [r.verdict for r in before.results] != [r.verdict for r in after.results]
+    assert clearly_best([before, after]) == 1
+
+
+def test_of_several_the_clearest_and_of_equals_the_later():
+    worse, good, better = report([9.0] * 20), report([5.0] * 9 + [9.0] * 11), report([1.0] * 20)
+    assert clearly_best([good, better, better, good, worse]) == 2
+
+
+def test_a_lead_is_the_other_s_lag_and_is_bounded():
+    draw = random.Random(0)
+    for _ in range(200):
+        one, other = (
+            report([draw.choice([None, draw.uniform(0, 12)]) for _ in range(20)]) for _ in "ab"
+        )
+        forth, back = lead(one.results, other.results), lead(other.results, one.results)
+        assert forth == -back
+        assert abs(forth) <= 20**0.5
+        assert lead(one.results, one.results) == 0
+        assert (clearly_best([one, other]) == 0) == (forth >= CLEARLY)
