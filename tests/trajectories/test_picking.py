@@ -42,34 +42,26 @@ def test_equal_scenes_leave_the_last():
 
 @pytest.mark.parametrize(("better", "taken"), [(3, 1), (4, 0), (20, 0)])
 def test_four_requirements_that_agree_are_needed(better, taken):
-    before = [1.0] * better + [2.0] * (20 - better)
+    before = [0.9] * better + [2.0] * (20 - better)
     assert clearly_best([report(before), report([2.0] * 20)]) == taken
 
 
 def test_requirements_that_disagree_leave_the_last():
-    before = [1.0] * 10 + [3.0] * 10
-    assert clearly_best([report(before), report([2.0] * 20)]) == 1
-
-
-def test_a_difference_within_the_noise_is_none():
-    assert clearly_best([report([1.0] * 20), report([1.4] * 20)]) == 1
+    before, after = [0.5] * 10 + [3.0] * 7 + [0.5] * 3, [3.0] * 7 + [0.5] * 13
+    assert clearly_best([report(before), report(after)]) == 1
 
 
 def test_an_unknown_is_never_better_and_a_lost_object_counts():
-    known, lost = report([2.0] * 20), report([None] * 6 + [2.0] * 14)
+    known, lost = report([0.5] * 20), report([None] * 6 + [0.5] * 14)
     assert clearly_best([lost, known]) == 1
     assert clearly_best([known, lost]) == 0
-    assert clearly_best([report([None] * 20), report([None] * 20)]) == 1
-
-
-def test_a_verdict_that_flips_at_its_tolerance_does_not_count_by_itself():
-    before, after = report([0.99] * 20), report([1.01] * 20)
-    assert [r.verdict for r in before.results] != [r.verdict for r in after.results]
-    assert clearly_best([before, after]) == 1
+    failing = report([5.0] * 20)
+    assert clearly_best([report([None] * 20), failing]) == 1
+    assert clearly_best([failing, report([None] * 20)]) == 1
 
 
 def test_of_several_the_clearest_and_of_equals_the_later():
-    worse, good, better = report([9.0] * 20), report([5.0] * 9 + [9.0] * 11), report([1.0] * 20)
+    worse, good, better = report([9.0] * 20), report([0.5] * 9 + [9.0] * 11), report([1.0] * 20)
     assert clearly_best([good, better, better, good, worse]) == 2
 
 
