@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from agents.tracks import server_or_skip, steps_file
+from agents.tracks import SMALL, server_or_skip, steps_file
 
 from legoworld import cli
 from legoworld.agents.mcp_server import PLAYER, server_python
@@ -16,7 +16,7 @@ from legoworld.agents.mcp_server import PLAYER, server_python
 pytestmark = pytest.mark.blender
 
 ROOT = Path(__file__).parents[2]
-CUBE = "import bpy\nbpy.ops.mesh.primitive_cube_add(location=(0, 3, 0))"
+CUBE = f"import bpy\n{SMALL}\nbpy.ops.mesh.primitive_cube_add(location=(0, 3, 0))"
 SAVE = "import bpy, os\nbpy.ops.wm.save_as_mainfile(filepath=os.getcwd() + '/scene.blend')"
 SPOIL = "open('scene.blend', 'w').write('spoiled')"
 

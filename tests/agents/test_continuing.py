@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from agents.tracks import make_track, plan, run, server_or_skip, steps_file
+from agents.tracks import SMALL, make_track, plan, run, server_or_skip, steps_file
 
 from legoworld import cli
 from legoworld.agents import unfinished
@@ -25,7 +25,10 @@ from legoworld.trajectories.folder import RecordedTrial, read_trial
 ROOT = Path(__file__).parents[2]
 WITHIN_S = 300
 #: Each step leaves an object of its name, and says all there are.
-ADD = """import bpy, os, time
+ADD = f"""import bpy, os, time
+{SMALL}
+"""
+ADD += """\
 bpy.context.scene.collection.objects.link(bpy.data.objects.new("step {n}", None))
 print(*sorted(o.name for o in bpy.data.objects if o.name.startswith("step")), sep=", ")
 """

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from agents.tracks import make_track, plan, run, server_or_skip, steps_file
+from agents.tracks import SMALL, make_track, plan, run, server_or_skip, steps_file
 from waiting import until
 
 from legoworld.agents.reconstruct import TrialRow
@@ -20,7 +20,7 @@ from legoworld.trajectories.folder import read_trial
 
 pytestmark = pytest.mark.blender
 
-CUBE = "bpy.ops.mesh.primitive_cube_add(location=(0, 3, 0))"
+CUBE = f"{SMALL}\nbpy.ops.mesh.primitive_cube_add(location=(0, 3, 0))"
 HERE = "__import__('os').getcwd()"
 SAVE = f"bpy.ops.wm.save_as_mainfile(filepath={HERE} + '/scene.blend')"
 #: For what ends by itself: never the reason that it ends.
@@ -135,6 +135,7 @@ def test_an_agent_that_forks_is_a_row_and_its_scene_survives(tmp_path):
 
 def test_thousands_of_objects_are_a_scene(tmp_path):
     code = (
+        f"{SMALL}\n"
         "m = bpy.data.meshes.new('m')\nm.from_pydata([(0,0,0),(1,0,0),(0,1,0)],[],[(0,1,2)])\n"
         "c = bpy.context.scene.collection.objects\n"
         "for n in range(3_000): c.link(bpy.data.objects.new(f'o{n}', m))"

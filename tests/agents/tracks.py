@@ -19,6 +19,9 @@ from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts
 from legoworld.scene.reading import read_scene
 
+#: An agent's first words, so that final.png takes no time: the start-up scene renders 1920 x 1080.
+SMALL = "r = bpy.context.scene.render; r.resolution_x, r.resolution_y = 64, 48"
+
 
 def server_or_skip() -> None:
     """Skip where mcp-for-blender has no environment."""
