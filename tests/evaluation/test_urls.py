@@ -67,12 +67,21 @@ def test_inputs_are_named_by_where_they_really_are(tmp_path):
 
 
 def test_a_password_in_a_url_is_not_written_down(tmp_path):
-    from legoworld.evaluation.input_paths import Origins, recorded_inputs
-    from legoworld.records.folders.evaluation_folder import InputFile
+    from legoworld.evaluation.input_paths import Origins, prepared_inputs
+    from legoworld.records.evidence import DetectionConfiguration
 
-    run = InputFile(role="run", path=tmp_path / "run.json", sha256="", size_bytes=0)
-    origins = Origins(run_url="ftp://me:secret@host/run/")
-    assert recorded_inputs([run], tmp_path, origins)[0].recorded == "ftp://host/run/run.json"
+    (tmp_path / "run.json").write_text("{}")
+    (recorded,) = prepared_inputs(
+        tmp_path / "eval",
+        [("run", tmp_path / "run.json")],
+        DetectionConfiguration(
+            task="coco", evaluator="official", draws=1, seed=0, card_sha256="0" * 64
+        ),
+        run=tmp_path,
+        origins=Origins(run_url="ftp://me:secret@host/run/"),
+        overwrite=False,
+    )
+    assert recorded.recorded == "ftp://host/run/run.json"
 
 
 def test_what_is_at_the_url_stays_when_scoring_fails(tmp_path, capsys):
