@@ -5,23 +5,30 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
 import pytest
 from comparison.evaluations import (
     bad,
     change_json,
     compared,
     depth_scene_and_baseline,
+    evaluated,
     forge,
     row_of,
     scene_and_baseline,
 )
+from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld.comparison import folder as comparison_folder
 from legoworld.comparison.folder import prepare_folder, read_document, write_comparison
 from legoworld.comparison.making import make_joined
+from legoworld.comparison.subsets import table_of_images
+from legoworld.comparison.verdict import noun
 from legoworld.comparison.verification import _agrees, verify_comparison
 from legoworld.errors import LegoWorldError
+from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.scoring import AGREEMENT
+from legoworld.evaluation.stored import read_evaluation
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file
 from legoworld.records.base import decode
 from legoworld.records.evidence import AnyEvidence, DetectionComparison
@@ -328,6 +335,51 @@ def test_what_an_interrupted_write_left_is_no_stranger(tmp_path):
     assert (tmp_path / "new" / "er").is_dir()
 
 
+def test_a_side_without_predictions_has_no_score_free_numbers_and_no_intervals(tmp_path):
+    truth = random_truth("coco", seed=5)
+    nothing = evaluated(tmp_path / "scene", "coco", truth, [])
+    found = random_predictions("coco", truth, seed=6)
+    something = evaluated(tmp_path / "b", "coco", truth, found, kind="baseline")
+    document = compared([nothing, something], tmp_path / "out", draws=5)
+    for metric in ("miou_matched", "precision_50", "sq"):
+        row = row_of(document, f"class_aware.{metric}", "attempted")
+        assert (row["scene"]["value"], row["scene"]["interval"]) == (None, None), metric
+        assert row["baseline"]["interval"] is not None
+        assert row["difference"] == {"value": None, "interval": None}
+    row = row_of(document, "class_agnostic.label_accuracy", "attempted")
+    assert row["scene"]["over"]["pairs"] == 0
+    assert row_of(document, "class_aware.recall_50", "attempted")["scene"]["value"] == 0.0
+
+
+def test_the_matches_of_some_images_are_those_rows_of_every_column(made):
+    side = read_evaluation(made / "c" / "baseline" / "eval")
+    table = matches_file.table_from(side.matches, matches_file.OWN)
+    kept = np.arange(len(table.image_ids)) % 3 != 1
+    some = table_of_images(table, kept)
+    rows, cells = kept[table.image], kept[table.truth_image]
+    assert 0 < rows.sum() < len(rows)
+    number = np.cumsum(kept) - 1
+    assert some.image_ids.tolist() == table.image_ids[kept].tolist()
+    assert some.image.tolist() == number[table.image[rows]].tolist()
+    assert some.truth_image.tolist() == number[table.truth_image[cells]].tolist()
+    for name in ("category", "score", "rank", "entry"):
+        assert getattr(some, name).tolist() == getattr(table, name)[rows].tolist(), name
+    assert some.truth_category.tolist() == table.truth_category[cells].tolist()
+    assert some.state.tolist() == table.state[:, :, rows].tolist()
+    assert some.n_truths.tolist() == table.n_truths[:, cells].tolist()
+    assert some.category_ids.tolist() == table.category_ids.tolist()
+
+
+@pytest.mark.parametrize(
+    ("task", "expected"),
+    [("coco", "Scene boxes"), ("coco-masks", "Scene masks"), ("lvis", "Scene masks (LVIS)"),
+     ("eth3d", "Scene depth"), ("bench", "Scenes"), ("other", "scene")],
+)  # fmt: skip
+def test_the_subject_of_a_verdict(task, expected):
+    assert noun(task, "scene") == expected
+    assert noun(task, "YOLOX") == "YOLOX"
+
+
 NOT_RECORDED = (
     "How the scenes were made (agent, prompts, camera given, metric feedback) is not recorded."
 )
@@ -364,6 +416,7 @@ def test_the_notes_of_boxes_and_of_depth_to_the_last_word(made):
         ({"a": 1}, {"b": 1}, "DIFFERS inf"),
         ({"a": [1]}, {"a": [1, 2]}, "DIFFERS inf at .a"),
         ([1], {"a": 1}, "DIFFERS inf"),
+        ({"a": 1, "b": 1}, {"a": None, "b": None}, "DIFFERS inf at .a"),
         ([], [], "ok 0.0e+00"),
     ],
 )
