@@ -119,9 +119,11 @@ def _notes(board: Leaderboard) -> list[str]:
         "V, R, A, S: over all attempted cases, a submission that is not valid counts 0. R, A, S "
         "valid: over the valid cases of each run.",
     ]
+    single = [f"{row.agent} {row.model}" for row in board.rows if len(row.evaluations) < 2]
+    if single:
+        named = "every row" if len(single) == len(board.rows) > 1 else "; ".join(single)
+        notes.append(f"{named}: a single run, so no standard deviation.")
     for row in board.rows:
-        if len(row.evaluations) < 2:
-            notes.append(f"{row.agent} {row.model}: a single run, so no standard deviation.")
         every = row.groups[0].metrics["S"]
         if every.interval and every.interval.ends:
             low, high = (100 * end for end in every.interval.ends)

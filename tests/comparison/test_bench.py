@@ -183,8 +183,8 @@ class TestTable:
             for of in (metrics, alone)
         ]
         assert wide.notes[2:] == [
-            f"agent a m: {ends[0]}",
             "agent b m: a single run, so no standard deviation.",
+            f"agent a m: {ends[0]}",
             f"agent b m: {ends[1]}",
         ]
         by_name = {(row[0], row[3], row[5]): row for row in long_table(board).rows}

@@ -125,7 +125,7 @@ export function step(by) {
 export function card(section, row, attributes) {
   const picture = el("span", { class: "thumb" });
   const many = section.sides.length > 1;
-  const marks = row.cells.slice(0, MOST_MARKS).map((cell, k) => markOf(cell, many ? section.sides[k].label : ""));
+  const marks = row.cells.slice(0, MOST_MARKS).map((cell, k) => markOf(cell, many ? shortName(section.sides[k].label) : ""));
   const first = row.cells[0];
   const said = first.status === "ok" ? first.advice : first.status + (first.advice ? ": " + first.advice : "");
   const made = el("a", Object.assign({ class: "card", href: "#/" + section.key + "/" + row.id,
@@ -284,6 +284,9 @@ export function focusPhoto(section, image) {
   const other = sectionElement(section.key).querySelector("[data-sheet] [data-image='" + Number(image) + "']");
   if (other) { other.focus(); }
 }
+
+/* A comparison calls a side "scene (mine)": only what differs is kept. */
+function shortName(label) { return label.replace(/^\w+ \((.+)\)$/, "$1"); }
 
 /* Tier and view come last in a case's name, where a narrow card would cut them off. */
 function caseName(file) { return file.replace(/\.[a-z]+$/, "").replaceAll("__", " ").replace(/view_0*(?=\d)/, "view "); }

@@ -36,11 +36,12 @@ function forestFigure(section) {
   const many = rows.some((r) => r.differences.some(Boolean));
   const pairs = rows.reduce((n, r) => Math.max(n, r.differences.length), 0);
   const names = section.bench ? 30 : NAMES;
-  const width = many ? 700 : section.bench ? 420 : 520;
-  const values = { left: names, right: many ? 430 : width - 66 };
-  const differences = { left: 494, right: width - 18 };
-  const high = rows.length * LINE + 46;
-  const lines = rows.flatMap((row, i) => rowMarks(row, 22 + i * LINE + LINE / 2, values, many ? differences : null, reach(rows)));
+  const width = section.bench ? (many ? 470 : 420) : many ? 700 : 520;
+  const values = { left: names, right: many ? width - 270 + (section.bench ? 36 : 0) : width - 66 };
+  const differences = { left: values.right + 64, right: width - 18 };
+  const line = Math.max(LINE, 11 * labels.length + 5);
+  const high = rows.length * line + 46;
+  const lines = rows.flatMap((row, i) => rowMarks(row, 22 + i * line + line / 2, values, many ? differences : null, reach(rows)));
   const root = svg("svg", { class: "chart forest", viewBox: "0 0 " + width + " " + high, role: "img",
     "aria-label": "main metrics of " + labels.join(" and ") + " with 95 % intervals" }, [
     ...axis(values, 0, 1, [0, 0.25, 0.5, 0.75, 1], high, ""),
