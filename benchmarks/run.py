@@ -49,7 +49,7 @@ TABLES = (
         program="kernel/run.py",
         quick="--scenes primitives,spheres,sliver_room --widths 640 --rounds 3"
         " --cycles-python {python}",
-        full="--rounds 5 --cycles-python {python}",
+        full="--rounds 3 --slowest 15 --most-rows 256 --cycles-python {python}",
     ),
     Table(
         title="One scene from a cold start, against importing bpy and opening the file",
@@ -71,6 +71,20 @@ TABLES = (
         program="throughput/throughput.py",
         quick="--count 24 --low 5000 --high 5000 --rounds 1",
         full="--count 200 --low 5000 --high 5000 --rounds 3",
+    ),
+    Table(
+        title="More workers than cores: the same bytes, images per second, memory",
+        name="workers",
+        program="throughput/workers.py",
+        quick="--count 8 --workers 1,4",
+        full="--count 240 --rounds 2",
+    ),
+    Table(
+        title="Many folders, half of them odd: messages, seconds, memory",
+        name="odd",
+        program="soak/odd_folders.py",
+        quick="--count 60",
+        full="--count 1000",
     ),
     Table(
         title="Large and odd scenes: right, seconds, memory, stages",

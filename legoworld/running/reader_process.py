@@ -22,9 +22,9 @@ _WORTH_A_PROCESS: Final = 30
 _MOST_THREADS: Final = 2
 
 
-def worth_processes(workers: int, n_images: int) -> bool:
+def worth_processes(workers: int, n_images: int, cores: int) -> bool:
     """Whether this number of local workers should be processes."""
-    return workers > _MOST_THREADS and n_images >= _WORTH_A_PROCESS * workers
+    return min(workers, cores) > _MOST_THREADS and n_images >= _WORTH_A_PROCESS * workers
 
 
 class ReaderProcess:

@@ -244,9 +244,10 @@ def _unusable(row: RunRow, missing: str) -> RunDamagedError:
 def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[ImageRecord]:
     """Records in order of completion; worker processes end with this generator."""
     workers = max(1, min(request.workers, len(todo)))
-    threads = max(1, usable_cores() // workers) if request.engine == "local" else 1
+    cores = usable_cores()
+    threads = max(1, cores // workers) if request.engine == "local" else 1
     options = replace(request.image_options, threads=threads)
-    apart = request.engine == "local" and worth_processes(workers, len(todo))
+    apart = request.engine == "local" and worth_processes(workers, len(todo), cores)
     make: Callable[[], Worker[TrackImage, ImageRecord]]
     if apart or request.engine != "local":
         make = partial(ReaderProcess if apart else SceneReader, options, request.limits)

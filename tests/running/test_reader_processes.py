@@ -37,7 +37,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
 def always(monkeypatch: pytest.MonkeyPatch) -> None:
     """Processes for however few images."""
     monkeypatch.setattr(reader_process, "_WORTH_A_PROCESS", 0)
-    monkeypatch.setattr(reader_process, "_MOST_THREADS", 1)
+    monkeypatch.setattr(reader_process, "_MOST_THREADS", 0)
 
 
 def python_children() -> set[int]:
@@ -54,9 +54,10 @@ def python_children() -> set[int]:
 
 
 def test_few_workers_and_few_images_stay_threads():
-    assert not worth_processes(2, 10_000)
-    assert not worth_processes(16, 100)
-    assert worth_processes(16, 480)
+    assert not worth_processes(2, 10_000, 16)
+    assert not worth_processes(16, 100, 16)
+    assert not worth_processes(16, 480, 2)
+    assert worth_processes(16, 480, 16)
 
 
 @pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
