@@ -7,7 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
-from baselines.child import ROOT, ask, ask_here, defaults, importable, program, refusal, request
+from baselines.child import ROOT, ask_here, defaults, importable, program, refusal, request
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -58,8 +58,8 @@ def photo(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def everything(checkpoint, tmp_path_factory, photo):
-    """What the process says when every category is asked for."""
-    return ask("sam3", lvis_request(checkpoint, tmp_path_factory.mktemp("run"), [photo]))
+    """What is said when every category is asked for; the process is specialists/test_by_name's."""
+    return ask_here("sam3", lvis_request(checkpoint, tmp_path_factory.mktemp("run"), [photo]))
 
 
 def pixels(width=60, height=40, seed=0):
