@@ -39,7 +39,7 @@ def sources(folder: Path) -> list[Path]:
 
 
 def source_hash(folder: Path) -> str:
-    """sha256 over names and contents of its C++ files, the shared ones and the flags, in hex."""
+    """sha256, in hex, over the flags and over names and contents of shared and own C++ files."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for path in [*sources(SHARED), *sources(folder)]:
         content = path.read_bytes().replace(b"\r\n", b"\n")

@@ -137,7 +137,7 @@ static uint8_t triangle_reach(const Frame& frame, const Rectangle& rectangle, co
   return in_view(frame, rectangle, lone) ? kBetweenCentres : kOutsideView;
 }
 
-// How far points lie beyond each plane of the view, the nearest of them: near, far, the four sides.
+// How far the nearest of some points lies beyond each plane of the view: near, far, four sides.
 struct Beyond {
   double nearest[6] = {INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
   double size = 0;
@@ -165,7 +165,7 @@ struct Beyond {
     return 1e-9 * (size + r.widest * (frame.orthographic ? 1.0 : size));
   }
 
-  bool sides(double margin) const {
+  bool a_side(double margin) const {
     for (int i = 2; i < 6; ++i) {
       if (nearest[i] > margin) return true;
     }
@@ -173,8 +173,8 @@ struct Beyond {
   }
 };
 
-// What no triangle of the placement can exceed, by the box of its mesh: one that lies beside the view
-// would otherwise be asked triangle by triangle.
+// What no triangle of the placement can exceed, by the box of its mesh: a placement beside the view
+// would otherwise be tested triangle by triangle.
 static uint8_t most_reach(const Frame& frame, const Rectangle& r, int64_t placement) {
   const Box& box = frame.boxes.data()[frame.surfaces.placement_mesh[placement]];
   if (box.low[0] > box.high[0]) return kNoArea;
@@ -189,7 +189,7 @@ static uint8_t most_reach(const Frame& frame, const Rectangle& r, int64_t placem
   const double margin = beyond.margin(frame, r);
   if (beyond.nearest[0] > margin) return kTooNear;
   if (beyond.nearest[1] > margin) return kTooFar;
-  return beyond.sides(margin) ? kOutsideView : kCovers;
+  return beyond.a_side(margin) ? kOutsideView : kCovers;
 }
 
 // Whether a triangle lies beside the view as a whole, told without its edges.
@@ -202,7 +202,7 @@ static bool is_beside(const Frame& frame, const Rectangle& r, const Shape& shape
     const double at[3] = {vertex[0], vertex[1], vertex[2]};
     beyond.add(frame, r, m, at);
   }
-  return beyond.sides(beyond.margin(frame, r));
+  return beyond.a_side(beyond.margin(frame, r));
 }
 
 static int32_t coverage(const LwSurfaces& surfaces, const LwView& view, int threads, uint8_t* reach) {

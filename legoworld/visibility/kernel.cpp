@@ -49,7 +49,7 @@ LW_API const char* lw_source_hash() { return LEGOWORLD_SOURCE_HASH; }
 LW_API int32_t lw_best_level() { return lw::has_avx512() ? 2 : lw::has_avx2() ? 1 : 0; }
 
 LW_API int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
-                            int32_t level, int32_t* instance, float* depth) {
+                         int32_t level, int32_t* instance, float* depth) {
   try {
 #if defined(__x86_64__)
     if (level > 1) return lw::avx512::render(*surfaces, *view, threads, instance, depth);
@@ -63,7 +63,7 @@ LW_API int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int32_t
 }
 
 LW_API int32_t lw_coverage(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
-                              uint8_t* reach) {
+                           uint8_t* reach) {
   try {
     return lw::baseline::coverage(*surfaces, *view, threads, reach);
   } catch (const std::bad_alloc&) {

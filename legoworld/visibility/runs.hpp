@@ -36,7 +36,7 @@ struct Run {
   int32_t id, first;  // first: in the order of columns
 };
 
-// Runs down the columns, the last one of each column going on in the next.
+// Runs down the columns; a run may continue in the next column.
 static std::vector<Run> column_runs(const int32_t* instance, int32_t width, int32_t height) {
   constexpr int32_t kStrip = 16;  // columns: one cache line of each row
   constexpr int32_t kStep = 16;   // pixels that are compared at once
@@ -73,7 +73,8 @@ static std::vector<Run> column_runs(const int32_t* instance, int32_t width, int3
 }
 
 // Text of run lengths, as pycocotools' rleToString writes them: five bits a character, each length
-// from the third on as its difference to the one two before. Counts on where the space ends.
+// from the fourth on as its difference to the one two before. Where the space ends, characters are
+// counted and not written.
 struct Text {
   char* at;
   int64_t space, used = 0;
@@ -99,7 +100,7 @@ struct Text {
 };
 
 // The compressed run lengths of the instances 0..instances - 1, one text after another; ends: where
-// each of them ends. How many characters they take, also where the space is not enough.
+// each of them ends. Returns how many characters they take, also where the space is not enough.
 static int64_t masks(const int32_t* instance, int32_t width, int32_t height, int64_t instances,
                      char* text, int64_t space, int64_t* ends) {
   const std::vector<Run> runs = column_runs(instance, width, height);

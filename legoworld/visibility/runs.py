@@ -1,6 +1,6 @@
 """What is counted in a finished picture of instance ids: areas, extents and masks.
 
-In C++ (runs.hpp), because a picture has more pixels than everything else has numbers.
+In C++ (runs.hpp): every pixel of every picture is read here.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from legoworld.errors import LegoWorldError, ShapeError
 from legoworld.visibility.library import library
 
-#: Characters that an instance's mask takes at least.
+#: Characters a mask is first given; where all take more, they are written again.
 _ONE_MASK = 8
 
 

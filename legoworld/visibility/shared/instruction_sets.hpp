@@ -1,5 +1,5 @@
-// Code that is compiled once more for AVX2 and for AVX-512, and whether this CPU runs it. Included by
-// the kernels of legoworld/visibility and legoworld/evaluation: the hash of either's sources covers
+// Code that is compiled once more for AVX2 and for AVX-512, and whether this CPU runs it. Included
+// by the kernels of legoworld/visibility and legoworld/evaluation: the source hash of both covers
 // this folder.
 
 #pragma once
@@ -49,10 +49,11 @@ inline bool has_avx2() {
   return cpu_extensions(kXmmAndYmm, b, c) && (b & kAvx2) != 0;
 }
 
-// F, DQ, BW and VL, and VBMI2: of the first CPUs with AVX-512, which lower their clock for it, none has
-// the last one.
+// F, DQ, BW and VL; and VBMI2, which the first CPUs with AVX-512 lack: those lower their clock for
+// wide vectors.
 inline bool has_avx512() {
-  constexpr uint32_t kAndZmm = 0xe6, kWide = 1u << 16 | 1u << 17 | 1u << 30 | 1u << 31, kVbmi2 = 1u << 6;
+  constexpr uint32_t kAndZmm = 0xe6, kVbmi2 = 1u << 6;
+  constexpr uint32_t kWide = 1u << 16 | 1u << 17 | 1u << 30 | 1u << 31;
   uint32_t b = 0, c = 0;
   return has_avx2() && cpu_extensions(kAndZmm, b, c) && (b & kWide) == kWide && (c & kVbmi2) != 0;
 }
