@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import shutil
 import subprocess
 import sys
 
@@ -106,6 +105,38 @@ def test_what_was_not_declared_does_not_become_declared_within_the_edit(case, bl
     assert not judgement.accepted
     assert "undeclared" in {v.why for v in judgement.violations}
     assert case.rollback().scene_signature == begun.scene_signature
+
+
+#: A texture of the chair, and other bytes in its file: of the same size and modification time.
+PAINTED = """
+import bpy, os
+image = bpy.data.images.new("Wood", 4, 4)
+image.filepath_raw = os.path.join(os.path.dirname(bpy.data.filepath), "wood.png")
+image.file_format = "PNG"
+image.save()
+image.source = "FILE"
+material = bpy.data.materials.new("Wood")
+material.use_nodes = True
+material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+bpy.data.objects["Chair"].data.materials.append(material)
+"""
+REPAINTED = """
+import bpy, os
+path = bpy.path.abspath(bpy.data.images["Wood"].filepath)
+about = os.stat(path)
+with open(path, "r+b") as stream:
+    stream.seek(-1, os.SEEK_END)
+    stream.write(b"?")
+os.utime(path, ns=(about.st_atime_ns, about.st_mtime_ns))
+"""
+
+
+def test_a_texture_file_that_keeps_its_time_is_a_change(case, blender_code):
+    blender_code.run(PAINTED)
+    case.begin(MOVE_CUP)
+    assert case.diff() == ()
+    blender_code.run(REPAINTED)
+    assert {change.entity for change in case.diff()} == {"Chair"}
 
 
 def test_an_edit_without_a_transaction_is_named_by_the_next_begin(tmp_path, case, blender_code):
@@ -267,8 +298,8 @@ bpy.app.handlers.save_post.append(swap)
 
 def test_a_link_in_the_copy_s_place_is_not_followed(tmp_path, case, blender_code):
     victim = tmp_path / "victim.blend"
-    shutil.copy(case.folder / "ledger.jsonl" if case.ledger.entries else __file__, victim)
-    before = victim.read_bytes()
+    before = b"not the plugin's"
+    victim.write_bytes(before)
     case.begin(MOVE_CUP)
     blender_code.run(SWAP.format(target=str(victim)))
     try:

@@ -137,11 +137,13 @@ def _file_sha256(image: bpy.types.Image) -> str | None:
         about = path.stat()
     except OSError:
         return None
-    return _content_sha256(path, about.st_mtime_ns, about.st_size) if path.is_file() else None
+    # By the time of its last change, which no program can set back as it can the modification time.
+    seen = about.st_ctime_ns, about.st_ino, about.st_size
+    return _content_sha256(path, seen) if path.is_file() else None
 
 
 @functools.lru_cache(maxsize=1024)
-def _content_sha256(path: Path, _mtime_ns: int, _size: int) -> str:
+def _content_sha256(path: Path, _seen: tuple[int, int, int]) -> str:
     return sha256_of_file(path)
 
 
