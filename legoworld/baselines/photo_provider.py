@@ -102,7 +102,7 @@ def ask_provider(
 
 
 def _answer(process: BaselineProcess, request: ProviderRequest) -> Message:
-    """The photo's line, of however many there are."""
+    """The line about the photo; what comes before it is skipped."""
     while True:
         try:
             message = process.next_message(request.time_limit_s)
@@ -138,7 +138,11 @@ def _failed(
 def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path) -> GivenDepth:
     path = output / depth_file(PurePosixPath(photo.name).with_suffix("").as_posix())
     if not path.is_file() or sha256_of_file(path) != said.sha256:
-        raise _failed(request, "a depth file that is not there or not the one it spoke of", "it")
+        raise _failed(
+            request,
+            f"{path.name} is absent or not the one it spoke of",
+            "depth of the sha256 it gave",
+        )
     if said.space not in _SPACES:
         raise _failed(request, f"depth of space {said.space}", " or ".join(_SPACES))
     return GivenDepth(path=path, space=_SPACES[said.space], source=request.source, of_photo=True)

@@ -129,7 +129,7 @@ def evidence(
             asked = _request(provider, weights, python, device, dtype, chosen, offline, time_limit)
             given = replace(given, provided=_ask(asked, photo, scratch, verbose=verbose))
         elif weights is not None or chosen:
-            raise click.UsageError("--weights and --option are a --provider's")
+            raise click.UsageError("--weights and --option need a --provider")
         made = make_evidence(given, output)
     source = made.camera.rotation_source
     told = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -64,12 +65,13 @@ def _array(path: Path) -> NDArray[np.float32]:
                 raise ValueError("no PNG")
             array = np.asarray(picture)
         else:
-            loaded = np.load(path, allow_pickle=False)
-            array = loaded if isinstance(loaded, np.ndarray) else _only(loaded)
+            with path.open("rb") as stream:
+                loaded = np.load(stream, allow_pickle=False)
+                array = loaded if isinstance(loaded, np.ndarray) else _only(loaded)
         if array.ndim != 2:
             raise ValueError(f"an array of shape {array.shape}")
         return np.asarray(array, np.float32)
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise EvidenceInvalidError(
             f"{path.name} cannot be read as depth",
             found=str(error),

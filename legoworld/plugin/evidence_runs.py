@@ -5,6 +5,7 @@ Beside runs there are results files and folders of arrays that no run stands for
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -101,8 +102,13 @@ def _space(path: Path) -> DepthSpace:
     """What a baseline's .npz says of itself; depth for any other array."""
     if path.suffix != ".npz":
         return "depth"
-    with np.load(path, allow_pickle=False) as stored:
-        said = str(stored["space"]) if "space" in stored else "depth"
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            said = str(stored["space"]) if "space" in stored else "depth"
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise EvidenceInvalidError(
+            f"{path.name} cannot be read as depth", found=str(error), expected="an .npz of arrays"
+        ) from error
     if said not in _SPACES:
         raise EvidenceInvalidError(
             f"{path.name} is no depth along the camera's axis",

@@ -71,8 +71,8 @@ class DepthSaid(Record, frozen=True, kw_only=True):
 class CameraSaid(Record, frozen=True, kw_only=True):
     """A camera that a process recovered: pixels of the photo, origin in its upper left corner."""
 
-    width: int
-    height: int
+    width: Annotated[int, Meta(ge=1)]
+    height: Annotated[int, Meta(ge=1)]
     fx: Annotated[float, Meta(gt=0)]
     fy: Annotated[float, Meta(gt=0)]
     cx: float

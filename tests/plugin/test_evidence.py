@@ -12,6 +12,7 @@ from pycocotools import mask as rle
 from legoworld.cli import run
 from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
 from legoworld.plugin.evidence_making import Given, make_evidence
+from legoworld.plugin.evidence_runs import depth_file
 from legoworld.readouts.tasks import protocol
 
 W, H = 64, 48
@@ -102,6 +103,17 @@ def test_half_size_depth_is_taken_and_another_shape_refused(tmp_path, photo):
     np.save(tmp_path / "wide.npy", np.ones((H, H)))
     with pytest.raises(EvidenceInvalidError, match="another photo"):
         made(tmp_path, photo, depth=tmp_path / "wide.npy")
+
+
+def test_a_broken_array_is_refused_in_one_line(tmp_path, photo):
+    np.savez(tmp_path / "d.npz", values=np.ones((H, W)))
+    whole = (tmp_path / "d.npz").read_bytes()
+    for cut in (len(whole) // 2, 8, 0):
+        (tmp_path / "d.npz").write_bytes(whole[:cut])
+        with pytest.raises(EvidenceInvalidError, match="cannot be read as depth"):
+            made(tmp_path, photo, depth=tmp_path / "d.npz")
+        with pytest.raises(EvidenceInvalidError, match="cannot be read as depth"):
+            depth_file(tmp_path, "d.jpg")
 
 
 def test_depth_that_was_replaced_is_refused(tmp_path, photo):
