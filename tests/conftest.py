@@ -102,6 +102,28 @@ def build_scenes() -> BuildScenes:
     return build
 
 
+@pytest.fixture(scope="module")
+def scenes(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    build_scenes: BuildScenes,
+) -> Path:
+    """The folder of scenes that the test module's SCENES builds."""
+    folder = tmp_path_factory.mktemp("scenes")
+    build_scenes(request.module.SCENES, folder)
+    return folder
+
+
+@pytest.fixture(params=["bubblewrap", "limits"])
+def confinement(request: pytest.FixtureRequest) -> str:
+    """Each way a program is confined; one that this machine does not have is skipped."""
+    from workers.confinements import bubblewrap_or_skip
+
+    if request.param == "bubblewrap":
+        bubblewrap_or_skip()
+    return str(request.param)
+
+
 @pytest.fixture(autouse=True, scope="session")
 def _ctrl_c_is_heard() -> None:
     """A shell's background job ignores Ctrl-C, and so would every command that a test stops."""

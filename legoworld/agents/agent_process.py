@@ -148,10 +148,10 @@ def _words(order: Order, home: str, output: str) -> dict[str, str]:
     }
 
 
-def _given(order: Order, caller: Mapping[str, str] | None = None) -> dict[str, str]:
+def _given(order: Order) -> dict[str, str]:
     """The caller's variables that the card names."""
-    caller = os.environ if caller is None else caller
-    return {name: caller[name] for name in order.card.about.needs.variables if name in caller}
+    wanted = order.card.about.needs.variables
+    return {name: os.environ[name] for name in wanted if name in os.environ}
 
 
 def _installed(program: str) -> list[Path]:

@@ -32,13 +32,7 @@ if TYPE_CHECKING:
     type=options.EXISTING_FILE,
     help="Track whose vocabulary resolves the labels; sets the task if it records one.",
 )
-@click.option(
-    "--source",
-    type=options.Choice(["blend", "glb"]),
-    default="blend",
-    show_default=True,
-    help="File of the scene to read.",
-)
+@options.source
 @click.option(
     "--compare-sources",
     is_flag=True,

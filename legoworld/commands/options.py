@@ -96,6 +96,17 @@ def limits(command: F) -> F:
     )(command)
 
 
+def source(command: F) -> F:
+    """--source."""
+    return click.option(
+        "--source",
+        type=Choice(["blend", "glb"]),
+        default="blend",
+        show_default=True,
+        help="File of a scene to read.",
+    )(command)
+
+
 def engine(command: F) -> F:
     """--engine."""
     return click.option(

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import F
 from legoworld.commands.plugin_evidence import evidence
 from legoworld.plugin.modules import MODULES
 
 _CONTEXT = {"help_option_names": ["-h", "--help"]}
+_DIALECTS = options.Choice(["claude", "codex", "cursor"])
+_REQUIRE_TRANSACTION = click.option(
+    "--require-transaction", is_flag=True,
+    help="Refuse tools that change the scene while no transaction is open.",
+)  # fmt: skip
+
+
+def _ledger(help_text: str) -> Callable[[F], F]:
+    return click.option(
+        "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
+        help=help_text,
+    )  # fmt: skip
 
 
 @click.group("plugin", context_settings=_CONTEXT)
@@ -41,10 +55,7 @@ command.add_command(evidence)
     "--blender", default="127.0.0.1:9876", show_default=True,
     help="Address of Blender MCP's socket: HOST:PORT.",
 )  # fmt: skip
-@click.option(
-    "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
-    help="Folder for the record of all calls; an existing one is continued.",
-)  # fmt: skip
+@_ledger("Folder for the record of all calls; an existing one is continued.")
 @click.option(
     "--without", multiple=True, type=options.Choice(MODULES),
     help="Leave a module of the plugin out, for ablations; repeat.",
@@ -109,17 +120,11 @@ def replay(ledger: Path) -> int:
 
 @command.command("hook", context_settings=_CONTEXT)
 @click.option(
-    "--dialect", required=True, type=options.Choice(["claude", "codex", "cursor"]),
+    "--dialect", required=True, type=_DIALECTS,
     help="Whose events and answers: Claude Code's, Codex's or Cursor's.",
 )  # fmt: skip
-@click.option(
-    "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
-    help="Folder of the case, as for `plugin serve`.",
-)  # fmt: skip
-@click.option(
-    "--require-transaction", is_flag=True,
-    help="Refuse tools that change the scene while no transaction is open.",
-)  # fmt: skip
+@_ledger("Folder of the case, as for `plugin serve`.")
+@_REQUIRE_TRANSACTION
 def hook(
     dialect: Literal["claude", "codex", "cursor"], ledger: Path, require_transaction: bool
 ) -> int:
@@ -142,7 +147,7 @@ def hook(
 
 @command.command("install", context_settings=_CONTEXT)
 @click.option(
-    "--for", "dialect", required=True, type=options.Choice(["claude", "codex", "cursor"]),
+    "--for", "dialect", required=True, type=_DIALECTS,
     help="Claude Code, Codex or Cursor.",
 )  # fmt: skip
 @click.option(
@@ -154,14 +159,8 @@ def hook(
 @click.option(
     "--blender", default="127.0.0.1:9876", show_default=True, help="For `plugin serve`: HOST:PORT."
 )
-@click.option(
-    "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
-    help="Folder of the case.",
-)  # fmt: skip
-@click.option(
-    "--require-transaction", is_flag=True,
-    help="Refuse tools that change the scene while no transaction is open.",
-)  # fmt: skip
+@_ledger("Folder of the case.")
+@_REQUIRE_TRANSACTION
 @click.option("--write", is_flag=True, help="Write the settings; without it they are printed.")
 @click.option("--undo", is_flag=True, help="Take out what was written, and nothing else.")
 def install(

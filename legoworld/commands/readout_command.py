@@ -34,13 +34,7 @@ if TYPE_CHECKING:
     "-o", "--output", type=PlaceType(exists=False), help="Run folder to write, or its URL."
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
-@click.option(
-    "--source",
-    type=options.Choice(["blend", "glb"]),
-    default="blend",
-    show_default=True,
-    help="File of each scene to read.",
-)
+@options.source
 @options.caching
 @click.option("--require-frozen", is_flag=True, help="Refuse scenes without a frozen.json.")
 @click.option(

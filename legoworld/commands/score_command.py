@@ -41,13 +41,7 @@ _SHORT = 5
 @click.option(
     "--image", help="The photo's id or file name in the ground truth [default: its own name]."
 )
-@click.option(
-    "--source",
-    type=options.Choice(["blend", "glb"]),
-    default="blend",
-    show_default=True,
-    help="File of the scene to read.",
-)
+@options.source
 @click.option(
     "-o",
     "--output",

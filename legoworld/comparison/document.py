@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -49,6 +49,7 @@ from legoworld.records.comparison import (
 from legoworld.records.evaluation_summary import Coverage, DepthRules
 from legoworld.records.evidence import ComparisonSettings
 
+_IMAGES: Final[tuple[Images, ...]] = ("attempted", "paired")
 _DEPTH_IMAGES: Final[tuple[Images, ...]] = ("scored", "attempted", "paired")
 
 
@@ -129,9 +130,6 @@ def _method(side: Evaluated, *, first: bool) -> Method:
 def _pair(scene: Evaluated, baseline: Evaluated, settings: ComparisonSettings, unit: str) -> Pair:
     pairing = pair_images(scene, baseline)
     ids = [row.image_id for row in scene.rows]
-    measured = _measured_depth if scene.is_depth else _measured_bench
-    if scene.task in PROTOCOLS:
-        measured = _measured_detections
     return Pair(
         scene=scene.name,
         baseline=baseline.name,
@@ -144,74 +142,41 @@ def _pair(scene: Evaluated, baseline: Evaluated, settings: ComparisonSettings, u
         ),
         paired_image_ids=tuple(i for i, keep in zip(ids, pairing.kept, strict=True) if keep),
         dropped=pairing.dropped,
-        rows=tuple(measured(scene, baseline, pairing.kept, settings, unit)),
+        rows=tuple(_measured(scene, baseline, pairing.kept, settings, unit)),
     )
 
 
-def _measured_detections(
+def _measured(
     scene: Evaluated,
     baseline: Evaluated,
     paired: NDArray[np.bool_],
     settings: ComparisonSettings,
     unit: str,
-) -> list[ComparisonRow]:
-    protocol = PROTOCOLS[scene.task]
-    rule = IntervalRule(centred=True, unit=unit)
-    rows: list[ComparisonRow] = []
-    selections: tuple[tuple[Images, NDArray[np.bool_]], ...]
-    selections = (("attempted", np.ones(len(paired), bool)), ("paired", paired))
-    for images, kept in selections:
-        if not kept.any():
-            continue  # no image, no number: coverage says 0 paired
-        shared = shared_draws(int(kept.sum()), settings.draws, settings.seed)
-        ours, theirs = (measure_detections(s, protocol, kept, shared) for s in (scene, baseline))
-        rows += _rows(metrics_of(scene.task), images, ours, theirs, rule)
-    return rows
-
-
-def _measured_depth(
-    scene: Evaluated,
-    baseline: Evaluated,
-    paired: NDArray[np.bool_],
-    settings: ComparisonSettings,
-    unit: str,
-) -> list[ComparisonRow]:
-    rule = IntervalRule(centred=False, unit=unit)
-    rows: list[ComparisonRow] = []
-    for images in _DEPTH_IMAGES:
-        kept = paired if images == "paired" else with_truth(scene)
+) -> Iterator[ComparisonRow]:
+    """The rows over each selection of images; none over no image: coverage says 0 paired."""
+    rule = IntervalRule(centred=scene.task in PROTOCOLS, unit=unit)
+    others = with_truth(scene) if scene.is_depth else np.ones(len(paired), bool)
+    for images in _DEPTH_IMAGES if scene.is_depth else _IMAGES:
+        kept = paired if images == "paired" else others
         if not kept.any():
             continue
+        measure = _measure(scene, images, kept, settings)
+        ours, theirs = measure(scene), measure(baseline)
+        for metric in metrics_of(scene.task):
+            if metric.id in ours:
+                yield comparison_row(metric, images, ours[metric.id], theirs[metric.id], rule)
+
+
+def _measure(
+    scene: Evaluated, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+) -> Callable[[Evaluated], Measures]:
+    """What measures a side over the kept images, with draws that both sides share."""
+    if scene.is_depth:
         drawn = [row for row, keep in zip(scene.depth_rows, kept, strict=True) if keep]
-        shared = shared_group_draws(drawn, settings.draws, settings.seed)
-        ours, theirs = (measure_depth(s, images, kept, shared) for s in (scene, baseline))
-        rows += _rows(metrics_of(scene.task), images, ours, theirs, rule)
-    return rows
-
-
-def _measured_bench(
-    scene: Evaluated,
-    baseline: Evaluated,
-    paired: NDArray[np.bool_],
-    settings: ComparisonSettings,
-    unit: str,
-) -> list[ComparisonRow]:
-    rule = IntervalRule(centred=False, unit=unit)
-    rows: list[ComparisonRow] = []
-    selections: tuple[tuple[Images, NDArray[np.bool_]], ...]
-    selections = (("attempted", np.ones(len(paired), bool)), ("paired", paired))
-    for images, kept in selections:
-        if not kept.any():
-            continue
-        shared = bench.family_draws(scene, kept, settings.draws, settings.seed)
-        ours, theirs = (bench.measure_bench(s, images, kept, shared) for s in (scene, baseline))
-        rows += _rows(metrics_of(scene.task), images, ours, theirs, rule)
-    return rows
-
-
-def _rows(
-    metrics: Sequence[Metric], images: Images, ours: Measures, theirs: Measures, rule: IntervalRule
-) -> list[ComparisonRow]:
-    return [
-        comparison_row(m, images, ours[m.id], theirs[m.id], rule) for m in metrics if m.id in ours
-    ]
+        groups = shared_group_draws(drawn, settings.draws, settings.seed)
+        return lambda side: measure_depth(side, images, kept, groups)
+    if scene.task in PROTOCOLS:
+        draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
+        return lambda side: measure_detections(side, PROTOCOLS[side.task], kept, draws)
+    families = bench.family_draws(scene, kept, settings.draws, settings.seed)
+    return lambda side: bench.measure_bench(side, images, kept, families)

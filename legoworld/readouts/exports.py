@@ -19,13 +19,8 @@ def exported(instances: Sequence[Instance], view: View) -> list[Instance]:
     return [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
 
 
-def box_predictions(image_id: int, instances: Sequence[Instance], view: View) -> list[Prediction]:
-    """COCO box results of one image, in canonical order: category id, then the box's numbers."""
-    return [prediction for prediction, _ in box_exports(image_id, instances, view)]
-
-
 def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
-    """`box_predictions`, each with its instance."""
+    """COCO box results of one image, in canonical order: category id, then the box's numbers."""
     found = [(i, bbox_xywh_px(view, i.id)) for i in exported(instances, view)]
     return [
         (
@@ -41,16 +36,11 @@ def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> lis
     ]
 
 
-def mask_predictions(image_id: int, instances: Sequence[Instance], view: View) -> list[Prediction]:
+def mask_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
     """Mask results of one image, in canonical order: category id, then the RLE's bytes.
 
     Without bbox: the official evaluators would use the box's area as the mask's.
     """
-    return [prediction for prediction, _ in mask_exports(image_id, instances, view)]
-
-
-def mask_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
-    """`mask_predictions`, each with its instance."""
     runs = ColumnRuns(view.buffers.instance, len(view.area_px))
     found = [(i, runs.counts(i.id)) for i in exported(instances, view)]
     return [

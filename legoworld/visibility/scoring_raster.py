@@ -11,16 +11,16 @@ from legoworld.visibility.projection import Projection
 POINT_CAP: Final = 100_000
 
 
-def raster_size(size_wh: tuple[int, int], cap: int = POINT_CAP) -> tuple[int, int]:
-    """(W, H) of the raster for a picture: at most `cap` points in the picture's aspect.
+def raster_size(size_wh: tuple[int, int]) -> tuple[int, int]:
+    """(W, H) of the raster for a picture: at most `POINT_CAP` points in the picture's aspect.
 
-    W = floor(sqrt(cap w / h)), H = round(W h / w), halves to the even: 421 x 237 for 16:9.
+    W = floor(sqrt(POINT_CAP w / h)), H = round(W h / w), halves to the even: 421 x 237 for 16:9.
     Where rounding up would pass the cap, H is one less.
     """
     width, height = size_wh
-    columns = max(1, math.isqrt(cap * width // height))
+    columns = max(1, math.isqrt(POINT_CAP * width // height))
     rows = max(1, round(columns * height / width))
-    return columns, rows - (columns * rows > cap and rows > 1)
+    return columns, rows - (columns * rows > POINT_CAP and rows > 1)
 
 
 def picture_projection(

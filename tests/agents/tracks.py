@@ -9,15 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scene.snapshots import read_alone
 
 from legoworld.agents.mcp_server import server_problems
 from legoworld.agents.reconstruct import Progress, TrialRow, reconstruct
 from legoworld.agents.run_plan import plan_run
 from legoworld.agents.trial_plan import TrialPlan
-from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts
-from legoworld.scene.reading import read_scene
 
 #: An agent's first words, so that final.png takes no time: the start-up scene renders 1920 x 1080.
 SMALL = "r = bpy.context.scene.render; r.resolution_x, r.resolution_y = 64, 48"
@@ -82,8 +79,4 @@ def run(made: TrialPlan, output: Path, *, workers: int = 1, repeat: int = 1) -> 
 
 def snapshot_sha256(folder: Path) -> str:
     """The content hash of a scene folder's snapshot."""
-    scene = SceneFolder(path=folder, name=folder.name)
-    with BlenderProcess(Limits()) as blender:
-        files = checked_artefacts(scene, require_frozen=False)
-        read = read_scene(scene, source="blend", blender=blender, cache=None, files=files)
-    return read.snapshot_sha256
+    return read_alone(folder).snapshot_sha256

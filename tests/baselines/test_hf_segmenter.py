@@ -6,7 +6,17 @@ import json
 
 import numpy as np
 import pytest
-from baselines.child import ask, defaults, importable, program, refusal, request, some_photo, spread
+from baselines.child import (
+    ask,
+    defaults,
+    importable,
+    program,
+    refusal,
+    request,
+    resized_by_hand,
+    some_photo,
+    spread,
+)
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -130,22 +140,6 @@ def test_the_cut_is_a_plain_sort_over_queries_and_classes(per_image):
 # The masks
 
 
-def plain_resize(values, height, width):
-    """Bilinear at pixel centres, one pixel at a time, edges repeated."""
-    rows, cols = values.shape
-    found = np.zeros((height, width))
-    for y in range(height):
-        for x in range(width):
-            u = min(max((x + 0.5) * cols / width - 0.5, 0), cols - 1)
-            v = min(max((y + 0.5) * rows / height - 0.5, 0), rows - 1)
-            left, top = int(u), int(v)
-            right, bottom = min(left + 1, cols - 1), min(top + 1, rows - 1)
-            upper = values[top, left] * (1 - u + left) + values[top, right] * (u - left)
-            lower = values[bottom, left] * (1 - u + left) + values[bottom, right] * (u - left)
-            found[y, x] = upper * (1 - v + top) + lower * (v - top)
-    return found
-
-
 def test_detections_are_those_of_a_plain_loop_and_padding_is_cut_off():
     generator = np.random.default_rng(6)
     logits = generator.normal(size=(QUERIES, 4, 6)).astype(np.float32)
@@ -168,8 +162,8 @@ def test_detections_are_those_of_a_plain_loop_and_padding_is_cut_off():
     }
     assert len(entries) == len(boxes) == len(pairs) == 2 * QUERIES - 2
     for entry, box, (query, number) in zip(entries, boxes, pairs, strict=True):
-        whole = plain_resize(logits[query].astype(np.float64), 16, 24)
-        photo = plain_resize(whole[:13], 17, 31)
+        whole = resized_by_hand(logits[query].astype(np.float64), 16, 24)
+        photo = resized_by_hand(whole[:13], 17, 31)
         assert np.abs(photo).min() > 1e-6  # so that rounding cannot turn a pixel
         mask = coco_mask.decode(entry["segmentation"]).astype(bool)
         assert np.array_equal(mask, photo > 0)

@@ -7,7 +7,16 @@ import shutil
 
 import numpy as np
 import pytest
-from baselines.child import ROOT, ask_here, defaults, importable, program, refusal, request
+from baselines.child import (
+    ROOT,
+    ask_here,
+    defaults,
+    importable,
+    program,
+    refusal,
+    request,
+    resized_by_hand,
+)
 from PIL import Image
 
 torch = pytest.importorskip("torch")
@@ -222,22 +231,6 @@ def test_a_score_that_is_not_a_number_fails_the_image():
         sam3_selection.Selection(limits).add([1], answers)
 
 
-def resized_by_hand(logits, width, height):
-    """Bilinear at pixel centres, one pixel at a time, edges repeated."""
-    rows, cols = logits.shape
-    found = np.zeros((height, width))
-    for y in range(height):
-        for x in range(width):
-            u = min(max((x + 0.5) * cols / width - 0.5, 0), cols - 1)
-            v = min(max((y + 0.5) * rows / height - 0.5, 0), rows - 1)
-            left, top = int(u), int(v)
-            right, bottom = min(left + 1, cols - 1), min(top + 1, rows - 1)
-            upper = logits[top, left] * (1 - u + left) + logits[top, right] * (u - left)
-            lower = logits[bottom, left] * (1 - u + left) + logits[bottom, right] * (u - left)
-            found[y, x] = upper * (1 - v + top) + lower * (v - top)
-    return found
-
-
 def test_masks_and_their_run_lengths_are_those_of_a_plain_loop():
     generator = np.random.default_rng(4)
     logits = generator.normal(size=(19, 8, 8)).astype(np.float32)
@@ -255,7 +248,7 @@ def test_masks_and_their_run_lengths_are_those_of_a_plain_loop():
         assert entry["score"] == float(answers.scores[0, number])
         assert entry["segmentation"]["size"] == [14, 23]
         assert isinstance(entry["segmentation"]["counts"], str)
-        by_hand = resized_by_hand(logits[number].astype(np.float64), 23, 14)
+        by_hand = resized_by_hand(logits[number].astype(np.float64), 14, 23)
         sure = np.abs(by_hand) > 1e-5
         mask = coco_mask.decode(entry["segmentation"]).astype(bool)
         assert np.array_equal(mask[sure], (by_hand > 0)[sure])

@@ -17,6 +17,15 @@ OLD_OF = {
     "dining table": "diningtable",
     "tv": "tvmonitor",
 }
+#: What every encoder and decoder is made of.
+SMALL = {
+    "encoder_attention_heads": 2,
+    "decoder_attention_heads": 2,
+    "encoder_ffn_dim": 16,
+    "decoder_ffn_dim": 16,
+    "num_queries": 20,
+}
+SIZE = {"shortest_edge": 64, "longest_edge": 100}
 
 
 def contiguous_labels():
@@ -53,15 +62,11 @@ def rt_detr():
         ),
         encoder_hidden_dim=16,
         encoder_in_channels=[8, 16, 16],
-        encoder_ffn_dim=16,
-        encoder_attention_heads=2,
         d_model=16,
-        num_queries=20,
         decoder_in_channels=[16, 16, 16],
-        decoder_ffn_dim=16,
         decoder_layers=2,
-        decoder_attention_heads=2,
         hidden_expansion=1.0,
+        **SMALL,
         **labelled(contiguous_labels()),
     )
     processor = transformers.RTDetrImageProcessorPil(size={"height": 96, "width": 96})
@@ -85,15 +90,11 @@ def d_fine():
         ),
         encoder_hidden_dim=16,
         encoder_in_channels=[16, 16, 16],
-        encoder_ffn_dim=16,
-        encoder_attention_heads=2,
         d_model=16,
-        num_queries=20,
         decoder_in_channels=[16, 16, 16],
-        decoder_ffn_dim=16,
         decoder_layers=2,
-        decoder_attention_heads=2,
         decoder_n_points=[3, 6, 3],
+        **SMALL,
         **labelled(contiguous_labels()),
     )
     processor = transformers.RTDetrImageProcessorPil(size={"height": 96, "width": 96})
@@ -106,16 +107,11 @@ def deformable_detr():
         d_model=32,
         encoder_layers=1,
         decoder_layers=2,
-        encoder_attention_heads=2,
-        decoder_attention_heads=2,
-        encoder_ffn_dim=16,
-        decoder_ffn_dim=16,
-        num_queries=20,
         disable_custom_kernels=True,
+        **SMALL,
         **labelled(sparse_labels()),
     )
-    size = {"shortest_edge": 64, "longest_edge": 100}
-    processor = transformers.DeformableDetrImageProcessorPil(size=size)
+    processor = transformers.DeformableDetrImageProcessorPil(size=SIZE)
     return transformers.DeformableDetrForObjectDetection(config), processor
 
 
@@ -125,16 +121,11 @@ def detr():
         d_model=16,
         encoder_layers=1,
         decoder_layers=1,
-        encoder_attention_heads=2,
-        decoder_attention_heads=2,
-        encoder_ffn_dim=16,
-        decoder_ffn_dim=16,
-        num_queries=20,
+        **SMALL,
         **labelled(sparse_labels()),
     )
-    size = {"shortest_edge": 64, "longest_edge": 100}
     return transformers.DetrForObjectDetection(config), transformers.DetrImageProcessorPil(
-        size=size
+        size=SIZE
     )
 
 
@@ -152,15 +143,10 @@ def conditional_detr():
         d_model=32,
         encoder_layers=1,
         decoder_layers=1,
-        encoder_attention_heads=2,
-        decoder_attention_heads=2,
-        encoder_ffn_dim=16,
-        decoder_ffn_dim=16,
-        num_queries=20,
+        **SMALL,
         **labelled(sparse_labels()),
     )
-    size = {"shortest_edge": 64, "longest_edge": 100}
-    processor = transformers.ConditionalDetrImageProcessorPil(size=size)
+    processor = transformers.ConditionalDetrImageProcessorPil(size=SIZE)
     return transformers.ConditionalDetrForObjectDetection(config), processor
 
 
@@ -174,8 +160,7 @@ def yolos():
         num_detection_tokens=20,
         **labelled(sparse_labels()),
     )
-    size = {"shortest_edge": 64, "longest_edge": 100}
-    processor = transformers.YolosImageProcessorPil(size=size)
+    processor = transformers.YolosImageProcessorPil(size=SIZE)
     return transformers.YolosForObjectDetection(config), processor
 
 

@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scene.snapshots import snapshot_of
 
 from legoworld.running.inspection import instance_entries
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts
 from legoworld.scene.instances import Grouping, group
 from legoworld.scene.labels import resolve_labels
-from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.scene.reading import ReadScene
 from legoworld.visibility.view import View, view
 
 
@@ -81,14 +80,10 @@ class Cases:
         self, name: str, size_wh: tuple[int, int] | None = None, *, threads: int | None = None
     ) -> Case:
         """Read a scene at a size (its own when None); raises its verdict."""
-        folder = SceneFolder(path=self.folder / name, name=name)
-        files = checked_artefacts(folder, require_frozen=False)
-        scene = read_scene(
-            folder, source="blend", blender=self.blender, cache=self.cache, files=files
-        )
+        scene = snapshot_of(self.folder / name, self.blender, self.cache)
         snapshot = scene.snapshot
         grouping = group(snapshot, resolve_labels(snapshot, (), None, None))
-        expected = folder.file("expected.json")
+        expected = self.folder / name / "expected.json"
         return Case(
             scene=scene,
             grouping=grouping,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pycocotools import mask as coco_mask
 
-from legoworld.readouts.exports import bbox_xywh_px, mask_predictions
+from legoworld.readouts.exports import bbox_xywh_px, mask_exports
 from legoworld.records.base import as_json
 
 pytestmark = pytest.mark.blender
@@ -60,7 +60,7 @@ def test_row_06_an_object_at_the_top_of_the_picture_has_a_small_y(cases):
 
 def test_row_07_a_rings_hole_is_not_in_its_mask(cases):
     case = cases.read("ring")
-    (prediction,) = mask_predictions(1, case.grouping.instances, case.view)
+    ((prediction, _),) = mask_exports(1, case.grouping.instances, case.view)
     rle = as_json(prediction)["segmentation"]
     encoded = {"size": rle["size"], "counts": rle["counts"].encode()}
     assert case.area("Ring") == 1200

@@ -33,13 +33,6 @@ fresh(); quad("Dog", category="dog"); save("no_camera")
 """
 
 
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
-    folder = tmp_path_factory.mktemp("scenes")
-    build_scenes(SCENES, folder)
-    return folder
-
-
 def test_an_unreachable_cluster_is_said(scenes: Path, tmp_path: Path):
     """In a process of its own: in this one another test may have joined a cluster."""
     words = ["readout", str(scenes), "--task", "coco", "--engine", "ray"]

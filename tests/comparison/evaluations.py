@@ -46,10 +46,7 @@ def evaluated(
         document = json.loads((run / "run.json").read_text())
         (run / "run.json").write_text(json.dumps({**document, "scenes": scenes}))
     path = write_truth(folder / "truth.json", truth)
-    evaluate_detections(
-        run, path, folder / "eval", evaluator=evaluator, draws=20, seed=0, overwrite=False,
-        notice=lambda _text: None, warn=lambda _text: None,
-    )  # fmt: skip
+    evaluate_detections(run, path, folder / "eval", evaluator=evaluator, draws=20)
     return folder / "eval"
 
 

@@ -10,19 +10,12 @@ from pathlib import Path
 
 import pytest
 from endpoint.clients import LIMITS, served
-from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
+from workers.confinements import bubblewrap_or_skip
 
 from legoworld.workers.descendants import descendants
 from legoworld.workers.sandbox import SandboxLimits
 
 pytestmark = pytest.mark.blender
-
-
-@pytest.fixture(params=CONFINEMENTS)
-def confinement(request):
-    if request.param == "bubblewrap":
-        bubblewrap_or_skip()
-    return request.param
 
 
 @pytest.fixture

@@ -53,12 +53,7 @@ def evaluate(folder, task, truth, predictions, **options):
     run = write_run(folder / "run", task, truth, predictions)
     truth_path = write_truth(folder / "truth.json", truth)
     return evaluate_detections(
-        run,
-        truth_path,
-        folder / "eval",
-        **{"evaluator": "official", "draws": 20, "seed": 0, "overwrite": False, **options},
-        notice=lambda _text: None,
-        warn=lambda _text: None,
+        run, truth_path, folder / "eval", **{"evaluator": "official", "draws": 20, **options}
     )
 
 

@@ -236,17 +236,7 @@ def test_a_truth_that_cannot_be_scored_against(name, tmp_path):
     change(broken)
     path = write_truth(tmp_path / "truth.json", broken)
     with pytest.raises(LegoWorldError, match=match):
-        evaluate_detections(
-            run,
-            path,
-            tmp_path / "eval",
-            evaluator="fast",
-            draws=5,
-            seed=0,
-            overwrite=False,
-            notice=print,
-            warn=print,
-        )
+        evaluate_detections(run, path, tmp_path / "eval", evaluator="fast", draws=5)
 
 
 @pytest.mark.parametrize(

@@ -64,17 +64,7 @@ def test_the_shipped_truth_scores_one_against_itself(task, tmp_path):
                 "counts": mask["counts"].decode("ascii"),
             }
     run = write_run(tmp_path / "run", task, truth, predictions)
-    evaluation = evaluate_detections(
-        run,
-        path,
-        tmp_path / "eval",
-        evaluator="official",
-        draws=10,
-        seed=0,
-        overwrite=False,
-        notice=print,
-        warn=print,
-    )
+    evaluation = evaluate_detections(run, path, tmp_path / "eval", evaluator="official", draws=10)
     assert evaluation.summary.metrics["AP"] == pytest.approx(1.0)
     assert evaluation.summary.dataset_version == {"coco": "2017", "lvis": "1.0"}[dataset_of(task)]
 
@@ -133,10 +123,6 @@ def test_an_image_that_failed_stays_in_the_denominator(task, tmp_path):
         tmp_path / "eval",
         evaluator="official",
         draws=10,
-        seed=0,
-        overwrite=False,
-        notice=print,
-        warn=print,
     )
     empty = evaluate(tmp_path / "empty", task, truth, left)
     assert evaluation.summary.official == empty.summary.official
@@ -173,10 +159,6 @@ def test_scoring_over_a_track_smaller_than_the_truth(task, tmp_path):
         tmp_path / "eval",
         evaluator="official",
         draws=20,
-        seed=0,
-        overwrite=False,
-        notice=print,
-        warn=print,
     )
     assert whole.summary == alone.summary
 

@@ -36,10 +36,12 @@ def scored(folder, task, truth, predictions, statuses=None):
         statuses=statuses,
     )
     evaluate_detections(
-        run, write_truth(folder / "truth.json", truth), folder / "eval",
-        evaluator="official", draws=3, seed=0, overwrite=False,
-        notice=lambda _text: None, warn=lambda _text: None,
-    )  # fmt: skip
+        run,
+        write_truth(folder / "truth.json", truth),
+        folder / "eval",
+        evaluator="official",
+        draws=3,
+    )
     return json.loads((folder / "eval" / "summary.json").read_text())
 
 
@@ -161,9 +163,13 @@ def test_every_stage_is_announced(case, tmp_path):
     run = write_run(tmp_path / "run", task, truth, predictions)
     told = []
     evaluate_detections(
-        run, write_truth(tmp_path / "truth.json", truth), tmp_path / "eval", evaluator="official",
-        draws=3, seed=0, overwrite=False, notice=told.append, warn=lambda _text: None,
-    )  # fmt: skip
+        run,
+        write_truth(tmp_path / "truth.json", truth),
+        tmp_path / "eval",
+        evaluator="official",
+        draws=3,
+        notice=told.append,
+    )
     once = [
         "checking the predictions",
         "matching",
@@ -183,10 +189,12 @@ def test_sizes_written_with_a_point_are_the_same_sizes(case, tmp_path):
     for folder, document in (("a", truth), ("b", pointed)):
         run = write_run(tmp_path / folder / "run", task, truth, predictions)
         evaluate_detections(
-            run, write_truth(tmp_path / folder / "truth.json", document),
-            tmp_path / folder / "eval", evaluator="official", draws=3, seed=0, overwrite=False,
-            notice=lambda _text: None, warn=lambda _text: None,
-        )  # fmt: skip
+            run,
+            write_truth(tmp_path / folder / "truth.json", document),
+            tmp_path / folder / "eval",
+            evaluator="official",
+            draws=3,
+        )
     for name in ("summary.json", "per_image.jsonl", "view/truth.json", "view/predictions.json"):
         texts = [(tmp_path / folder / "eval" / name).read_text() for folder in "ab"]
         assert texts[0] == texts[1]

@@ -11,7 +11,6 @@ import pytest
 
 from legoworld.errors import UsageError
 from legoworld.plugin.case import STATES, Case
-from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.ledger import read_ledger
 from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.serving import one_server
@@ -40,17 +39,14 @@ def test_one_server_writes_a_ledger(tmp_path):
 
 
 @pytest.mark.parametrize("point", POINTS)
-def test_killed(point, endpoint, blender, tmp_path):
-    connection = BlenderConnection(Address(port=endpoint.server.port))
-    room = str(endpoint.workspace / "room.blend")
-    connection.run(f"import bpy; bpy.ops.wm.open_mainfile(filepath={room!r})")
+def test_killed(point, endpoint, blender_code, blender, tmp_path):
     ended = subprocess.run(
         [sys.executable, str(PROGRAM), point, str(endpoint.server.port), str(tmp_path)],
         capture_output=True, text=True, check=False, cwd=Path(__file__).parents[2],
     )  # fmt: skip
     assert ended.returncode == -signal.SIGKILL, ended.stderr[-2000:]
     assert [entry.tool for entry in read_ledger(tmp_path)] == POINTS[point]
-    live = LiveBlender(connection, blender, tmp_path / STATES)
+    live = LiveBlender(blender_code, blender, tmp_path / STATES)
     case = Case(tmp_path, live, None, TransactionLimits())
     if case.phase == "idle":  # nothing was begun, or it was committed
         assert case.resume() is None
@@ -62,5 +58,5 @@ def test_killed(point, endpoint, blender, tmp_path):
     assert case.phase == "open"
     assert case.rollback().scene_signature == begun.scene_signature
     assert case.phase == "idle"
-    x = connection.run("import bpy; print(round(bpy.data.objects['Cup'].location.x, 6))")
+    x = blender_code.run("import bpy; print(round(bpy.data.objects['Cup'].location.x, 6))")
     assert float(x) == 0.0

@@ -25,9 +25,7 @@ from legoworld.readouts.depth import (
 )
 from legoworld.readouts.exports import (
     box_exports,
-    box_predictions,
     mask_exports,
-    mask_predictions,
 )
 from legoworld.readouts.tasks import TASKS, protocol
 from legoworld.records.base import as_json, canonical
@@ -102,7 +100,7 @@ def test_a_ring_keeps_its_hole():
     picture = np.full((60, 80), -1, np.int32)
     picture[10:50, 20:60] = 0
     picture[20:40, 30:50] = -1
-    (prediction,) = mask_predictions(7, instances(1), view_of(picture, 1))
+    ((prediction, _),) = mask_exports(7, instances(1), view_of(picture, 1))
     document = json.loads(canonical(prediction))
     assert coco_mask.area(document["segmentation"]) == 1200
     assert document.keys() == {"image_id", "category_id", "segmentation", "score"}
@@ -114,7 +112,7 @@ def test_boxes_are_in_canonical_order_of_numbers():
     picture[5:15, 9:19] = 1
     picture[0:1, 0:1] = 2  # one pixel, another category
     picture[50:60, 50:60] = 3  # unlabelled
-    found = box_predictions(1, instances(5, 5, 3, None, 5), view_of(picture, 5))
+    found = [p for p, _ in box_exports(1, instances(5, 5, 3, None, 5), view_of(picture, 5))]
     assert [(p.category_id, [*p.bbox]) for p in found] == [
         (3, [0, 0, 1, 1]),
         (5, [9, 5, 10, 10]),
@@ -127,7 +125,7 @@ def test_masks_are_in_canonical_order_of_category_and_rle_bytes():
     rng = np.random.default_rng(3)
     picture = rng.integers(0, 12, (20, 30)).astype(np.int32)
     categories = [2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 2, 1]
-    found = mask_predictions(9, instances(*categories), view_of(picture, 12))
+    found = [p for p, _ in mask_exports(9, instances(*categories), view_of(picture, 12))]
     keys = [(p.category_id, p.segmentation.counts.encode()) for p in found]
     assert keys == sorted(keys)
     assert [category for category, _ in keys] == [1] * 6 + [2] * 6
@@ -136,8 +134,8 @@ def test_masks_are_in_canonical_order_of_category_and_rle_bytes():
 
 def test_no_export_is_an_empty_list():
     picture = np.full((4, 4), -1, np.int32)
-    assert box_predictions(1, instances(1), view_of(picture, 1)) == []
-    assert mask_predictions(1, instances(1), view_of(picture, 1)) == []
+    assert box_exports(1, instances(1), view_of(picture, 1)) == []
+    assert mask_exports(1, instances(1), view_of(picture, 1)) == []
 
 
 def test_depth_files_say_what_they_hold(tmp_path):
@@ -218,8 +216,8 @@ def test_every_prediction_comes_with_its_own_instance(exports):
 
 def test_one_visible_pixel_is_enough_and_none_is_not():
     picture = np.array([[0, -1], [-1, -1]], np.int32)
-    for predictions in (box_predictions, mask_predictions):
-        assert len(predictions(1, instances(1, 1), view_of(picture, 2))) == 1
+    for exports in (box_exports, mask_exports):
+        assert len(exports(1, instances(1, 1), view_of(picture, 2))) == 1
 
 
 def test_every_task_reads_out_what_its_card_says():

@@ -58,10 +58,7 @@ def evaluated(
         evaluation,
         evaluator="official",
         draws=20,
-        seed=0,
         overwrite=True,
-        notice=lambda _: None,
-        warn=lambda _: None,
     )
     return evaluation
 

@@ -22,6 +22,15 @@ def readout(scenes: object, run: object, *more: object, task: str = "coco") -> i
     return cli.run(["readout", "-q", str(scenes), "--task", task, "-o", str(run), *map(str, more)])
 
 
+def results_alone(run: Path) -> dict[str, bytes]:
+    """Everything a run wrote but run.json, which has its time."""
+    return {
+        str(p.relative_to(run)): p.read_bytes()
+        for p in sorted(run.rglob("*"))
+        if p.is_file() and p.name != "run.json"
+    }
+
+
 def results(run: Path, *, with_time: bool = False) -> dict[str, bytes]:
     """A finished run: all but the lock's file, which stays where the run was written."""
     files = tree(run)

@@ -10,19 +10,12 @@ import sys
 import pytest
 from running.executed import BUILD, execute, execution
 from waiting import until
-from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
+from workers.confinements import bubblewrap_or_skip
 
 from legoworld.records.execution import ProgramReport, Reason
 from legoworld.scene.programs.report import read_report
 
 pytestmark = pytest.mark.blender
-
-
-@pytest.fixture(params=CONFINEMENTS)
-def confinement(request):
-    if request.param == "bubblewrap":
-        bubblewrap_or_skip()
-    return request.param
 
 
 OVERWRITE = """

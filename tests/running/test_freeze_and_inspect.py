@@ -31,13 +31,6 @@ save("odd_labels")
 """
 
 
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
-    folder = tmp_path_factory.mktemp("scenes")
-    build_scenes(SCENES, folder)
-    return folder
-
-
 def frozen(scene: Path) -> dict:
     return json.loads((scene / "frozen.json").read_text())
 

@@ -213,13 +213,6 @@ fresh(); quad("Dog", category="dog"); save("no_camera")
 
 
 @pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
-    folder = tmp_path_factory.mktemp("scenes")
-    build_scenes(SCENES, folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def whole(scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with its predictions in one file."""
     folder = tmp_path_factory.mktemp("whole") / "run"

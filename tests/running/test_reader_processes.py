@@ -26,13 +26,6 @@ fresh(); quad("Dog", category="dog"); save("no_camera")
 """
 
 
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory, build_scenes) -> Path:
-    folder = tmp_path_factory.mktemp("scenes")
-    build_scenes(SCENES, folder)
-    return folder
-
-
 @pytest.fixture
 def always(monkeypatch: pytest.MonkeyPatch) -> None:
     """Processes for however few images."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from running import paused
+from running.run_folders import results_alone as results
 from waiting import PATIENCE_S
 
 from legoworld import cli
@@ -57,15 +58,6 @@ def track(scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def write_track(path: Path, images: list[dict]) -> Path:
     path.write_text(json.dumps({"info": {}, "images": images, "categories": []}))
     return path
-
-
-def results(run: Path) -> dict[str, bytes]:
-    """Everything a run wrote that must be the same bytes every time."""
-    return {
-        str(p.relative_to(run)): p.read_bytes()
-        for p in sorted(run.rglob("*"))
-        if p.is_file() and p.name != "run.json"
-    }
 
 
 def rows(run: Path) -> dict[str, dict]:

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import pytest
-
-from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts
-from legoworld.scene.reading import read_scene
+from scene.snapshots import read_alone
 
 pytestmark = pytest.mark.blender
 
@@ -45,10 +41,7 @@ save("scene")
 
 def test_materials_of_equal_rules_are_named_each_by_its_own_name(build_scenes, tmp_path):
     build_scenes(PROGRAM, tmp_path)
-    folder = SceneFolder(path=tmp_path / "scene", name="scene")
-    files = checked_artefacts(folder, require_frozen=False)
-    with BlenderProcess(Limits(time_s=600)) as blender:
-        read = read_scene(folder, source="blend", blender=blender, cache=None, files=files)
+    read = read_alone(tmp_path / "scene")
     assert read.snapshot.warnings == tuple(
         f"material '{name}': alpha comes from an attribute of every edge; its surface is taken as "
         "opaque"

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from scene.snapshots import snapshot_of
+from scene.snapshots import build, snapshot_of
 
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.tasks import protocol
@@ -27,24 +24,10 @@ from legoworld.tracks.track import TrackImage
 
 pytestmark = pytest.mark.blender
 
-TESTS = Path(__file__).resolve().parents[1]
-
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("bad") / "scenes"
-    folder.mkdir()
-    done = subprocess.run(
-        [sys.executable, str(TESTS / "cases" / "build.py"), str(folder), "scene.bad_scenes"],
-        env={**os.environ, "PYTHONPATH": str(TESTS)},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    return folder
+    return build(tmp_path_factory.mktemp("bad") / "scenes", "scene.bad_scenes")
 
 
 @pytest.fixture(scope="module")

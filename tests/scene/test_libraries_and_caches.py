@@ -7,15 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from scene.snapshots import snapshot_of
 
 from legoworld.readouts.tasks import protocol
 from legoworld.running.image import read_image, still_valid
 from legoworld.running.image_record import ImageOptions
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts
-from legoworld.scene.reading import ReadScene, read_scene
 from legoworld.tracks.track import TrackImage
 
 pytestmark = pytest.mark.blender
@@ -82,14 +80,8 @@ def blender() -> Iterator[BlenderProcess]:
         yield process
 
 
-def read(place: Path, blender: BlenderProcess, cache: SnapshotCache | None = None) -> ReadScene:
-    folder = SceneFolder(path=place, name=place.name)
-    files = checked_artefacts(folder, require_frozen=False)
-    return read_scene(folder, source="blend", blender=blender, cache=cache, files=files)
-
-
 def test_libraries_of_libraries_are_found_where_they_lie(scenes, blender):
-    made = read(scenes / "nested", blender)
+    made = snapshot_of(scenes / "nested", blender)
     names = ["a/parts.blend", "a/set.blend", "b/parts.blend", "b/set.blend"]
     assert sorted(made.files.dependencies) == names
     assert None not in made.files.dependencies.values()
@@ -98,7 +90,7 @@ def test_libraries_of_libraries_are_found_where_they_lie(scenes, blender):
 
 
 def test_packed_and_linked_objects_of_one_name_are_two(scenes, blender):
-    made = read(scenes / "packed", blender).snapshot
+    made = snapshot_of(scenes / "packed", blender).snapshot
     (first, second) = (i for i, o in enumerate(made.objects) if o.name == "Part")
     assert made.objects[first].library != made.objects[second].library
     shown = made.occurrence_object[made.surface_occurrence]
@@ -109,17 +101,17 @@ def test_a_simulation_cache_that_appears_or_goes_is_noticed(scenes, blender, tmp
     place = tmp_path / "scenes" / "plain"
     shutil.copytree(scenes / "plain", place)
     cache = SnapshotCache(tmp_path / "cache")
-    assert read(place, blender, cache).files.dependencies == {}
+    assert snapshot_of(place, blender, cache).files.dependencies == {}
     baked = place / "blendcache_scene" / "cloth" / "0001.bphys"
     baked.parent.mkdir(parents=True)
     baked.write_bytes(b"one")
     for content in (b"one", b"two"):
         baked.write_bytes(content)
         for _ in range(2):  # made, and from the cache
-            files = read(place, blender, cache).files.dependencies
+            files = snapshot_of(place, blender, cache).files.dependencies
             assert [*files] == ["blendcache_scene/cloth/0001.bphys"]
     baked.unlink()
-    assert read(place, blender, cache).files.dependencies == {}
+    assert snapshot_of(place, blender, cache).files.dependencies == {}
 
 
 @pytest.mark.parametrize("cached", [True, False])

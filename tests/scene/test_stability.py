@@ -2,37 +2,21 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from scene.snapshots import snapshot_of
+from scene.snapshots import build, snapshot_of
 
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
 pytestmark = pytest.mark.blender
 
-TESTS = Path(__file__).resolve().parents[1]
 NAMES = ("saved_once", "saved_later", "built_in_another_order")
 
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("stable") / "scenes"
-    folder.mkdir()
-    done = subprocess.run(
-        [sys.executable, str(TESTS / "cases" / "build.py"), str(folder), "scene.stable_scenes"],
-        env={**os.environ, "PYTHONPATH": str(TESTS)},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    return folder
+    return build(tmp_path_factory.mktemp("stable") / "scenes", "scene.stable_scenes")
 
 
 def test_the_content_hash_depends_on_the_content_only(scenes):

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from scene.snapshots import read_alone
 
-from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts
-from legoworld.scene.reading import read_scene
 from legoworld.scene.snapshot import Snapshot
 
 pytestmark = pytest.mark.blender
@@ -33,14 +28,7 @@ for name, solid, strand in (("both", True, True), ("no surfaces", False, True),
 def snapshots(build_scenes, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Snapshot]:
     folder = tmp_path_factory.mktemp("layers")
     build_scenes(SCENES, folder)
-    return {place.name: read(place) for place in sorted(folder.iterdir())}
-
-
-def read(place: Path) -> Snapshot:
-    folder = SceneFolder(path=place, name=place.name)
-    files = checked_artefacts(folder, require_frozen=False)
-    with BlenderProcess(Limits(time_s=600)) as blender:
-        return read_scene(folder, source="blend", blender=blender, cache=None, files=files).snapshot
+    return {place.name: read_alone(place).snapshot for place in sorted(folder.iterdir())}
 
 
 def objects_with_surfaces(snapshot: Snapshot) -> set[str]:

@@ -1,4 +1,4 @@
-"""The two ways a program is confined, for tests that must hold under both."""
+"""Whether this machine has the stronger of the two ways a program is confined."""
 
 from __future__ import annotations
 
@@ -12,6 +12,3 @@ def bubblewrap_or_skip() -> None:
     found = find_bubblewrap()
     if not isinstance(found, Bubblewrap):
         pytest.skip(found)
-
-
-CONFINEMENTS = ["bubblewrap", "limits"]

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 from waiting import until
-from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.workers.descendants import descendants
 from legoworld.workers.protections import SandboxUnavailableError, protections
@@ -23,13 +22,6 @@ from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="namespaces and /proc are Linux's")
 #: Time is only for what never ends.
 LIMITS = SandboxLimits(time_s=300.0, memory_bytes=1 << 30)
-
-
-@pytest.fixture(params=CONFINEMENTS)
-def confinement(request):
-    if request.param == "bubblewrap":
-        bubblewrap_or_skip()
-    return request.param
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from waiting import until
-from workers.confinements import CONFINEMENTS, bubblewrap_or_skip
 
 from legoworld.workers import task_group
 from legoworld.workers.protections import protections
@@ -41,13 +40,6 @@ def place() -> Path:
     if found is None:
         pytest.skip("this process may make no control group that counts tasks")
     return found
-
-
-@pytest.fixture(params=CONFINEMENTS)
-def confinement(request) -> str:
-    if request.param == "bubblewrap":
-        bubblewrap_or_skip()
-    return str(request.param)
 
 
 def groups_of(place: Path, pid: int) -> list[Path]:

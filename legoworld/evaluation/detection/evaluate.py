@@ -66,17 +66,21 @@ from legoworld.records.folders.evaluation_folder import (
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 
+def _unsaid(_text: str) -> None:
+    """Drop a notice."""
+
+
 def evaluate_detections(
     run_folder: Path,
     truth_path: Path,
     output: Path,
     *,
-    evaluator: EvaluatorKind | None,
-    draws: int,
-    seed: int,
-    overwrite: bool,
-    notice: Notice,
-    warn: Notice,
+    evaluator: EvaluatorKind | None = None,
+    draws: int = 2000,
+    seed: int = 0,
+    overwrite: bool = False,
+    notice: Notice = _unsaid,
+    warn: Notice = _unsaid,
     pool: WorkerPool = IN_PROCESS,
     origins: Origins = HERE,
 ) -> Evaluation[DetectionSummary]:

@@ -10,7 +10,7 @@ import bpy
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender.cameras import refuse_missing_camera
 from legoworld.scene.blender.opening import open_blend
-from legoworld.scene.blender.render_state import rendered_view_layer
+from legoworld.scene.blender.render_state import render_scene, rendered_view_layer
 
 #: Everything of a render that is no part of the scene itself: set, whatever the file says.
 _RENDER: Final[dict[str, Any]] = {
@@ -92,16 +92,7 @@ def _write_png(scene: bpy.types.Scene, output: Path) -> None:
     scene.render.filepath = str(output)
     scene.render.use_file_extension = False
     scene.render.use_overwrite = True
-    other = {} if scene == bpy.context.scene else {"scene": scene.name}
-    try:
-        bpy.ops.render.render(write_still=True, **other)
-    except RuntimeError as error:
-        raise SceneInvalidError(
-            "Blender refuses to render the scene",
-            found=str(error).removeprefix("Error: "),
-            expected="a scene that renders",
-            next_step="render it in Blender and correct what it complains about",
-        ) from error
+    render_scene(scene, write_still=True)
     if not output.is_file():
         raise SceneInvalidError(
             "Blender rendered the scene and left no picture",

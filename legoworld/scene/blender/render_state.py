@@ -58,16 +58,7 @@ def visit_render_state(scene: bpy.types.Scene, visit: Callable[[Any], None]) -> 
                    "use_freestyle", "use_persistent_data", "use_stamp"):  # fmt: skip
         setattr(render, switch, False)
     render.use_single_layer = False
-    other = {} if scene == bpy.context.scene else {"scene": scene.name}
-    try:
-        bpy.ops.render.render(write_still=False, **other)
-    except RuntimeError as error:
-        raise SceneInvalidError(
-            "Blender refuses to render the scene",
-            found=str(error).removeprefix("Error: "),
-            expected="a scene that renders",
-            next_step="render it in Blender and correct what it complains about",
-        ) from error
+    render_scene(scene, write_still=False)
     if SnapshotEngine.error is not None:
         raise SnapshotEngine.error
     if SnapshotEngine.visit is not None:
@@ -82,3 +73,17 @@ def rendered_view_layer(scene: bpy.types.Scene) -> Any:
             return layer
     layers[0].use = True
     return layers[0]
+
+
+def render_scene(scene: bpy.types.Scene, *, write_still: bool) -> None:
+    """Render a scene. SceneInvalidError where Blender refuses to."""
+    other = {} if scene == bpy.context.scene else {"scene": scene.name}
+    try:
+        bpy.ops.render.render(write_still=write_still, **other)
+    except RuntimeError as error:
+        raise SceneInvalidError(
+            "Blender refuses to render the scene",
+            found=str(error).removeprefix("Error: "),
+            expected="a scene that renders",
+            next_step="render it in Blender and correct what it complains about",
+        ) from error
