@@ -106,13 +106,13 @@ def command_of(
 ) -> list[str]:
     """The command of a card with its placeholders replaced, and the words that name the model."""
     about = card.about
-    found: list[str] = []
+    command: list[str] = []
     for word in (about.continue_command if continues else ()) or about.command:
         if word != MODEL_ARGUMENTS:
-            found.append(word.format_map(words))
+            command.append(word.format_map(words))
         elif model is not None:
-            found += [text.format_map({"model": model}) for text in about.model_arguments]
-    return found
+            command += [text.format_map({"model": model}) for text in about.model_arguments]
+    return command
 
 
 def output_name(card: AgentCard) -> str:

@@ -64,9 +64,9 @@ def used(trajectory: AtifTrajectory, model: str | None, prices: PriceCard) -> Us
     the model and the transcript states the tokens of the whole trial; null otherwise: of a trial
     that was ended they are not known.
     """
-    found = usage_of(trajectory)
-    if found.cost_usd is not None:
-        return replace(found, cost_source="transcript")
+    usage = usage_of(trajectory)
+    if usage.cost_usd is not None:
+        return replace(usage, cost_source="transcript")
     total = trajectory.final_metrics
     price = prices.price_of(model)
     if (
@@ -74,17 +74,17 @@ def used(trajectory: AtifTrajectory, model: str | None, prices: PriceCard) -> Us
         or not isinstance(total, AtifFinalMetrics)
         or _names_another(trajectory, model)
     ):
-        return found
+        return usage
     counts = (total.total_prompt_tokens, total.total_cached_tokens, total.total_completion_tokens)
     prompt, cached, completion = counts
     if not (isinstance(prompt, int) and isinstance(cached, int) and isinstance(completion, int)):
-        return found
+        return usage
     cost = (
         (prompt - cached) * price.input_usd
         + cached * price.cached_input_usd
         + completion * price.output_usd
     ) / _MILLION
-    return replace(found, cost_usd=round(cost, 6), cost_source=prices.source)
+    return replace(usage, cost_usd=round(cost, 6), cost_source=prices.source)
 
 
 def with_cost(trajectory: AtifTrajectory, usage: Usage) -> AtifTrajectory:

@@ -173,7 +173,7 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
         return None
     path = target / RECONSTRUCTION
     try:
-        found = decode(ReconstructionFile, path.read_bytes())
+        finished = decode(ReconstructionFile, path.read_bytes())
     except (OSError, RecordError) as error:
         raise UsageError(
             f"{target} is there and is no trial's",
@@ -181,24 +181,24 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
             expected=f"a new folder of scenes, or one with a {RECONSTRUCTION} in each",
             next_step="pass another -o",
         ) from error
-    _refuse_other_campaign(found, plan, target)
-    if found.status in _AGAIN:
+    _refuse_other_campaign(finished, plan, target)
+    if finished.status in _AGAIN:
         return None
     remove_finished(item.scenes, item.image)
-    return row_of(found, item.run, kept=True)
+    return row_of(finished, item.run, kept=True)
 
 
 def _refuse_other_campaign(
-    found: ReconstructionFile | BegunTrial, plan: TrialPlan, target: Path
+    recorded: ReconstructionFile | BegunTrial, plan: TrialPlan, target: Path
 ) -> None:
     used = plan.plugin.used if plan.plugin else None
-    theirs_used = found.plugin if isinstance(found, ReconstructionFile) else None
+    theirs_used = recorded.plugin if isinstance(recorded, ReconstructionFile) else None
     ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used)
-    theirs = (found.card_sha256, found.prompt_sha256, found.time_limit_s, theirs_used)
+    theirs = (recorded.card_sha256, recorded.prompt_sha256, recorded.time_limit_s, theirs_used)
     if ours != theirs:
         raise UsageError(
             f"{target} is of another campaign",
-            found=f"{found.agent}, {found.time_limit_s:g} s, prompt {found.prompt_sha256[:8]}, "
+            found=f"{recorded.agent}, {theirs[2]:g} s, prompt {theirs[1][:8]}, "
             f"plugin {_modules(theirs_used)}",
             expected=f"{plan.card.name}, {ours[2]:g} s, prompt {ours[1][:8]}, "
             f"plugin {_modules(used)}",

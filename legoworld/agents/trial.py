@@ -94,10 +94,10 @@ def _begun(
         unfinished.put_part_aside(output_name(plan.card))
         parts = (*parts, len(TrialRecord(unfinished.made / TRIAL).calls))
         unfinished.note_begun(identity(plan, image, parts))
-    found = workspace_of(plan.work, image, unfinished.workspace, time_limit_s=limit_s)
-    if found is None:
+    workspace = workspace_of(plan.work, image, unfinished.workspace, time_limit_s=limit_s)
+    if workspace is None:
         raise _no_photo(plan, image)
-    return found, parts
+    return workspace, parts
 
 
 def _no_photo(plan: TrialPlan, image: TrackImage) -> NoPhotoError:

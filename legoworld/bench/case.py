@@ -61,19 +61,19 @@ def reference_joints(
     A part of several instances belongs to that of its first surface.
     """
     ids = {one.id for one in scored}
-    found = []
+    references = []
     for joint in joints:
         surfaces = part_surfaces(snapshot, joint.part)
         if not len(surfaces) or joint.box_cam_m is None:
             continue
         owner = int(grouping.surface_instance[surfaces[0]])
-        found.append(
+        references.append(
             to_record(
                 ReferenceJoint,
                 {**as_json(joint), "object_id": owner if owner in ids else None},
             )
         )
-    return tuple(found)
+    return tuple(references)
 
 
 def see_case(
@@ -152,16 +152,16 @@ def _scored(
     grouping: Grouping, area_px: NDArray[np.int64], unscored: frozenset[str]
 ) -> tuple[ScoredObject, ...]:
     labelled = [i for i in grouping.instances if i.category is not None and i.label_text]
-    found = tuple(
+    eligible = tuple(
         ScoredObject(id=i.id, name=i.name, category=normal_name(i.label_text or ""))
         for i in labelled
         if area_px[i.id] > 0 and i.name not in unscored
     )
-    if not found:
+    if not eligible:
         raise CaseRefusedError(
             "the reference has no eligible object",
             found=f"{len(labelled)} labelled instances, none visible and scored",
             expected="a visible instance with the custom property `category`",
             next_step="label what is to be scored, or turn the camera to it",
         )
-    return found
+    return eligible

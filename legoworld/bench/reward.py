@@ -25,10 +25,10 @@ def reward_of(evaluation: Path) -> dict[str, float]:
         return {"reward": 0.0, "V": 0.0, "R": 0.0, "A": 0.0, "S": 0.0}
     (row,) = rows
     r = row.R or 0.0
-    found = {"V": float(row.valid), "R": r}
+    scores = {"V": float(row.valid), "R": r}
     if row.A is not None and row.S is not None:
-        found |= {"A": row.A, "S": row.S}
-    return {"reward": found.get("S", r), **found}
+        scores |= {"A": row.A, "S": row.S}
+    return {"reward": scores.get("S", r), **scores}
 
 
 def write_reward(evaluation: Path, output: Path) -> dict[str, float]:

@@ -99,31 +99,31 @@ def judges_command(
     from legoworld.records.base import as_json as plain
     from legoworld.records.base import readable
 
-    aspects = judge_agreement(judgements)
+    agreement = judge_agreement(judgements)
     if output is not None:
-        write_text(output, readable(aspects))
+        write_text(output, readable(agreement))
     if as_json:
-        options.print_json(plain(aspects))
+        options.print_json(plain(agreement))
         return 0
-    for aspect, agreement in aspects.aspects.items():
-        click.echo(f"{aspect}\n{_matrix(agreement)}\n")
+    for aspect, of_aspect in agreement.aspects.items():
+        click.echo(f"{aspect}\n{_matrix(of_aspect)}\n")
     return 0
 
 
-def _matrix(found: AspectAgreement) -> str:
-    judges = list(dict.fromkeys(judge for row in found.matrix.values() for judge in row))
+def _matrix(agreement: AspectAgreement) -> str:
+    judges = list(dict.fromkeys(judge for row in agreement.matrix.values() for judge in row))
     rows = [
         (builder, *(f"{100 * row[j].share:.1f}" if j in row else "-" for j in judges))
-        for builder, row in found.matrix.items()
+        for builder, row in agreement.matrix.items()
     ]
     lines = [options.table(("builder", *judges), rows)]
-    means = (found.self_mean, found.cross_mean)
+    means = (agreement.self_mean, agreement.cross_mean)
     own, cross = ("-" if mean is None else f"{100 * mean:.2f}" for mean in means)
     lines.append(
         f"own builds {own}, others' {cross}; own above the others' mean for "
-        f"{found.self_above_others} of {found.builders} builders"
+        f"{agreement.self_above_others} of {agreement.builders} builders"
     )
-    for judge, swaps in found.order_swaps.items():
+    for judge, swaps in agreement.order_swaps.items():
         shown = "-" if swaps.share is None else f"{swaps.share:.1%}"
         lines.append(
             f"{judge}: the same choice in {shown} of {swaps.swapped} swapped items; "

@@ -187,10 +187,10 @@ def moments(
     empty where they are not counted.
     """
     total = tokens[-1][1] if tokens else 0
-    found = []
+    moments = []
     for at, call in zip(at_s, calls, strict=True):
         until = max((used for number, used in tokens if number <= call), default=0)
-        found.append(
+        moments.append(
             Moment(
                 at_s=at,
                 wall_share=min(at / seconds, 1.0) if seconds > 0 else 1.0,
@@ -198,7 +198,7 @@ def moments(
                 tokens_share=until / total if total else None,
             )
         )
-    return found
+    return moments
 
 
 def drops(score: TrajectoryScore) -> list[Edit]:

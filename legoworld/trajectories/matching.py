@@ -23,10 +23,10 @@ def with_calls(trajectory: AtifTrajectory, calls: Sequence[Call]) -> AtifTraject
     for step in trajectory.steps:
         made: list[Call] = []
         for code in _codes(step):
-            found = next((call for call in waiting if call.code == code), None)
-            if found is not None:
-                made.append(found)
-                del waiting[: waiting.index(found) + 1]
+            call_made = next((call for call in waiting if call.code == code), None)
+            if call_made is not None:
+                made.append(call_made)
+                del waiting[: waiting.index(call_made) + 1]
         steps.append(_with(step, made) if made else step)
     return replace(trajectory, steps=steps)
 

@@ -58,13 +58,13 @@ def read_scores(folder: Path | None) -> TrajectoryFile | None:
 def score_of(scores: TrajectoryFile | None, trial: RecordedTrial) -> TrajectoryScore | None:
     """A trial's score: of its image, agent and way of ending."""
     about = trial.about
-    found = [
+    matching = [
         score
         for score in (scores.trials if scores else ())
         if (score.scene, score.agent, score.seconds)
         == (about.scene, about.agent, about.agent_seconds)
     ]
-    return found[0] if found else None
+    return matching[0] if matching else None
 
 
 def write_page(

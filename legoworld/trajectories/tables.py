@@ -89,13 +89,13 @@ def mean_over_families(
     trials: Sequence[TrajectoryScore], value: Value, *, draws: int, seed: int
 ) -> Mean:
     """The mean over the trials that have the value; families are resampled whole."""
-    found = [(t.family, v) for t in trials if (v := value(t)) is not None]
-    if not found:
+    of_family = [(t.family, v) for t in trials if (v := value(t)) is not None]
+    if not of_family:
         return Mean(value=None, n=0, interval=None)
-    families = sorted({family for family, _ in found})
+    families = sorted({family for family, _ in of_family})
     column = {family: n for n, family in enumerate(families)}
-    values = np.array([v for _, v in found], np.float64)
-    of = np.array([column[family] for family, _ in found], np.int64)
+    values = np.array([v for _, v in of_family], np.float64)
+    of = np.array([column[family] for family, _ in of_family], np.int64)
     counts = resample_counts(len(families), draws, seed)
     samples = resampled_means(values, of, counts)
     return Mean(

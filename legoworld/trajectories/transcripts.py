@@ -54,14 +54,14 @@ def read_transcript(
 
 def parsed_lines(data: bytes) -> list[Any]:
     """The JSON value of each line; the line as text where it is none."""
-    found: list[Any] = []
+    values: list[Any] = []
     for line in data.split(b"\n"):
         if line.strip():
             try:
-                found.append(msgspec.json.decode(line))
+                values.append(msgspec.json.decode(line))
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-                found.append(line.decode("utf-8", "replace"))
-    return found
+                values.append(line.decode("utf-8", "replace"))
+    return values
 
 
 def usage_of(trajectory: AtifTrajectory) -> Usage:
