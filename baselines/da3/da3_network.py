@@ -51,10 +51,10 @@ def load_weights(network: Any, weights: Mapping[str, torch.Tensor]) -> None:
 
 def _wrong(found: str, expected: str) -> Refused:
     return Refused(
-        "this is no checkpoint of DA3MONO-LARGE",
+        "this is not a DA3MONO-LARGE checkpoint",
         found=found,
         expected=expected,
-        next_step="give the model.safetensors of depth-anything/DA3MONO-LARGE",
+        next_step="pass the model.safetensors of depth-anything/DA3MONO-LARGE",
     )
 
 

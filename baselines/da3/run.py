@@ -84,15 +84,17 @@ def _check_model_name(files: hugging_face.ModelFiles) -> None:
         name = json.loads(path.read_text(encoding="utf-8")).get("model_name")
     if name != MODEL_NAME:
         raise Refused(
-            "the weights do not say that they are DA3MONO-LARGE's",
+            "config.json does not identify the weights as DA3MONO-LARGE",
             found=f"model_name {name!r} in config.json" if path.is_file() else "no config.json",
             expected=f"model_name {MODEL_NAME!r}",
-            next_step="give the whole folder of depth-anything/DA3MONO-LARGE; DA3METRIC-LARGE has"
-            " the same network and would load without a word",
+            next_step="pass the whole folder of depth-anything/DA3MONO-LARGE; DA3METRIC-LARGE has"
+            " the same network and would load without a warning",
         )
     if any(path.suffix != ".safetensors" for path in files.weights):
         raise Refused(
-            "the weights are no safetensors", found=files.weights[0].name, expected="*.safetensors"
+            "the weights are not in safetensors format",
+            found=files.weights[0].name,
+            expected="*.safetensors",
         )
 
 

@@ -117,7 +117,7 @@ def build(checkpoint: Checkpoint, size: DinoSize) -> Dino:
     ]
     if differences:
         raise Refused(
-            f"the checkpoint is no DINO-R50-4scale: {len(differences)} differences",
+            f"the checkpoint is not DINO-R50-4scale: {len(differences)} differences",
             found="; ".join(differences[:4]),
             expected=f"the {len(wanted)} tensors of DINO-R50-4scale with {size.classes} classes",
             next_step=_GET_IT,
@@ -129,7 +129,7 @@ def build(checkpoint: Checkpoint, size: DinoSize) -> Dino:
 def _unpickle(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise Refused(
-            "there is no such weight file",
+            "the weight file does not exist",
             found=str(path),
             expected="a .pth file",
             next_step=_GET_IT,
@@ -147,7 +147,7 @@ def _unpickle(path: Path) -> dict[str, Any]:
         ) from error
     if not isinstance(content, dict):
         raise Refused(
-            "the weight file holds no checkpoint",
+            "the weight file does not contain a checkpoint",
             found=type(content).__name__,
             expected='a dict with the key "model"',
             next_step=_GET_IT,
@@ -194,7 +194,7 @@ def _recognise(content: Mapping[str, Any]) -> None:
         relative = "DINO-5scale"
     if relative or not isinstance(content.get("model"), Mapping):
         raise Refused(
-            "the checkpoint is another one",
+            "the checkpoint belongs to another model",
             found=relative or f"the keys {', '.join(sorted(map(str, content))[:6])}",
             expected='the original DINO-R50-4scale: parameters under "model", 91 class logits',
             next_step=_GET_IT,

@@ -76,7 +76,7 @@ def check_request(request: dict[str, Any]) -> None:
     if request["task"] != "coco" or asked != NAME_OF_ID:
         other = sorted({*asked.items()} ^ {*NAME_OF_ID.items()})[:_NAMES_SHOWN]
         raise Refused(
-            "DINO's class logits are COCO's 80 categories and nothing else",
+            "DINO predicts COCO's 80 categories only",
             found=f"task {request['task']} with {len(asked)} categories; they differ in {other}",
             expected="task coco with COCO 2017's 80 ids and names",
             next_step="make the track with `legoworld track make --task coco`",
@@ -86,7 +86,7 @@ def check_request(request: dict[str, Any]) -> None:
             "DINO runs in float32 only",
             found=str(request["dtype"]),
             expected="float32: half precision moves the sampling points of its attention",
-            next_step="leave --dtype away",
+            next_step="omit --dtype",
         )
 
 
@@ -100,7 +100,7 @@ def predict(loaded: Loaded, image: dict[str, Any]) -> dict[str, Any]:
     with torch.inference_mode():
         logits, boxes = loaded.network(normalised(rgb).to(loaded.device))
     if not (logits.isfinite().all() and boxes.isfinite().all()):
-        raise ArithmeticError("the network put out NaN or infinity")
+        raise ArithmeticError("the network's output contains NaN or infinity")
     results, without_category = coco_results(
         logits.cpu(),
         boxes.cpu(),

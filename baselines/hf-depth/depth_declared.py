@@ -49,10 +49,10 @@ def declared_numbers(config: Any, space: str, unit: str) -> Numbers:
         own = _DEPTH_ANYTHING.get(config.depth_estimation_type)
     if own is None:
         raise Refused(
-            "nothing declares what this model's numbers are",
+            "the meaning of this model's output is not declared",
             found=f"model_type {config.model_type!r}",
             expected=", ".join(["depth_anything", *_BY_TYPE]),
-            next_step="say it with --option space=depth or --option space=disparity"
-            " (and --option unit=m where they are metres)",
+            next_step="pass --option space=depth or --option space=disparity"
+            " (and --option unit=m if the output is in metres)",
         )
     return Numbers(space=own[0], unit=own[1], said_by="model_type")

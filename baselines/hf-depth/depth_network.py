@@ -66,9 +66,9 @@ def load_preparation(folder: Path, model_type: str, backend: str) -> Preparation
     padded = getattr(processor, "do_pad", False) and not mirrored
     if padded or getattr(processor, "do_center_crop", False):
         raise Refused(
-            "the network would not see exactly the whole photo",
+            "the preprocessing pads or crops the photo",
             found="do_pad" if padded else "do_center_crop",
-            expected="an input that is only resized",
+            expected="preprocessing that only resizes",
             next_step="choose another model, or pass its results to `legoworld baseline import`",
         )
 
@@ -112,7 +112,7 @@ def check_metric(config: Any) -> None:
         raise Refused(
             "this Depth Pro does not estimate the field of view",
             found="use_fov_model false",
-            expected="use_fov_model true: without it its numbers are no metres",
+            expected="use_fov_model true: without it the depth is not in metres",
         )
 
 
@@ -122,10 +122,10 @@ def _depth_pro_preparation(described: dict[str, Any]) -> Preparation:
     for name, value in expected.items():
         if described.get(name, value) != value:
             raise Refused(
-                "a Depth Pro with another preprocessing",
+                "this Depth Pro checkpoint has another preprocessing",
                 found=f"{name} {described[name]}",
                 expected=str(value),
-                next_step="choose a Depth Pro with the published preprocessing",
+                next_step="use a Depth Pro checkpoint with the published preprocessing",
             )
     size = described["size"]["height"], described["size"]["width"]
     mean, std = (

@@ -76,7 +76,7 @@ def read_labels(folder: Path, request: dict[str, Any]) -> Labels:
     categories, twice = categories_of_labels(names, matched)
     if twice:
         raise Refused(
-            "one label name stands for several classes of the model",
+            "several classes of the model share one label name",
             found=", ".join(map(repr, twice[:4])),
             expected="each name once",
             next_step="correct id2label in the model's config.json",
@@ -102,7 +102,7 @@ def detect(detector: Detector, rgb: NDArray[np.uint8]) -> dict[str, torch.Tensor
     outputs = network(**inputs)
     outputs.logits, outputs.pred_boxes = outputs.logits.float(), outputs.pred_boxes.float()
     if not (outputs.logits.isfinite().all() and outputs.pred_boxes.isfinite().all()):
-        raise ArithmeticError("the network put out NaN or infinity")
+        raise ArithmeticError("the network's output contains NaN or infinity")
     size_hw = torch.tensor([rgb.shape[:2]], device=network.device)
     (found,) = detector.processor.post_process_object_detection(
         outputs, threshold=THRESHOLD, target_sizes=size_hw, **detector.post
@@ -114,7 +114,7 @@ def _config(folder: Path) -> Any:
     config = read_config(folder)
     if type(config) not in transformers.AutoModelForObjectDetection._model_mapping:
         raise wrong_kind(
-            "this model is no detector of fixed classes",
+            "this model is not a closed-set object detector",
             config,
             expected="a model of transformers' AutoModelForObjectDetection",
         )
@@ -132,8 +132,8 @@ def _post_arguments(processor: Any, config: Any, top_k: int | None) -> dict[str,
         raise Refused(
             "this model's post-processing has no top_k",
             found=f"top_k={top_k} for {type(processor).__name__}",
-            expected="one detection a query, or as many detections as queries",
-            next_step="leave --option top_k away",
+            expected="one detection per query, or as many detections as queries",
+            next_step="omit --option top_k",
         )
     if "top_k" in taken:
         found["top_k"] = taken["top_k"].default if top_k is None else top_k

@@ -41,7 +41,7 @@ def preparation(folder: Path, how: str) -> tuple[Prepare, dict[str, Any]]:
             "the authors' preprocessing needs a shortest and a longest edge",
             found=f"size {processor.to_dict()['size']}",
             expected="shortest_edge and longest_edge in preprocessor_config.json",
-            next_step="leave --option input away",
+            next_step="omit --option input",
         )
     edges = int(size.shortest_edge), int(size.longest_edge)
 

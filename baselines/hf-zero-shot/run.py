@@ -31,7 +31,7 @@ def load(request: dict[str, Any]) -> tuple[Loaded, dict[str, Any]]:
             "an option is out of range",
             found=f"per_image={options['per_image']}, min_score={options['min_score']}",
             expected="per_image of 1 or more, min_score of 0 to 1",
-            next_step="leave the option away",
+            next_step="omit the option",
         )
     files = hugging_face.resolve(request["weights"], offline=request["offline"])
 

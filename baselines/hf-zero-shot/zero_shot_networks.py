@@ -60,7 +60,7 @@ def load_config(folder: Path) -> Any:
     config = read_config(folder)
     if config.model_type not in DEFAULT_TEMPLATES:
         raise wrong_kind(
-            "this model is no zero-shot detector that is run here",
+            "this zero-shot detector is not supported",
             config,
             expected=", ".join(DEFAULT_TEMPLATES),
         )
@@ -107,7 +107,7 @@ def detect(model: Model, photo: NDArray[np.uint8]) -> Iterator[Pass]:
         scores = question.score(out.logits[0].float().sigmoid().cpu())
         boxes = out.pred_boxes[0].float().cpu()
         if not (scores.isfinite().all() and boxes.isfinite().all()):
-            raise ArithmeticError("the network put out NaN or infinity")
+            raise ArithmeticError("the network's output contains NaN or infinity")
         yield Pass(
             columns=question.columns,
             scores=scores.numpy(),
@@ -121,7 +121,7 @@ def _owl_question(tokenizer: Any, asked: Sequence[str], most_tokens: int) -> Que
     long = [p for p, n in zip(asked, lengths, strict=True) if n > most_tokens]
     if long:
         raise Refused(
-            "prompts are longer than the text encoder reads",
+            "prompts exceed the text encoder's limit",
             found=f"{long[0]!r}, {len(long)} in all",
             expected=f"at most {most_tokens} tokens",
             next_step="pass a shorter --option template",
@@ -149,7 +149,7 @@ def _joint_questions(tokenizer: Any, asked: Sequence[str], most_tokens: int) -> 
     alone = [len(tokenizer(p, add_special_tokens=False)["input_ids"]) for p in asked]
     if max(alone) + 3 > most_tokens or min(alone) == 0:
         raise Refused(
-            "a prompt cannot be read whole by the text encoder",
+            "a prompt does not fit the text encoder",
             found=f"{asked[int(np.argmax(alone))]!r}",
             expected=f"1 to {most_tokens - 3} tokens",
             next_step="pass a shorter --option template",

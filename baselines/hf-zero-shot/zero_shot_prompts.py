@@ -29,10 +29,10 @@ def phrases(names: Sequence[str], template: str) -> list[str]:
     """One prompt a name, in order. Refused for a template without exactly one {}."""
     if template.count("{}") != 1:
         raise Refused(
-            "the template has no place for the name",
+            "the template has no placeholder for the name",
             found=f"template={template}",
             expected="one {}, such as 'a photo of a {}'",
-            next_step="leave --option template away",
+            next_step="omit --option template",
         )
     return [template.replace("{}", " ".join(name.replace("_", " ").split())) for name in names]
 

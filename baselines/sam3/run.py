@@ -33,7 +33,7 @@ def load(request: dict[str, Any]) -> tuple[Model, dict[str, Any]]:
     """The network and the phrases, and what the masks depend on. Refused when not as asked."""
     if request["task"] not in TASKS:
         raise Refused(
-            "SAM 3 gives masks",
+            "SAM 3 predicts masks only",
             found=f"task {request['task']}",
             expected=" or ".join(f"task {task}" for task in TASKS),
         )

@@ -21,10 +21,10 @@ def load_network(folder: Path, device: str) -> Any:
     config = _json(folder / "config.json")
     if config.get("model_type") not in _MODEL_TYPES:
         raise Refused(
-            "this is no checkpoint of SAM 3",
+            "this is not a SAM 3 checkpoint",
             found=f"model_type {config.get('model_type')!r}",
             expected=" or ".join(_MODEL_TYPES),
-            next_step="give facebook/sam3 or a folder with its files",
+            next_step="pass facebook/sam3 or a folder with its files",
         )
     network = load_pretrained(Sam3Model, folder, device=device, dtype="float32")
     _check_preprocessing(folder, network)
@@ -43,7 +43,7 @@ def load_tokenizer(folder: Path, phrases: Sequence[str]) -> Any:
     long = too_long(tokenizer, phrases)
     if long:
         raise Refused(
-            "categories have names that the text encoder cannot read whole",
+            "category names exceed the text encoder's limit",
             found=f"{long[0]!r}, {len(long)} in all",
             expected=f"at most {PHRASE_TOKENS} tokens",
         )
@@ -76,7 +76,7 @@ def _check_preprocessing(folder: Path, network: Any) -> None:
     for name, value in expected.items():
         if described.get(name, value) != value:
             raise Refused(
-                "the checkpoint wants another preprocessing",
+                "the checkpoint needs another preprocessing",
                 found=f"{name} {described[name]}",
                 expected=str(value),
             )

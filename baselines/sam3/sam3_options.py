@@ -35,11 +35,13 @@ def read_options(given: dict[str, Any]) -> Options:
     for name in ("prompts_at_once", "per_category", "per_image"):
         if given[name] < 1:
             raise Refused(
-                "an option is no count", found=f"{name}={given[name]}", expected="1, 2, ..."
+                "an option is not a positive integer",
+                found=f"{name}={given[name]}",
+                expected="1, 2, ...",
             )
     if not 0.0 <= given["min_score"] <= 1.0:
         raise Refused(
-            "an option is no score", found=f"min_score={given['min_score']}", expected="0 to 1"
+            "an option is not a score", found=f"min_score={given['min_score']}", expected="0 to 1"
         )
     return Options(
         prompts_at_once=given["prompts_at_once"],

@@ -17,7 +17,7 @@ def prompt_strings(names: Sequence[str], rule: str) -> list[str]:
     for a name that gives no phrase.
     """
     if rule not in RULES:
-        raise ValueError(f"there is no rule {rule!r} for prompts: {', '.join(RULES)}")
+        raise ValueError(f"unknown prompt rule {rule!r}: {', '.join(RULES)}")
     qualified = [_spaced(name) for name in names]
     bare = [_spaced(name.partition("(")[0]) for name in names]
     times = Counter(phrase.casefold() for phrase in bare)

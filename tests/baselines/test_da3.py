@@ -216,7 +216,7 @@ def test_weights_that_do_not_say_they_are_the_mono_model_are_refused(config, tmp
     if config is not None:
         (tmp_path / "config.json").write_text(json.dumps(config))
     words = refusal("da3", eth3d_request(tmp_path, tmp_path / "run", []))
-    assert "do not say" in words["message"]
+    assert "does not identify" in words["message"]
 
 
 # The whole network

@@ -231,7 +231,7 @@ def test_a_file_that_is_no_checkpoint_is_refused(tmp_path, content):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    assert "no such weight file" in refusal(tmp_path / "absent.pth")
+    assert "the weight file does not exist" in refusal(tmp_path / "absent.pth")
 
 
 @pytest.mark.parametrize(

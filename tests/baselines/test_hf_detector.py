@@ -281,7 +281,10 @@ def test_a_checkpoint_that_leaves_parameters_unset_is_refused(model, photo, refu
         ),
         (lambda folder: (folder / "config.json").write_text("{}"), "config.json cannot be used"),
         (lambda folder: (folder / "model.safetensors").write_bytes(bytes(40)), "cannot be loaded"),
-        (lambda folder: changed_config(folder, model_type="vit"), "no detector"),
+        (
+            lambda folder: changed_config(folder, model_type="vit"),
+            "not a closed-set object detector",
+        ),
     ],
 )
 def test_a_folder_that_is_not_whole_is_refused(model, photo, harm, said, refused):

@@ -288,9 +288,9 @@ def test_end_to_end(folder_of, photo, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"template": "a photo"}, "no place for the name"),
-        ({"template": "{} " * 2}, "no place for the name"),
-        ({"template": "text " * 16 + "{}"}, "longer than"),
+        ({"template": "a photo"}, "no placeholder for the name"),
+        ({"template": "{} " * 2}, "no placeholder for the name"),
+        ({"template": "text " * 16 + "{}"}, "exceed the text encoder"),
         ({"per_image": 0}, "out of range"),
     ],
 )
@@ -302,6 +302,6 @@ def test_prompts_that_are_refused(folder_of, photo, options, words):
 
 def test_another_kind_of_model_is_sent_where_it_belongs(tmp_path):
     (tmp_path / "config.json").write_text(json.dumps({"model_type": "detr"}))
-    with pytest.raises(Refused, match="no zero-shot detector") as refusal:
+    with pytest.raises(Refused, match="zero-shot detector is not supported") as refusal:
         load_config(tmp_path)
     assert "hf-detector" in refusal.value.reason["next_step"]

@@ -393,7 +393,7 @@ def test_another_model_or_preprocessing_is_refused(checkpoint, tmp_path, file, c
 
 def test_names_longer_than_the_text_encoder_reads_are_refused(checkpoint):
     name = "a name of clearly more than thirty tokens"
-    with pytest.raises(Refused, match="cannot read whole"):
+    with pytest.raises(Refused, match="exceed the text encoder"):
         sam3_loading.load_tokenizer(checkpoint, ["cat", name])
 
 
