@@ -16,7 +16,7 @@ from legoworld.commands import options
 from legoworld.commands.evaluation_bench import bench_text, short_bench
 from legoworld.commands.evaluation_short import of_eth3d, short_depth, short_detections
 from legoworld.commands.remote import PlaceType
-from legoworld.pluralize import counted
+from legoworld.pluralize import counted, range_text
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
@@ -206,8 +206,7 @@ def _depth_text(summary: DepthSummary) -> str:
     rows = []
     for metric, by_policy in summary.metrics.items():
         for policy, value in by_policy.items():
-            ends = summary.intervals[metric][policy].ends
-            spread = "{:.4f} .. {:.4f}".format(*ends) if ends else "-"
+            spread = range_text(summary.intervals[metric][policy].ends)
             constant = summary.constant[metric][policy]
             shown = ["-" if x is None else f"{x:.4f}" for x in (value, constant)]
             rows.append((metric, policy, shown[0], spread, shown[1]))

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from legoworld.comparison.leaderboard import leaderboard
 from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import counted, range_text, share
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow
 from legoworld.records.reconstruction_summary import Mean, NoiseSummary
@@ -171,10 +171,9 @@ def _spelt(name: str) -> str:
 def _cell(mean: Mean | None) -> NumberCell | None:
     if mean is None:
         return None
-    ends = mean.interval.ends if mean.interval else None
     return NumberCell(
         value="-" if mean.value is None else f"{mean.value:.4f}",
-        spread="{:.4f} .. {:.4f}".format(*ends) if ends else "-",
+        spread=range_text(mean.interval.ends if mean.interval else None),
         over=f"{counted(mean.n, 'case', 'cases')}, {mean.over}",
     )
 

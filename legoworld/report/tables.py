@@ -8,7 +8,7 @@ from typing import Final
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.text import metric_rows, notes
 from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import counted, range_text, share
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import Comparison, Difference, Measured
 from legoworld.records.evaluation_rows import CategoryRow
@@ -62,13 +62,12 @@ def depth_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
 
 
 def _depth_cell(summary: DepthSummary, metric: str, policy: str) -> NumberCell:
-    ends = summary.intervals[metric][policy].ends
     groups, coverage = summary.bootstrap, summary.coverage
     scenes = counted(groups.groups, "scene", "scenes")
     by_scene = f", {scenes}" if groups.unit == "scene" else ""
     return NumberCell(
         value=_number(summary.metrics[metric][policy]),
-        spread="{:.4f} .. {:.4f}".format(*ends) if ends else "-",
+        spread=range_text(summary.intervals[metric][policy].ends),
         over=share(coverage.scored, coverage.attempted, "image", "images") + by_scene,
         constant=_number(summary.constant[metric][policy]),
     )
@@ -183,10 +182,7 @@ def _short_name(metric: str, policy: str) -> str:
 
 
 def _compared(cell: Difference, *, signed: bool = False) -> NumberCell:
-    spread, over = "-", ""
-    if cell.ends:
-        sign = "+" if signed else ""
-        spread = f"{cell.ends[0]:{sign}.4f} .. {cell.ends[1]:{sign}.4f}"
+    spread, over = range_text(cell.ends, "+" if signed else ""), ""
     if isinstance(cell, Measured):
         if not cell.ends and isinstance(cell.sd, float):
             spread = f"sd {cell.sd:.4f}"

@@ -69,7 +69,7 @@ def test_every_official_number_stands_with_its_interval_and_denominator(
             assert f"{group['truth_instances']} annotation" in over
             interval = summary["intervals"][metric.name]
             if value is not None and interval["low"] is not None:
-                assert spread == f"{interval['low']:.4f} .. {interval['high']:.4f}"
+                assert spread == f"{interval['low']:.4f} to {interval['high']:.4f}"
 
 
 def test_score_free_numbers_and_coverage(both: tuple[Path, Path], page: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
-from legoworld.pluralize import counted
+from legoworld.pluralize import counted, range_text
 from legoworld.records.evaluation_summary import Coverage, DetectionSummary
 
 Table = Callable[[Sequence[str], Sequence[Sequence[object]]], str]
@@ -95,9 +95,7 @@ def metric_rows(summary: DetectionSummary, protocol: DetectionProtocol) -> list[
 
 def _row(summary: DetectionSummary, name: str, value: float | None, over: str) -> tuple[str, ...]:
     interval = summary.intervals.get(name)
-    spread = "-"
-    if value is not None and interval and interval.ends:
-        spread = "{:.4f} .. {:.4f}".format(*interval.ends)
+    spread = range_text(interval.ends if value is not None and interval else None)
     return name, "-" if value is None else f"{value:.4f}", spread, over
 
 
@@ -118,7 +116,7 @@ def _tie_rows(summary: DetectionSummary, over: str) -> list[tuple[str, ...]]:
                     _many(ties.n_tied, "tied prediction"),
                 )
             )
-            bounds = f"{known.worst:.4f} .. {known.best:.4f}"
+            bounds = range_text((known.worst, known.best))
             rows.append((f"{prefix}AP bounds over tie orders", "-", bounds, over))
     return rows
 
