@@ -28,8 +28,8 @@ from legoworld.evaluation.detection.inputs.masks import (
 from legoworld.pluralize import counted, share
 from legoworld.records.track import LARGEST_ID
 
-Entry = dict[str, Any]
-Fault = Callable[[Entry], str | None]
+Foreign = dict[str, Any]
+Fault = Callable[[Foreign], str | None]
 
 _FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
 _CORRECT = "correct the file, or use the dataset's own"
@@ -43,7 +43,7 @@ class TruthInvalidError(LegoWorldError):
     code = "truth_invalid"
 
 
-def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> dict[int, Entry]:
+def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> dict[int, Foreign]:
     """Copies of a truth's image entries by id, in the file's order.
 
     name: the file's, for messages. TruthInvalidError for an entry without a usable id, and for ids
@@ -51,7 +51,7 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
     """
     _refuse(name, "images", entries, _object_fault)
     _refuse(name, "images", entries, _key_fault("id"), "an integer id")
-    by_id: dict[int, Entry] = {}
+    by_id: dict[int, Foreign] = {}
     twice: list[int] = []
     for entry in entries:
         image_id = _whole(entry["id"], "image ids", repairs)
@@ -75,7 +75,7 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
     return by_id
 
 
-def check_image_values(name: str, images: Sequence[Entry], *, federated: bool) -> None:
+def check_image_values(name: str, images: Sequence[Foreign], *, federated: bool) -> None:
     """What scoring reads of the images it is about; whole numbers become integers in place.
 
     TruthInvalidError for a width or height that is none, and in LVIS (federated) for missing
@@ -94,12 +94,12 @@ def check_annotations(
     name: str,
     entries: Sequence[Any],
     *,
-    images: Mapping[int, Entry],
+    images: Mapping[int, Foreign],
     wanted: Iterable[int],
     category_ids: Iterable[int],
     masks: bool,
     repairs: Counter[str],
-) -> list[Entry]:
+) -> list[Foreign]:
     """Copies of the annotations of the wanted images, in the file's order.
 
     images: all of the file's, as `check_images` returns them: an annotation of none of them is
@@ -133,7 +133,7 @@ def check_annotations(
 
 
 def check_boxes(
-    name: str, annotations: Sequence[Entry], images: Mapping[int, Entry], repairs: Counter[str]
+    name: str, annotations: Sequence[Foreign], images: Mapping[int, Foreign], repairs: Counter[str]
 ) -> None:
     """Hold checked boxes to their images, as a results list's. TruthInvalidError names a format."""
     ids = {a["image_id"] for a in annotations}
@@ -152,7 +152,7 @@ def check_boxes(
     repairs.update({f"truth {what}": count for what, count in odd.items()})
 
 
-def _check_values(name: str, own: Sequence[Entry], category_ids: frozenset[int]) -> None:
+def _check_values(name: str, own: Sequence[Foreign], category_ids: frozenset[int]) -> None:
     """What both kinds of scoring read of an annotation, besides its mask."""
     rules: list[tuple[Fault, str, str]] = [
         (_key_fault("category_id"), "the integer id of its category", _CORRECT),
@@ -177,10 +177,10 @@ def _check_values(name: str, own: Sequence[Entry], category_ids: frozenset[int])
         _refuse(name, "annotations", own, fault, expected, next_step or _CORRECT)
 
 
-def _check_masks(name: str, own: Sequence[Entry], images: Mapping[int, Entry]) -> None:
+def _check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]) -> None:
     """Polygons of three points and more, or RLE that covers its image."""
 
-    def fault(entry: Entry) -> str | None:
+    def fault(entry: Foreign) -> str | None:
         mask, image = entry.get("segmentation"), images[entry["image_id"]]
         if isinstance(mask, list) and mask:
             return _polygon_fault(mask)
@@ -209,7 +209,7 @@ def _check_masks(name: str, own: Sequence[Entry], images: Mapping[int, Entry]) -
 def _refuse(
     name: str,
     kind: str,
-    entries: Iterable[Entry],
+    entries: Iterable[Foreign],
     fault: Fault,
     expected: str = "an object",
     next_step: str = _CORRECT,
@@ -239,7 +239,7 @@ def _named(kind: str, entry: Any, number: int, found: str) -> str:
     return f"{what} {entry['id']}{of_image}: {found}"
 
 
-def _refuse_repeats(name: str, entries: Sequence[Entry]) -> None:
+def _refuse_repeats(name: str, entries: Sequence[Foreign]) -> None:
     ids = Counter(a["id"] for a in entries)
     if len(ids) == len(entries):
         return
@@ -259,7 +259,7 @@ def _object_fault(entry: object) -> str | None:
 def _key_fault(key: str) -> Fault:
     """No integer under the key; a float of a whole number is one, as it is to pycocotools."""
 
-    def fault(entry: Entry) -> str | None:
+    def fault(entry: Foreign) -> str | None:
         if key not in entry:
             return f"no {key}"
         return None if _is_whole(entry[key]) else _shown(entry, key)
@@ -267,7 +267,7 @@ def _key_fault(key: str) -> Fault:
     return fault
 
 
-def _shown(entry: Entry, key: str) -> str:
+def _shown(entry: Foreign, key: str) -> str:
     return f"{key} {entry[key]!r}"[:100] if key in entry else f"no {key}"
 
 
@@ -281,13 +281,13 @@ def _whole(value: float, what: str, repairs: Counter[str]) -> int:
     return int(value)
 
 
-def _size_fault(entry: Entry) -> str | None:
+def _size_fault(entry: Foreign) -> str | None:
     size: list[Any] = [entry.get(key) for key in ("width", "height")]
     fine = all(_is_whole(value) and value >= 1 for value in size)
     return None if fine else f"width {size[0]!r}, height {size[1]!r}"
 
 
-def _federated_fault(entry: Entry) -> str | None:
+def _federated_fault(entry: Foreign) -> str | None:
     for key in _FEDERATED_KEYS:
         value = entry.get(key)
         if not isinstance(value, list) or not all(type(c) is int for c in value):
@@ -295,7 +295,7 @@ def _federated_fault(entry: Entry) -> str | None:
     return None
 
 
-def _box_fault(entry: Entry) -> str | None:
+def _box_fault(entry: Foreign) -> str | None:
     box: Any = entry.get("bbox")
     fine = isinstance(box, list) and len(box) == 4 and all(map(is_finite, box))
     return None if fine and min(box[2:]) >= 0 else _shown(entry, "bbox")
