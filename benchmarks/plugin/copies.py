@@ -9,6 +9,7 @@ affine disparity, 3 % noise) of the reference picture.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -111,7 +112,10 @@ def read_case(
         scene=scene,
         evidence=read_evidence(folder),
         names=names,
-        requirements=_required(names),
+        requirements=(
+            *required_of_each(names),
+            kinds.DepthOrder(matched=tuple((name, name) for name in names)),
+        ),
     )
 
 
@@ -126,7 +130,8 @@ def _drawn(mask: NDArray[np.bool_], random: np.random.Generator) -> list[Any]:
     return polygons
 
 
-def _required(names: tuple[str, ...]) -> tuple[Requirement, ...]:
+def required_of_each(names: Sequence[str]) -> list[Requirement]:
+    """The five requirements of the picture of each object, whose region has its name."""
     matched = tuple((name, name) for name in names)
     made: list[Requirement] = []
     for name in names:
@@ -137,7 +142,7 @@ def _required(names: tuple[str, ...]) -> tuple[Requirement, ...]:
             kinds.Boundary(entity=name, region=name),
             kinds.Depth(entity=name, matched=matched),
         ]
-    return (*made, kinds.DepthOrder(matched=matched))
+    return made
 
 
 def r_of(study: StudyCase, snapshot: Snapshot) -> float:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from copies import required_of_each
 
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
@@ -30,7 +31,6 @@ from legoworld.plugin.evidence_making import Given, make_evidence
 from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.measure import measure, surface_view
 from legoworld.plugin.state import LiveScene, read_live
-from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_requirements import Requirement
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.workers.descendants import descendants
@@ -143,17 +143,7 @@ def requirements(scene: LiveScene, folder: Path) -> tuple[Any, list[Requirement]
         hfov_deg=None,
     )
     make_evidence(given, folder / "evidence")
-    matched = tuple((name, name) for name in names)
-    wanted: list[Requirement] = []
-    for name in names:
-        wanted += [
-            kinds.Centroid(entity=name, region=name),
-            kinds.Extent(entity=name, region=name),
-            kinds.Overlap(entity=name, region=name),
-            kinds.Boundary(entity=name, region=name),
-            kinds.Depth(entity=name, matched=matched),
-        ]
-    return read_evidence(folder / "evidence"), wanted
+    return read_evidence(folder / "evidence"), required_of_each(names)
 
 
 def measured(n: int, repeat: int, folder: Path) -> None:

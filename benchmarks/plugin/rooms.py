@@ -18,29 +18,18 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
 from plugin.synthetic import (  # pyright: ignore[reportMissingImports]
-    ROOM,
     SIZE,
     camera,
     picture,
     room,
     seen_faces,
+    true_distances,
 )
 
-from legoworld.plugin.room_fit import FACES, NORMALS, fit_box, rays
+from legoworld.plugin.room_fit import fit_box, rays
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
 from legoworld.records.plugin_evidence import Rows
 from legoworld.records.plugin_room import Structure
-
-
-def true_distances(estimate, world_from_cam, place):
-    """By face of the estimated frame: the room's true distance, in camera heights."""
-    low, high = np.array(ROOM)
-    found = {}
-    for name, normal in zip(FACES, NORMALS, strict=True):
-        there = np.rint((estimate @ world_from_cam.T).T @ normal)
-        end = np.where(there > 0, high, low)
-        found[name] = float(np.abs((end - place) @ there)) / place[2]
-    return found
 
 
 def main() -> int:

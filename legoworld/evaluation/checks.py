@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import platform
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -83,3 +84,18 @@ def check_equal(what: str, found: object, recorded: object) -> Check:
     if found == recorded:
         return Check("ok", what, str(found)[:60])
     return Check("DIFFERS", what, f"{str(found)[:60]}, on record {str(recorded)[:60]}")
+
+
+def refuse_unseen(sizes_bytes: Mapping[Path, int], what: str, error: type[LegoWorldError]) -> None:
+    """Raise the error where this machine does not see files as the command does, by their sizes."""
+    for path, size_bytes in sizes_bytes.items():
+        found = path.stat().st_size if path.is_file() else None
+        if found != size_bytes:
+            raise error(
+                f"a machine does not see {what}",
+                found=f"{'nothing' if found is None else f'{found} bytes'} at {path} "
+                f"on {platform.node()}",
+                expected=f"the {size_bytes} bytes that the command sees there",
+                next_step="put RUN and --truth into folders that all machines see under the same "
+                "path, or use --engine local",
+            )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, UsageError
 from legoworld.pluralize import counted
 from legoworld.records.base import RecordError, decode, decode_lines
 from legoworld.records.folders.prediction_files import prediction_files, stored_batches
@@ -78,6 +78,18 @@ def read_run(folder: Path) -> Run:
         )
     ordered = sorted(images, key=lambda i: i.image_id)
     return Run(folder=folder, head=head, images=tuple(ordered))
+
+
+def read_run_of(folder: Path, task: str, kind: str) -> Run:
+    """A run of one task, `read_run`; UsageError for one of another. kind: "a depth run"."""
+    run = read_run(folder)
+    if run.task != task:
+        raise UsageError(
+            f"{folder.name or folder} is not {kind}",
+            found=f"task {run.task!r}",
+            expected=f"a run of the task {task!r}",
+        )
+    return run
 
 
 def read_rows(run: Run) -> list[RunRow]:

@@ -49,9 +49,10 @@ def direct(task):
     return lambda path, results: direct_coco(path, results, "bbox" if task == "coco" else "segm")
 
 
-def evaluate(folder, task, truth, predictions, **options):
-    run = write_run(folder / "run", task, truth, predictions)
-    truth_path = write_truth(folder / "truth.json", truth)
+def evaluate(folder, task, truth, predictions, *, statuses=None, whole=None, **options):
+    """whole: the truth to score against where it has more than the run's images."""
+    run = write_run(folder / "run", task, truth, predictions, statuses=statuses)
+    truth_path = write_truth(folder / "truth.json", whole or truth)
     return evaluate_detections(
         run, truth_path, folder / "eval", **{"evaluator": "official", "draws": 20, **options}
     )

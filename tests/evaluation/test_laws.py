@@ -11,7 +11,6 @@ from evaluation.detection_runs import (
     random_truth,
     read_rows,
     write_run,
-    write_truth,
 )
 from evaluation.official import evaluate
 
@@ -116,14 +115,8 @@ def test_an_image_that_failed_stays_in_the_denominator(task, tmp_path):
     predictions = random_predictions(task, truth, seed=8)
     failed = {i["id"] for i in truth["images"][::3]}
     left = [p for p in predictions if p["image_id"] not in failed]
-    run = write_run(tmp_path / "run", task, truth, left, statuses=dict.fromkeys(failed, "missing"))
-    evaluation = evaluate_detections(
-        run,
-        write_truth(tmp_path / "truth.json", truth),
-        tmp_path / "eval",
-        evaluator="official",
-        draws=10,
-    )
+    statuses = dict.fromkeys(failed, "missing")
+    evaluation = evaluate(tmp_path, task, truth, left, statuses=statuses, draws=10)
     empty = evaluate(tmp_path / "empty", task, truth, left)
     assert evaluation.summary.official == empty.summary.official
     assert evaluation.summary.coverage.attempted == 12
@@ -152,14 +145,7 @@ def test_scoring_over_a_track_smaller_than_the_truth(task, tmp_path):
     }
     predictions = random_predictions(task, small, seed=9)
     alone = evaluate(tmp_path / "small", task, small, predictions)
-    run = write_run(tmp_path / "run", task, small, predictions)
-    whole = evaluate_detections(
-        run,
-        write_truth(tmp_path / "truth.json", truth),
-        tmp_path / "eval",
-        evaluator="official",
-        draws=20,
-    )
+    whole = evaluate(tmp_path, task, small, predictions, whole=truth)
     assert whole.summary == alone.summary
 
 

@@ -28,20 +28,8 @@ TASKS = ["coco", "coco-masks", "lvis"]
 
 def scored(folder, task, truth, predictions, statuses=None):
     """summary.json of a run, some of whose images were not read."""
-    run = write_run(
-        folder / "run",
-        task,
-        truth,
-        [p for p in predictions if p["image_id"] not in (statuses or {})],
-        statuses=statuses,
-    )
-    evaluate_detections(
-        run,
-        write_truth(folder / "truth.json", truth),
-        folder / "eval",
-        evaluator="official",
-        draws=3,
-    )
+    read = [p for p in predictions if p["image_id"] not in (statuses or {})]
+    evaluate(folder, task, truth, read, statuses=statuses, draws=3)
     return json.loads((folder / "eval" / "summary.json").read_text())
 
 
@@ -187,14 +175,7 @@ def test_sizes_written_with_a_point_are_the_same_sizes(case, tmp_path):
     for image in pointed["images"]:
         image |= {"width": float(image["width"]), "height": float(image["height"])}
     for folder, document in (("a", truth), ("b", pointed)):
-        run = write_run(tmp_path / folder / "run", task, truth, predictions)
-        evaluate_detections(
-            run,
-            write_truth(tmp_path / folder / "truth.json", document),
-            tmp_path / folder / "eval",
-            evaluator="official",
-            draws=3,
-        )
+        evaluate(tmp_path / folder, task, truth, predictions, whole=document, draws=3)
     for name in ("summary.json", "per_image.jsonl", "view/truth.json", "view/predictions.json"):
         texts = [(tmp_path / folder / "eval" / name).read_text() for folder in "ab"]
         assert texts[0] == texts[1]

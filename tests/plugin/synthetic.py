@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.room_fit import FACES, NORMALS
 from legoworld.records.plugin_evidence import CameraEvidence, EvidenceFile, PhotoEvidence, Region
 from legoworld.visibility.kernel import render
 from legoworld.visibility.projection import Projection
@@ -122,3 +123,14 @@ def evidence_with(regions, rotation=None, hfov_deg=None, disparity=None, photo=N
     regions = tuple(sorted(regions, key=lambda region: region.name))
     file = EvidenceFile(photo=about, regions=regions, depth=None, camera=camera)
     return Evidence(file=file, disparity=disparity, photo=photo)
+
+
+def true_distances(estimate, world_from_cam, place):
+    """By face of the estimated frame: the room's true distance, in camera heights."""
+    low, high = np.array(ROOM)
+    distances = {}
+    for name, normal in zip(FACES, NORMALS, strict=True):
+        there = np.rint((estimate @ world_from_cam.T).T @ normal)
+        end = np.where(there > 0, high, low)
+        distances[name] = float(np.abs((end - place) @ there)) / place[2]
+    return distances

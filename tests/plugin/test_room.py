@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from plugin.synthetic import (
-    ROOM,
     SIZE,
     camera,
     evidence_with,
@@ -13,12 +12,13 @@ from plugin.synthetic import (
     region_of,
     room,
     seen_faces,
+    true_distances,
 )
 
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.room import RoomUnknownError, recover_room, shell_view, structures_of
-from legoworld.plugin.room_fit import FACES, NORMALS, fit_box, rays, seen_face
+from legoworld.plugin.room_fit import FACES, fit_box, rays, seen_face
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
 
 W, H = SIZE
@@ -27,18 +27,6 @@ W, H = SIZE
 def labels_of(faces):
     """What `seen_faces` shows of the room, behind its boxes."""
     return {"wall": (faces >= 0) & (faces < 4), "floor": faces == 4, "ceiling": faces == 5}
-
-
-def true_distances(estimate, world_from_cam, place):
-    """By face of the estimated frame: the room's true distance, in camera heights."""
-    low, high = np.array(ROOM)
-    walls = {(-1, 0): place[0] - low[0], (1, 0): high[0] - place[0], (0, 1): high[1] - place[1],
-             (0, -1): place[1] - low[1]}  # fmt: skip
-    distances = {"floor": place[2], "ceiling": high[2] - place[2]}
-    for name, normal in zip(FACES[2:], NORMALS[2:], strict=True):
-        there = np.rint((estimate @ world_from_cam.T).T @ normal)[:2]
-        distances[name] = walls[tuple(int(v) for v in there)]
-    return {name: distance / place[2] for name, distance in distances.items()}
 
 
 def test_walls_of_known_rooms_are_found_and_unseen_ones_are_unknown():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Final
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
+from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.depth.predictions import DepthImage
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.rows import ImageResult, score_row
@@ -64,16 +64,7 @@ def score_task(task: ImageTask) -> ImageResult:
 
     Otherwise a file missing on this machine would be mistaken for a missing prediction.
     """
-    for path, size_bytes in task.sizes_bytes.items():
-        found = path.stat().st_size if path.is_file() else None
-        if found != size_bytes:
-            raise DepthUnseenError(
-                f"a machine does not see the depth files of {task.image.image.file_name}",
-                found=f"{'nothing' if found is None else f'{found} bytes'} at {path} "
-                f"on {platform.node()}",
-                expected=f"the {size_bytes} bytes that the command sees there",
-                next_step="put RUN and --truth into folders that all machines see under the same "
-                "path, or use --engine local",
-            )
+    what = f"the depth files of {task.image.image.file_name}"
+    refuse_unseen(task.sizes_bytes, what, DepthUnseenError)
     camera = task.file.camera if task.warped else None
     return score_row(task.image, task.file, camera, depth_protocol())

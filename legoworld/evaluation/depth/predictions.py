@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from legoworld.errors import UsageError
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
 from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.run import Run, read_rows, read_run
+from legoworld.evaluation.run import Run, read_rows, read_run_of
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.depth import depth_file
 from legoworld.records.run_rows import RunImage, RunRow
@@ -51,13 +50,7 @@ class DepthRun:
 
 def read_depth_run(folder: Path) -> DepthRun:
     """A depth run and its images by ascending id. Raises RunUnusableError or UsageError."""
-    run = read_run(folder)
-    if run.task != _TASK:
-        raise UsageError(
-            f"{folder.name or folder} is not a depth run",
-            found=f"task {run.task!r}",
-            expected=f"a run of the task {_TASK!r}",
-        )
+    run = read_run_of(folder, _TASK, "a depth run")
     return DepthRun(
         run=run,
         kind=str(run.configuration.kind or None),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld.errors import one_line
+from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case, zero_row
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, BenchUnseenError
 from legoworld.records.base import UNSET
@@ -74,17 +74,7 @@ def _again(seen: SeenTask) -> Scored:
 
 def score_seen(seen: SeenTask) -> Scored:
     """Score one case. BenchUnseenError where the command's files are not to be seen here."""
-    for path, size_bytes in seen.sizes_bytes.items():
-        found = path.stat().st_size if path.is_file() else None
-        if found != size_bytes:
-            raise BenchUnseenError(
-                f"a machine does not see the files of {seen.task.row.file_name}",
-                found=f"{'nothing' if found is None else f'{found} bytes'} at {path} "
-                f"on {platform.node()}",
-                expected=f"the {size_bytes} bytes that the command sees there",
-                next_step="put RUN and --truth into folders that all machines see under the same "
-                "path, or use --engine local",
-            )
+    refuse_unseen(seen.sizes_bytes, f"the files of {seen.task.row.file_name}", BenchUnseenError)
     try:
         return Scored(row=score_case(seen.task), error=None)
     except BenchTruthError:

@@ -13,11 +13,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.errors import UsageError
 from legoworld.evaluation.reconstruction.appearance import Picture, PictureError, decoded
 from legoworld.evaluation.reconstruction.errors import SubmissionFileError
 from legoworld.evaluation.reconstruction.points import Depth, Raster
-from legoworld.evaluation.run import Run, RunUnusableError, read_run
+from legoworld.evaluation.run import Run, RunUnusableError, read_run_of
 from legoworld.records.base import UNSET, RecordError, decode_lines
 from legoworld.records.bench_run import BenchRow, RenderFile, SurfaceFile, WrittenFile
 from legoworld.records.folders.run_reading import ROWS
@@ -56,13 +55,7 @@ class Surface:
 
 def read_bench_run(folder: Path) -> BenchRun:
     """A bench run and its rows. RunUnusableError or UsageError otherwise."""
-    run = read_run(folder)
-    if run.task != TASK:
-        raise UsageError(
-            f"{folder.name or folder} is no bench run",
-            found=f"task {run.task!r}",
-            expected=f"a run of the task {TASK!r}",
-        )
+    run = read_run_of(folder, TASK, "a bench run")
     try:
         rows = decode_lines(BenchRow, (folder / ROWS).read_bytes())
     except (OSError, RecordError) as error:
