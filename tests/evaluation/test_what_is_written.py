@@ -234,10 +234,10 @@ def test_the_words_beside_the_numbers(tmp_path):
     assert rows["equal confidence: AP over 20 tie orders"] == (
         f"{spread.expected:.4f}", f"sd {spread.sd:.4f}", "2 tied predictions",
     )  # fmt: skip
-    bounds = f"{spread.worst:.4f} .. {spread.best:.4f}"
+    bounds = f"{spread.worst:.4f} to {spread.best:.4f}"
     assert rows["equal confidence: AP bounds over tie orders"] == ("-", bounds, over)
     low, high = found.intervals["AP"].ends
-    assert rows["AP"][:2] == (f"{found.metrics['AP']:.4f}", f"{low:.4f} .. {high:.4f}")
+    assert rows["AP"][:2] == (f"{found.metrics['AP']:.4f}", f"{low:.4f} to {high:.4f}")
 
 
 def boxes(*found):
