@@ -107,6 +107,15 @@ def test_thresholds_are_exact_to_the_texel(mode, factor, cutoff, least):
     assert (shown(made, 16) == (ramp >= least)).all()
 
 
+def test_blend_has_a_threshold_of_its_own_whatever_the_cutoff():
+    ramp = np.arange(256).reshape(16, 16)
+    made = card(ramp, mode="BLEND", cutoff=0.9)
+    made.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = made.accessor(
+        [(0, 0, 0), (16, 0, 0), (16, 16, 0), (0, 16, 0)]
+    )
+    assert (shown(made, 16) == (ramp >= 128)).all()
+
+
 def test_a_cutoff_no_alpha_reaches_removes_the_surface():
     for made in (card(mode="MASK", cutoff=1.5), card(factor=0.4)):
         with pytest.raises(NoMeshError):
@@ -166,6 +175,10 @@ def test_wraps_too_long_to_tile_are_warned_of():
     uv = [(0, 1), (9e3, 1), (9e3, 0), (0, 0)]
     snapshot = read(card(TEXELS, uv, sampler={"wrapS": 10497, "wrapT": 33071}).glb())
     assert any("wraps differently" in w for w in snapshot.warnings)
+    (cutout,), (alpha,) = snapshot.cutouts, snapshot.cutout_alphas
+    assert (cutout.wrap, alpha.tolist()) == ("repeat", TEXELS.tolist())
+    corners = {(0.0, 0.0), (9e3, 0.0), (9e3, 1.0), (0.0, 1.0)}
+    assert {tuple(corner) for corner in snapshot.corner_uv.reshape(-1, 2).tolist()} == corners
 
 
 @pytest.mark.parametrize(
@@ -205,7 +218,10 @@ def test_the_texture_coordinate_set_is_the_textures_and_the_transforms_wins():
     info["texCoord"] = 5
     info["extensions"] = {}
     snapshot = read(made.glb())
-    assert any("no TEXCOORD_5" in w for w in snapshot.warnings)
+    said = "a mesh has no TEXCOORD_5; its surface is taken as opaque"
+    assert f"material 'material 0': {said}" in snapshot.warnings
+    made.json["materials"][0]["name"] = "Leaf"
+    assert f"material 'Leaf': {said}" in read(made.glb()).warnings
     assert shown(made).all()
 
 
@@ -368,6 +384,7 @@ def test_deep_alpha_is_rounded_to_eight_bits():
         (b"VP8X" + bytes(8) + b"\x03\x00\x00" + b"\x01\x01\x00", (4, 258)),
         (b"VP8L" + bytes(5) + (0x3FFE | 9 << 14).to_bytes(4, "little") + bytes(6), (16383, 10)),
         (b"VP8L" + bytes(5) + (15 | 9 << 14 | 1 << 28).to_bytes(4, "little") + bytes(6), (16, 10)),
+        (b"VP8L" + bytes(4) + b"\xff" + (5 | 9 << 14).to_bytes(4, "little") + b"\xff" * 6, (6, 10)),
         (b"VP8 " + bytes(10) + (0x4000 | 12).to_bytes(2, "little") + b"\x07\xc0", (12, 7)),
         (b"ALPH" + bytes(14), (0, 0)),
     ],

@@ -136,6 +136,8 @@ def test_a_file_s_own_settings_are_plain_metres_and_square_pixels():
         "sensor_height_mm": 36.0, "sensor_fit": "AUTO", "shift_x": 0.0, "shift_y": 0.0,
         "ortho_scale": 64.0, "clip_start": 0.1, "clip_end": 100,
     }  # fmt: skip
+    (warning,) = snapshot.warnings
+    assert warning.startswith("scene.glb records no picture size")
     assert snapshot.collections == ()
     assert [(o.name, o.type, o.parent, o.instance_type, o.library) for o in snapshot.objects] == [
         ("Camera", "CAMERA", -1, "NONE", None), ("Quad", "MESH", -1, "NONE", None),

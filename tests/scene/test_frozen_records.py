@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from legoworld import __version__
+from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
 from legoworld.records.verdict import OK, Verdict
 from legoworld.scene import freeze
@@ -39,6 +41,8 @@ def freeze_now(scene, **checks):
 
 def test_what_a_record_holds(scene):
     record = freeze_now(scene, **{"scene.blend": OK})
+    assert (record["schema_version"], record["legoworld"]) == (SCHEMA_VERSION, __version__)
+    assert record["checks"] == {"scene.blend": {"status": "ok", "code": "ok", "reason": None}}
     assert record["status"] == "ok"
     assert record["bpy"] == "5.0"
     assert record["files"].keys() == {"scene.blend", "labels.json", "arm.urdf"}

@@ -9,7 +9,7 @@ import pytest
 
 from legoworld.scene.affine import cross, dot, length, unit
 from legoworld.scene.hair import strands as strands_module
-from legoworld.scene.hair.ribbons import _on_quads, ribbons
+from legoworld.scene.hair.ribbons import _on_quads, quads, ribbons
 from legoworld.scene.hair.spheres import sphere, sphere_error, sphere_levels
 from legoworld.scene.hair.strands import (
     TOLERANCE,
@@ -21,7 +21,7 @@ from legoworld.scene.hair.strands import (
     nodes,
     usable,
 )
-from legoworld.scene.hair.tubes import _sides, linear_tubes, round_tubes
+from legoworld.scene.hair.tubes import _sides, _steps, linear_tubes, round_tubes
 
 #: Looks along +z of the strands' own frame from 10 units before its origin.
 TEN_BEFORE = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 10]])
@@ -214,6 +214,30 @@ def test_strands_of_one_key_and_negative_radii_are_left_out():
     )
     assert curve.start.tolist() == [0, 2]
     assert curve.radius.tolist() == [0, 0]
+
+
+def test_a_quad_is_two_triangles_that_share_a_diagonal():
+    left, right, next_left, next_right = (np.array([n, n + 10]) for n in range(4))
+    found = quads(left, right, next_left, next_right)
+    assert found.dtype == np.int32
+    assert found.tolist() == [[0, 2, 1], [3, 1, 2], [10, 12, 11], [13, 11, 12]]
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-9, 2e-5, 1e-3, 0.05, 2.0])
+def test_a_spline_has_as_many_steps_as_the_tolerance_asks_for(bend):
+    """Four times the second difference of the keys, over 8 n^2, of the view's width of 8."""
+    points = np.array([(0.0, 0, 0), (bend, 1, 0), (0, 2, 0)])
+    share = min(4 * (2 * bend) / 8, 1.0)
+    enough = [n for n in range(1, 17) if share <= 8 * TOLERANCE * n * n]
+    assert _steps(strand(points), FLAT_EYE) == min(enough, default=16)
+    assert _steps(strand(points[:2]), FLAT_EYE) == 1
+    # Where one strand ends and the next begins nothing bends.
+    straight = np.array([(0.0, y, 0) for y in range(3)])
+    both = Strands(
+        points=np.concatenate([straight, straight + np.array([5.0, 0, 0])]), radius=np.full(6, 0.1),
+        start=np.array([0, 3, 6]),
+    )  # fmt: skip
+    assert _steps(both, FLAT_EYE) == 1
 
 
 def test_batches_hold_every_key_once(monkeypatch):
