@@ -139,6 +139,26 @@ def test_a_flat_mesh_before_the_camera_is_a_plane(folder):
     assert 0 < plane.share < 1
 
 
+def test_an_image_that_was_not_delivered_is_told_of(folder):
+    image = {"name": "Wood", "path": "//wood.png", "size_wh": [0, 0], "packed": False,
+             "generated": False, "absolute_path": False, "thumbnail": None,
+             "users": ["material"]}  # fmt: skip
+    others = [
+        {"name": "Far", "path": "/far/oak.png", "absolute_path": True},
+        {"name": "Unused", "users": []},
+        {"name": "Made", "generated": True},
+        {"name": "Read", "size_wh": [4, 0]},
+    ]
+    facts = {**FACTS, "images": [image, *({**image, **other} for other in others)]}
+    row = submitted(folder, StandIn(facts=facts))[0].row
+    assert row.warnings == (
+        "image 'Wood' cannot be read and renders magenta: //wood.png; pack it into scene.blend",
+        "image 'Far' cannot be read and renders magenta: /far/oak.png, an absolute path; pack it "
+        "into scene.blend",
+    )
+    assert len(row.integrity.images) == 5
+
+
 def test_the_noise_of_a_render_is_that_of_two_seeds(folder):
     delta = CARD.value("scoring.delta")
     pictures = (png(10, 10, 10, 10), png(10, 10 + delta, 11 + delta, 10))
