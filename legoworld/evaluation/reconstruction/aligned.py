@@ -77,7 +77,7 @@ def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
     target, source = _thinned(reference_m), _thinned(submitted_m)
     if min(len(target), len(source)) < 3:
         return None
-    tree = KDTree(target)
+    nearest = MovingPairs(target)
     kept = max(3, int(ICP_KEPT * len(source)))
     rotation, translation = np.eye(3), np.zeros(3)
     size = float(np.abs(target).max())
@@ -85,7 +85,7 @@ def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
     while steps < ICP_ITERATIONS:
         steps += 1
         now = source @ rotation.T + translation
-        distance, place = (np.atleast_1d(answer) for answer in tree.query(now))
+        distance, place = nearest.of(now)
         pairs = np.argsort(distance, kind="stable")[:kept]
         turn, shift = _kabsch(now[pairs], target[place[pairs]])
         rotation, translation = turn @ rotation, turn @ translation + shift
@@ -100,6 +100,47 @@ def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
         trimmed_rms_m=rms,
     )
     return Motion(rotation=rotation, translation_m=translation, registration=registration)
+
+
+class MovingPairs:
+    """Nearest targets of a cloud that moves little from call to call: what a k-d tree answers.
+
+    A point whose nearest target is closer than the second nearest was, less the way that the point
+    has gone since the tree was asked, keeps its target.
+    """
+
+    #: More than rounding can make of a distance, as a share of it.
+    _MARGIN: Final = 1e-9
+
+    def __init__(self, target_m: F64) -> None:
+        self._target = target_m
+        self._tree = KDTree(target_m)
+        self._asked_at: F64 | None = None
+        self._place: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._second: F64 = np.zeros(0)
+
+    def of(self, points_m: F64) -> tuple[F64, NDArray[np.intp]]:
+        """Distance and place of the nearest target of each (N, 3) point."""
+        if self._asked_at is None:
+            self._asked_at = points_m.copy()
+            self._place = np.zeros(len(points_m), np.intp)
+            self._second = np.zeros(len(points_m))
+            moved = np.arange(len(points_m))
+        else:
+            far = _lengths(points_m - self._target[self._place]) * (1.0 + self._MARGIN)
+            gone = _lengths(points_m - self._asked_at) * (1.0 + self._MARGIN)
+            moved = np.flatnonzero(far + gone >= self._second * (1.0 - self._MARGIN))
+        if len(moved):
+            distance, place = self._tree.query(points_m[moved], k=2)
+            self._place[moved] = place[:, 0]
+            self._second[moved] = distance[:, 1]
+            self._asked_at[moved] = points_m[moved]
+        return _lengths(points_m - self._target[self._place]), self._place
+
+
+def _lengths(vectors: F64) -> F64:
+    x, y, z = vectors.T
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def angle_rad(rotation: F64) -> float:

@@ -47,8 +47,12 @@ def voxel_iou(reference_m: F64, submitted_m: F64, edge_m: float) -> float | None
 
 def _occupied(points_m: F64, edge_m: float) -> NDArray[np.int64]:
     """Each occupied voxel's number, ascending."""
-    cells = np.clip(np.floor(points_m / edge_m), -_REACH, _REACH - 1).astype(np.int64) + _REACH
-    packed = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    packed = np.zeros(len(points_m), np.int64)
+    for axis in range(3):
+        cell = points_m[:, axis] / edge_m
+        np.clip(np.floor(cell, out=cell), -_REACH, _REACH - 1, out=cell)
+        packed <<= 21
+        packed |= cell.astype(np.int64) + _REACH
     # Neighbours on the raster mostly share a voxel: most repeats go before they are sorted.
     found: NDArray[np.int64] = np.unique(packed[np.flatnonzero(np.diff(packed, prepend=-1))])
     return found

@@ -28,8 +28,8 @@ from legoworld.evaluation.reconstruction.fscore import (
 )
 from legoworld.evaluation.reconstruction.nearest import GridSurface
 from legoworld.evaluation.reconstruction.points import (
+    F64,
     Depth,
-    Flags,
     Labels,
     finite_points,
     pixel_of_points,
@@ -157,7 +157,7 @@ def _diagnostics(
         voxel_iou_10cm=voxel_iou(ours, theirs, 0.1),
         R_median_scale=_r_of_depth(reference, scale, protocol, objects),
         R_disparity_scale_shift=_r_of_depth(reference, shift, protocol, objects),
-        R_rigid=_r(reference, _moved(reference, depth, q, motion), protocol, objects)
+        R_rigid=_r(reference, _moved(reference, depth, theirs, motion), protocol, objects)
         if motion
         else None,
         R_own_intrinsics=_r_own(reference, surface, protocol, objects, r),
@@ -165,10 +165,15 @@ def _diagnostics(
     return found, motion.registration if motion else None
 
 
-def _moved(reference: Reference, depth_z_m: Depth, q: Flags, motion: aligned.Motion) -> GridSurface:
-    """The submitted points after a motion, each in the mask of the pixel it then projects to."""
-    raster = reference.raster
-    pixel = pixel_of_points(motion.moved(points_m(depth_z_m, raster)[q]), raster)
+def _moved(
+    reference: Reference, depth_z_m: Depth, submitted_m: F64, motion: aligned.Motion
+) -> GridSurface:
+    """The submitted points after a motion, each in the mask of the pixel it then projects to.
+
+    submitted_m: (N, 3) those of the depth, in raster order.
+    """
+    raster, q = reference.raster, finite_points(depth_z_m)
+    pixel = pixel_of_points(motion.moved(submitted_m), raster)
     label = np.full(q.shape, -1, np.int32)
     label[q] = np.where(pixel >= 0, reference.label.ravel()[np.maximum(pixel, 0)], -1)
     rows = np.column_stack([motion.rotation, motion.translation_m])

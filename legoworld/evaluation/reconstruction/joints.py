@@ -12,6 +12,7 @@ from legoworld.evaluation.reconstruction.nearest import nearest_both_ways
 from legoworld.evaluation.reconstruction.points import F64, finite_points, points_m
 from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.evaluation.reconstruction.submission import Surface
+from legoworld.evaluation.reconstruction.tolerance import Tolerance
 from legoworld.records.articulation import Articulation, ReferenceJoint, Vector
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.bench_run import BenchRow
@@ -50,13 +51,15 @@ def _present(
     relative: float,
 ) -> list[Present]:
     """Recall of the reference points of each joint's object, and of those in its part's box."""
+    tolerance = Tolerance(name="present", relative=relative)
     near, _ = nearest_both_ways(
-        reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster
-    )
+        reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster,
+        tolerances=(tolerance,),
+    )  # fmt: skip
     points = points_m(reference.depth_z_m, reference.raster)
     known = finite_points(reference.depth_z_m)
     with np.errstate(over="ignore"):
-        tau = relative * reference.depth_z_m.astype(np.float64)
+        tau = tolerance.tau_m(reference.depth_z_m.astype(np.float64))
         hits = np.sqrt(near.squared_m2) <= tau
     place = {scored.id: k for k, scored in enumerate(case.truth.scored)}
     found = []

@@ -205,3 +205,19 @@ def test_the_correlation_of_pictures_mirrored_or_not():
     assert correlation(step, 255 - step) == pytest.approx(1.0)  # mirrored
     gradient = np.uint8([[[0] * 3, [10] * 3, [0] * 3]])
     assert correlation(gradient, 255 - gradient) == 0.0  # below nothing counts as nothing
+
+
+@pytest.mark.parametrize("decimals", [1, 12])
+def test_pairs_of_a_moving_cloud_are_those_of_a_fresh_tree(decimals):
+    """Kept pairs, too; with one decimal many targets are equally near: distances decide."""
+    random = np.random.default_rng(decimals)
+    target, moving = np.round(random.normal(size=(2, 300, 3)), decimals)
+    pairs = aligned.MovingPairs(target)
+    for step in range(8):
+        distance, place = pairs.of(moving)
+        apart = np.linalg.norm(moving[:, None] - target[None], axis=-1)
+        np.testing.assert_allclose(distance, apart.min(axis=1), rtol=1e-12)
+        np.testing.assert_allclose(
+            distance, np.linalg.norm(moving - target[place], axis=-1), rtol=1e-12
+        )
+        moving = moving + random.normal(size=3) * 0.3**step
