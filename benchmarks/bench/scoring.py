@@ -55,6 +55,12 @@ def make(root: Path, cases: int) -> tuple[datasets.Dataset, Path]:
     return dataset, datasets.write_run(root / "run", dataset, submissions)
 
 
+def cpu_seconds() -> float:
+    """Of this process and of those that have ended."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
 def cpu_ms(work: Callable[[], object], rounds: int) -> float:
     """Median CPU milliseconds of the process."""
     spent = []
@@ -116,14 +122,15 @@ def main() -> None:
         pool = WorkerPool(engine="local", workers=options.workers)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for diagnostics in (False, True):
-            start = time.perf_counter()
+            start, spent = time.perf_counter(), cpu_seconds()
             evaluate_bench(
                 run, dataset.private, root / f"eval{diagnostics:d}", pool=pool,
                 choices=Choices(diagnostics=diagnostics),
             )  # fmt: skip
             what = "with" if diagnostics else "without"
             print(f"the run again, {what} diagnostics, {options.workers} workers: "
-                  f"{time.perf_counter() - start:.1f} s")  # fmt: skip
+                  f"{time.perf_counter() - start:.1f} s, CPU of all processes "
+                  f"{cpu_seconds() - spent:.1f} s")  # fmt: skip
         children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         print(f"peak memory: this process {(after - before) / 1024:.0f} MiB more than before, "
