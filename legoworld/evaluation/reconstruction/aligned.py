@@ -131,7 +131,8 @@ class MovingPairs:
             gone = _lengths(points_m - self._asked_at) * (1.0 + self._MARGIN)
             moved = np.flatnonzero(far + gone >= self._second * (1.0 - self._MARGIN))
         if len(moved):
-            distance, place = self._tree.query(points_m[moved], k=2)
+            answers = self._tree.query(points_m[moved], k=2)
+            distance, place = (np.atleast_2d(answer) for answer in answers)
             self._place[moved] = place[:, 0]
             self._second[moved] = distance[:, 1]
             self._asked_at[moved] = points_m[moved]
