@@ -25,16 +25,12 @@ from legoworld.evaluation.detection.inputs.predictions import (
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import read_truth
-from legoworld.evaluation.detection.matching.greedy import (
-    MatchTable,
-    match_image,
-    match_table,
-    unmatched,
-)
-from legoworld.evaluation.detection.matching.overlaps import image_overlaps
+from legoworld.evaluation.detection.matching.greedy import MatchTable, match_table
+from legoworld.evaluation.detection.matching.matches import states_of
 from legoworld.evaluation.detection.problem import build_problem
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
+from legoworld.workers.tasks import IN_PROCESS
 
 POPULATION, TRACK, TRACKS, JUDGED, DRAWS = 800, 100, 120, 60, 200
 
@@ -54,10 +50,7 @@ def population_table(*, equal: bool) -> MatchTable:
     if equal:
         predictions = with_equal_confidence(predictions)
     problem = build_problem(truth, predictions, protocol)
-    state = unmatched(problem)
-    for found in image_overlaps(problem, truth, predictions):
-        match_image(problem, found, state)
-    return match_table(problem, state)
+    return match_table(problem, states_of(problem, truth, predictions, IN_PROCESS))
 
 
 def track_table(table: MatchTable, images: np.ndarray) -> MatchTable:
