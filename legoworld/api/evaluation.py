@@ -11,7 +11,7 @@ from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.input_paths import Origins
+from legoworld.evaluation.opening import Origins
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_kinds import TaskSummary

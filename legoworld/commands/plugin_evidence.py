@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from legoworld.plugin.evidence_making import Provided
 
 _CONTEXT = {"help_option_names": ["-h", "--help"]}
+#: Parameters that say how a provider is run.
+_OF_PROVIDER = ("weights", "python", "device", "dtype", "chosen", "offline", "time_limit")
 
 
 @click.command("evidence", context_settings=_CONTEXT)
@@ -128,8 +130,8 @@ def evidence(
         if provider is not None:
             asked = _request(provider, weights, python, device, dtype, chosen, offline, time_limit)
             given = replace(given, provided=_ask(asked, photo, scratch, verbose=verbose))
-        elif weights is not None or chosen:
-            raise click.UsageError("--weights and --option need a --provider")
+        else:
+            options.refuse_given(_OF_PROVIDER, "needs a --provider")
         made = make_evidence(given, output)
     source = made.camera.rotation_source
     told = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"

@@ -191,7 +191,7 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
                 expected=f"{FROZEN} beside the scene",
                 next_step="run `legoworld freeze` on the scenes first",
             )
-        warnings = stopped(scene, now)
+        warnings = warnings_of_program(scene, now)
         return FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout", warnings=warnings)
     record = side_file.value
     if require_frozen and record.status != "ok":
@@ -213,11 +213,11 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
         artefacts=now,
         dependencies=dependencies,
         frozen="frozen.json",
-        warnings=stopped(scene, now),
+        warnings=warnings_of_program(scene, now),
     )
 
 
-def stopped(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
+def warnings_of_program(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
     """A warning where the program that built the scene.blend of these hashes was stopped."""
     blend = artefacts.get(BLEND)
     return program_warnings(scene.path, blend.sha256 if blend else None)

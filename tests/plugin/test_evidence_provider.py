@@ -112,6 +112,15 @@ def test_what_was_asked_wrongly_is_refused(tmp_path, photo, capsys, words, weigh
     assert why in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "words", [("--weights", "w.pt"), ("--device", "cuda"), ("--offline",), ("--time-limit", "5")]
+)
+def test_a_provider_s_option_alone_is_refused(tmp_path, photo, capsys, words):
+    asked = ["plugin", "evidence", "--photo", photo, "-o", tmp_path / "e", *words]
+    assert run([str(word) for word in asked]) == 2
+    assert f"{words[0]} needs a --provider" in capsys.readouterr().err
+
+
 def test_two_depths_are_one_too_many(tmp_path, photo, capsys):
     np.save(tmp_path / "d.npy", np.ones(SIZE_WH[::-1], np.float32))
     assert evidence(tmp_path, photo, "--depth", tmp_path / "d.npy") == 2

@@ -15,7 +15,7 @@ from legoworld.evaluation.depth.predictions import DepthRun, read_depth_run
 from legoworld.evaluation.depth.protocol import CAMERA_MODELS, DepthProtocol, depth_protocol
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
-from legoworld.evaluation.input_paths import HERE, Origins, prepared_inputs
+from legoworld.evaluation.opening import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
 from legoworld.records.evaluation_rows import DepthRow

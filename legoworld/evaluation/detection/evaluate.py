@@ -37,7 +37,7 @@ from legoworld.evaluation.detection.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.input_paths import HERE, Origins, prepared_inputs
+from legoworld.evaluation.opening import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_summary import (

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from legoworld.evaluation.bootstrap import check_draws
-from legoworld.evaluation.input_paths import HERE, Origins, prepared_inputs
+from legoworld.evaluation.opening import HERE, Origins, prepared_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.choices import Choices
