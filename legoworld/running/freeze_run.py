@@ -37,7 +37,7 @@ from legoworld.scene.freeze import (
     FrozenFiles,
     Hashes,
     hash_files,
-    stopped,
+    warnings_of_program,
     write_frozen,
 )
 from legoworld.scene.labels import read_labels_file
@@ -117,7 +117,7 @@ def freeze_scene(
         scene=folder.name,
         status="ok" if good else "invalid",
         checks=checks,
-        warnings=[*stopped(folder, artefacts), *_not_portable(folder, dependencies)],
+        warnings=[*warnings_of_program(folder, artefacts), *_not_portable(folder, dependencies)],
     )
 
 
