@@ -2,7 +2,8 @@
 
 Random rooms with furniture, seen by a known camera (tests/plugin/synthetic.py). The rotation is
 estimated from the picture's lines with the field of view given, the walls from the visible parts of
-floor, walls and ceiling. Prints relative errors of the distances that are known, in camera heights.
+floor, walls and ceiling. Prints the rotations' errors in degrees, and relative errors of the
+distances that are known, in camera heights.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from plugin.synthetic import (  # pyright: ignore[reportMissingImports]
     seen_faces,
     true_distances,
 )
+from rotations import error_deg
 
 from legoworld.plugin.room_fit import fit_box, rays
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
@@ -36,7 +38,7 @@ def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rooms", type=int, default=30)
-    errors, unknown, untold, begun = [], 0, 0, time.process_time()
+    errors, turns, unknown, untold, begun = [], [], 0, 0, time.process_time()
     for seed in range(parser.parse_args().rooms):
         random = np.random.default_rng(seed)
         world_from_cam, place = camera(random)
@@ -48,6 +50,7 @@ def main() -> int:
         except UntoldError:
             untold += 1
             continue
+        turns.append(error_deg(estimate, world_from_cam))
         seen = seen_faces(triangles, world_from_cam, place, hfov)
         labels: dict[Structure, NDArray[np.bool_]] = {
             "wall": (seen >= 0) & (seen < 4),
@@ -63,7 +66,10 @@ def main() -> int:
                 unknown += 1
             else:
                 errors.append(abs(face.distance / truth[face.name] - 1))
-    print(f"known    {len(errors)} distances, unknown {unknown}, rotations untold {untold}")
+    within = int((np.array(turns) <= 1).sum())
+    print(f"rotation {len(turns)} known, {untold} unknown: median {np.median(turns):.2f} degrees, "
+          f"within 1 degree {within}, largest {max(turns):.2f}")  # fmt: skip
+    print(f"known    {len(errors)} distances, unknown {unknown}")
     print(f"median   {np.median(errors):.4f}")
     print(f"largest  {max(errors):.4f}, within 5 %: {np.mean(np.array(errors) <= 0.05):.3f}")
     print(f"CPU      {time.process_time() - begun:.1f} s")

@@ -170,7 +170,7 @@ class LiveBlender:
 
 
 def _place(source: Path, target: Path) -> None:
-    """Copy to a new file of this name, never through what somebody put there."""
+    """Copy to a new file of this name, never through a link that stands there."""
     target.unlink(missing_ok=True)
     with target.open("xb") as written, source.open("rb") as stored:
         shutil.copyfileobj(stored, written)

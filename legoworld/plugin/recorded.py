@@ -122,7 +122,7 @@ class Recorded:
         opens: bool = False,
         closes: Callable[[_T], bool] | None = None,
     ) -> _T:
-        """Make a call and append it, an error included, before anybody is told how it ended."""
+        """Make a call and append it, an error included, before its outcome is returned."""
         phase = self.phase
         open_now = self.transaction if phase == "open" else None
         try:

@@ -51,7 +51,7 @@ def test_the_number_of_another_transaction_is_refused(case, blender_code):
     assert json.loads(said)["judgement"]["accepted"]
 
 
-#: What makes the chair, which nobody declared, a part of what was: all in one edit.
+#: What makes the chair, which is undeclared, a part of what is declared: all in one edit.
 ADOPTED = {
     "parented to what is declared": (
         "o['Chair'].parent = o['Cup']; o['Chair'].location.x += 1",
