@@ -19,6 +19,6 @@ HERE = Path(__file__).resolve().parent
 def cases(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cases]:
     folder = tmp_path_factory.mktemp("cases")
     modules = sorted(f"cases.{path.stem}" for path in HERE.glob("scenes_*.py"))
-    scenes = build(folder / "scenes", *modules)
+    scenes = build(folder / "scenes", *modules, cwd=folder)
     with BlenderProcess(Limits(time_s=600)) as blender:
         yield Cases(folder=scenes, blender=blender, cache=SnapshotCache(folder / "cache"))

@@ -31,13 +31,16 @@ def read_alone(folder: Path) -> ReadScene:
         return snapshot_of(folder, blender)
 
 
-def build(folder: Path, *modules: str) -> Path:
-    """The folder, made, with every scene of these modules; see cases/build.py."""
+def build(folder: Path, *modules: str, cwd: Path | None = None) -> Path:
+    """The folder, made, with every scene of these modules; see cases/build.py.
+
+    cwd: where scenes write what is no scene, the folder itself when None.
+    """
     folder.mkdir()
     done = subprocess.run(
         [sys.executable, str(_TESTS / "cases" / "build.py"), str(folder), *modules],
         env={**os.environ, "PYTHONPATH": str(_TESTS)},
-        cwd=folder,
+        cwd=cwd or folder,
         capture_output=True,
         text=True,
         timeout=900,

@@ -39,8 +39,10 @@ def with_torch(tmp_path, monkeypatch):
     """Make this Python see a torch with so many GPUs."""
 
     def make(gpus: int) -> Path:
-        (tmp_path / "torch.py").write_text(TORCH.format(gpus=gpus))
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        folder = tmp_path / f"{gpus}"  # bytecode of a file that changes within a second is stale
+        folder.mkdir()
+        (folder / "torch.py").write_text(TORCH.format(gpus=gpus))
+        monkeypatch.setenv("PYTHONPATH", str(folder))
         torch_of.cache_clear()
         return Path(sys.executable)
 
