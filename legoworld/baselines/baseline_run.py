@@ -71,6 +71,8 @@ def run_baseline(
         del earlier  # predictions are many: from here on they are on disk only
         todo = [image for image in images if image.id not in done]
         kept(len(done))
+        # Now: once its provenance is known, and the run begins, a baseline may be writing already.
+        run_folder.delete_leftovers(request.run)
         if done:
             predicted = share(len(done), len(images), "image", "images")
             notice(f"{predicted} {word_for(len(done), 'has', 'have')} a valid result already")

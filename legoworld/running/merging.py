@@ -53,6 +53,7 @@ def merge_shards(
     _refuse_own_output(shards, output)
     with run_folder.locked(output):
         # Records of an earlier merge are not kept: the shards may have been run again since.
+        run_folder.delete_leftovers(output)
         run_folder.begin(output, configuration, overwrite=overwrite)
         (output / JOURNAL).unlink(missing_ok=True)
         records = _brought_together(shards, output)

@@ -17,7 +17,13 @@ from running.run_folders import readout, results, tree
 from legoworld import cli
 from legoworld.records.base import canonical
 from legoworld.records.folders import run_journal as journal
-from legoworld.records.folders.run_folder import begin, earlier_records, refuse_strangers
+from legoworld.records.folders.run_folder import (
+    begin,
+    delete_leftovers,
+    earlier_records,
+    recorded_configuration,
+    refuse_strangers,
+)
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import Configuration, ImageRecord, Shard, WholeRun
 from legoworld.records.run_rows import RunRow
@@ -99,6 +105,17 @@ def test_a_damaged_run_is_begun_anew_only_where_nothing_else_lies(names, is_a_ru
     else:
         with pytest.raises(ConfigurationMismatchError, match=r"run\.json in the output folder"):
             refuse_strangers(tmp_path)
+
+
+def test_what_is_being_written_outlives_the_beginning(done):
+    """A baseline writes its first result while its provenance is put on record."""
+    writing = done / "depth" / ".b.npz.1.tmp"
+    writing.parent.mkdir()
+    writing.touch()
+    begin(done, recorded_configuration(done), overwrite=False)
+    assert writing.exists()
+    delete_leftovers(done)
+    assert not writing.exists()
 
 
 def test_what_a_killed_start_left_is_no_stranger(tmp_path):

@@ -107,6 +107,7 @@ def prepare(folder: Path, configuration: Configuration, *, overwrite: bool) -> l
     the earlier results are deleted.
     """
     records = earlier_records(folder, configuration, overwrite=overwrite)
+    delete_leftovers(folder)
     begin(folder, configuration, overwrite=overwrite)
     return records
 
@@ -135,6 +136,13 @@ def damage_notice(folder: Path) -> str | None:
     return f"{JOURNAL} is damaged: what {damaged} of its lines held is done again"
 
 
+def delete_leftovers(folder: Path) -> None:
+    """Delete the unfinished files of a killed run, before anything writes to the folder again."""
+    for leftover in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
+        if leftover.is_file():
+            leftover.unlink()
+
+
 def begin(folder: Path, configuration: Configuration, *, overwrite: bool) -> None:
     """Put the configuration on record, after the same check; with `overwrite` results go first."""
     if overwrite:
@@ -144,9 +152,6 @@ def begin(folder: Path, configuration: Configuration, *, overwrite: bool) -> Non
             (folder / name).unlink(missing_ok=True)
         write_text(folder / CONFIGURATION, readable(configuration))
         _delete_results(folder)
-    for leftover in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
-        if leftover.is_file():
-            leftover.unlink()
     earlier = recorded_configuration(folder)
     if earlier is None:
         write_text(folder / CONFIGURATION, readable(configuration))
