@@ -11,6 +11,7 @@ from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.cards import BaselineCard, baseline_cards
 from legoworld.baselines.child import BaselineProcess, TooSlowError
 from legoworld.baselines.conversation import first_message
+from legoworld.baselines.request import weights_name, weights_place
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
@@ -149,14 +150,13 @@ def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path)
 
 
 def _child_request(request: ProviderRequest, image: RequestedImage, output: Path) -> ChildRequest:
-    weights = Path(request.weights)
     return ChildRequest(
         schema_version=SCHEMA_VERSION,
         task=CAMERA_TASK,
         images=(image,),
         categories=(),
         label_map={},
-        weights=str(weights.resolve()) if weights.exists() else request.weights,
+        weights=weights_place(request.weights),
         device=request.device,
         dtype=request.dtype,
         batch_size=1,
@@ -168,13 +168,12 @@ def _child_request(request: ProviderRequest, image: RequestedImage, output: Path
 
 
 def _record(request: ProviderRequest, hello: Message, counts: Mapping[str, Any]) -> ProviderRecord:
-    weights = Path(request.weights)
     return ProviderRecord(
         name=request.card.name,
         version=request.card.about.version,
         card_sha256=request.card.sha256,
         code_sha256=request.card.code_sha256(),
-        weights=weights.name if weights.exists() else request.weights,
+        weights=weights_name(request.weights),
         device=request.device.partition(":")[0],
         dtype=request.dtype,
         options=dict(request.options),

@@ -114,7 +114,6 @@ def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> 
 
     The hashes of the weights are in the provenance that the process reports after loading them.
     """
-    weights = Path(request.weights)
     partial = request.limit is not None or bool(request.image_ids)
     return replace(
         common_configuration(request.protocol, request.track, images, partial=partial),
@@ -122,7 +121,7 @@ def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> 
         baseline_version=request.card.about.version,
         baseline_card_sha256=request.card.sha256,
         code_sha256=request.card.code_sha256(),
-        weights=weights.name if weights.exists() else request.weights,
+        weights=weights_name(request.weights),
         device=request.device.partition(":")[0],
         dtype=request.dtype,
         batch_size=request.batch_size,
@@ -132,11 +131,21 @@ def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> 
     )
 
 
+def weights_name(weights: str) -> str:
+    """What records call the weights: the file's or folder's own name, or the hub id."""
+    return Path(weights).name if Path(weights).exists() else weights
+
+
+def weights_place(weights: str) -> str:
+    """Where a process finds the weights: an absolute path, or the hub id."""
+    return str(Path(weights).resolve()) if Path(weights).exists() else weights
+
+
 def child_request(
     request: BaselineRequest, images: Sequence[tuple[TrackImage, Path, int]]
 ) -> ChildRequest:
     """The single request sent to a process. images: with photo path and batch number."""
-    vocabulary, weights = request.protocol.vocabulary, Path(request.weights)
+    vocabulary = request.protocol.vocabulary
     return ChildRequest(
         schema_version=SCHEMA_VERSION,
         task=request.protocol.task.name,
@@ -146,7 +155,7 @@ def child_request(
             for c in (vocabulary.categories if vocabulary else ())
         ),
         label_map=request.labels,
-        weights=str(weights.resolve()) if weights.exists() else request.weights,
+        weights=weights_place(request.weights),
         device=request.device,
         dtype=request.dtype,
         batch_size=request.batch_size,
