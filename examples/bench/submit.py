@@ -11,6 +11,7 @@ itself: what `legoworld bench make --keep-scenes` wrote. The changes, --amount a
     duplicate  every n-th scored thing stands twice, half its width apart [2]
     swap       the meshes of things change places, in pairs [any]
     noise      every vertex moves by a Gaussian, metres [0.02]
+    another    the next family's scene of the same tier and view [any]
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import json
 import logging
 import random
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,9 @@ import bpy
 from mathutils import Matrix, Vector
 
 DEFAULTS = {"none": 0.0, "camera": 0.1, "scale": 0.02, "delete": 2, "duplicate": 2, "swap": 0,
-            "noise": 0.02}  # fmt: skip
+            "noise": 0.02, "another": 0}  # fmt: skip
+#: What copies a kept case and opens no scene.
+COPIES = ("none", "another")
 
 
 def things() -> list[Any]:
@@ -93,16 +97,30 @@ def noise(amount: float) -> None:
 
 
 CHANGES: dict[str, Callable[[float], None]] = {
-    "none": lambda _amount: None, "camera": camera, "scale": scale, "delete": delete,
-    "duplicate": duplicate, "swap": swap, "noise": noise,
+    "camera": camera, "scale": scale, "delete": delete, "duplicate": duplicate, "swap": swap,
+    "noise": noise,
 }  # fmt: skip
 
 
+def sources(cases: list[Path], change: str) -> list[Path]:
+    """The kept case that each case's submission is made from."""
+    if change != "another":
+        return cases
+    split = {case: case.name.partition("__") for case in cases}
+    families = sorted({family for family, _, _ in split.values()})
+    if len(families) < 2:
+        sys.exit(f"--change another needs two families; there is only {', '.join(families)}")
+    following = dict(zip(families, families[1:] + families[:1], strict=True))
+    return [
+        case.parent / f"{following[family]}__{view}" for case, (family, _, view) in split.items()
+    ]
+
+
 def submit(case: Path, output: Path, change: str, amount: float) -> None:
-    """One case as a submission: scene.blend, scene.glb, final.png, provenance.json."""
+    """A kept case as a submission: scene.blend, scene.glb, final.png, provenance.json."""
     output.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(case / "final.png", output / "final.png")
-    if change == "none":
+    if change in COPIES:
         for name in ("scene.blend", "scene.glb"):
             shutil.copyfile(case / name, output / name)
     else:
@@ -127,15 +145,16 @@ def main() -> None:
     )
     parser.add_argument("cases", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--change", choices=sorted(CHANGES), default="none")
+    parser.add_argument("--change", choices=sorted(DEFAULTS), default="none")
     parser.add_argument("--amount", type=float)
     parser.add_argument("--only", help="only cases whose name holds this")
     chosen = parser.parse_args()
     logging.disable(logging.INFO)  # Blender's glTF add-on tells of every mesh
     amount = DEFAULTS[chosen.change] if chosen.amount is None else chosen.amount
-    for case in sorted(p for p in chosen.cases.iterdir() if (p / "scene.blend").is_file()):
+    cases = sorted(p for p in chosen.cases.iterdir() if (p / "scene.blend").is_file())
+    for case, source in zip(cases, sources(cases, chosen.change), strict=True):
         if not chosen.only or chosen.only in case.name:
-            submit(case, chosen.output / case.name, chosen.change, amount)
+            submit(source, chosen.output / case.name, chosen.change, amount)
 
 
 if __name__ == "__main__":
