@@ -5,8 +5,9 @@
     python benchmarks/run.py --quick --only kernel,evaluate
 
 Runs the programs of the other folders here, one after another, and prints what they print; what
-one of them measures is said in its own docstring. --kernel-python: a Python that has embreex and
-open3d, where they are not beside bpy. Exit 1 when a program fails; the others still run.
+one of them measures is said in its own docstring. --kernel-python: a Python that has embreex,
+open3d and pykdtree, where they are not beside bpy. Exit 1 when a program fails; the others still
+run.
 """
 
 from __future__ import annotations
@@ -26,7 +27,11 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 #: Who is timed, and what it is timed with; one that is not installed is said to be so.
-PACKAGES = ("legoworld", "bpy", "numpy", "pycocotools", "lvis", "hotcoco", "embreex", "open3d")
+PACKAGES = ("legoworld", "bpy", "numpy", "scipy", "pycocotools", "lvis", "hotcoco")
+#: What the kernels are timed beside, in the Python of --kernel-python.
+CONTENDERS = ("embreex", "open3d", "pykdtree")
+#: The tables that --kernel-python prints.
+KERNELS = ("kernel", "nearest")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +55,15 @@ TABLES = (
         quick="--scenes primitives,spheres,sliver_room --widths 640 --rounds 3"
         " --cycles-python {python}",
         full="--rounds 3 --slowest 15 --most-rows 256 --cycles-python {python}",
+    ),
+    Table(
+        title="The kernel at 24 million pixels: rows of Embree and Open3D, scaled",
+        name="kernel",
+        program="kernel/run.py",
+        quick="--scenes primitives --widths 6048 --rounds 1 --rays 4 --most-rows 16"
+        " --against embreex,open3d",
+        full="--scenes primitives,spheres,sliver_room --widths 6048 --rounds 3 --rays 4"
+        " --most-rows 64 --against embreex,open3d",
     ),
     Table(
         title="One scene from a cold start, against importing bpy and opening the file",
@@ -109,6 +123,20 @@ TABLES = (
         full="--task lvis --images 2000 --predictions 200000 --official",
         needs="lvis",
     ),
+    Table(
+        title="The bench: nearest neighbours, against k-d trees",
+        name="nearest",
+        program="bench/nearest.py",
+        quick="--rounds 1 --check 10",
+        full="--rounds 3",
+    ),
+    Table(
+        title="The bench: scoring a case in parts, and a run from its files",
+        name="scoring",
+        program="bench/scoring.py",
+        quick="--cases 6 --rounds 1",
+        full="--cases 208",
+    ),
 )
 
 
@@ -120,12 +148,15 @@ def main() -> int:
     how.add_argument("--quick", action="store_true", help="small counts, a few minutes")
     how.add_argument("--full", action="store_true", help="the counts of docs/, hours")
     parser.add_argument("--only", default=",".join(names), help=f"some of {', '.join(names)}")
-    parser.add_argument("--kernel-python", default=sys.executable, help="with embreex and open3d")
+    parser.add_argument(
+        "--kernel-python", default=sys.executable, help="with embreex, open3d, pykdtree"
+    )
     chosen = parser.parse_args()
     wanted = chosen.only.split(",")
     if unknown := sorted({*wanted} - {*names}):
         parser.error(f"--only: {unknown[0]} is none of {', '.join(names)}")
-    print(f"# Benchmarks ({'quick' if chosen.quick else 'full'})\n\n{machine()}", flush=True)
+    print(f"# Benchmarks ({'quick' if chosen.quick else 'full'})", flush=True)
+    print(f"\n{machine(chosen.kernel_python)}", flush=True)
     with tempfile.TemporaryDirectory(prefix="legoworld-benchmarks-") as temporary:
         scene = built_scene(Path(temporary))
         tables = [table for table in TABLES if table.name in wanted]
@@ -145,7 +176,7 @@ def printed(table: Table, scene: Path, chosen: argparse.Namespace) -> bool:
     template = table.quick if chosen.quick else table.full
     shown = f"python benchmarks/{table.program} {template}".strip()
     print(f"    {shown.format(scene='SCENE', python='PYTHON')}\n", flush=True)
-    python = chosen.kernel_python if table.name == "kernel" else sys.executable
+    python = chosen.kernel_python if table.name in KERNELS else sys.executable
     arguments = shlex.split(template.format(scene=scene, python=sys.executable))
     began = time.perf_counter()
     done = subprocess.run(
@@ -181,7 +212,7 @@ def built_scene(folder: Path) -> Path:
     return folder / f"{0:012d}"
 
 
-def machine() -> str:
+def machine(kernel_python: str) -> str:
     """The machine and everything whose version a ratio depends on, as a table."""
     rows = {
         "processor": cpu_model(),
@@ -193,6 +224,7 @@ def machine() -> str:
         "load average at the start": load(),
         "Python": platform.python_version(),
         **{name: version(name) or "not installed" for name in PACKAGES},
+        **{name: version_in(kernel_python, name) for name in CONTENDERS},
     }
     return "\n".join(["| | |", "|---|---|", *(f"| {k} | {v} |" for k, v in rows.items())])
 
@@ -217,6 +249,13 @@ def version(package: str) -> str | None:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
         return None
+
+
+def version_in(python: str, package: str) -> str:
+    """The version installed for another Python, or that there is none."""
+    asked = f"from importlib import metadata; print(metadata.version({package!r}))"
+    done = subprocess.run([python, "-c", asked], capture_output=True, text=True, check=False)
+    return done.stdout.strip() or "not installed"
 
 
 if __name__ == "__main__":
