@@ -341,6 +341,9 @@ def test_specular_glossiness_materials():
     glossy = {"diffuseFactor": [1, 1, 1, 1], "diffuseTexture": texture}
     made.json["materials"][0]["extensions"] = {"KHR_materials_pbrSpecularGlossiness": glossy}
     assert (shown(made) == blocks(TEXELS)).all()
+    glossy["diffuseFactor"] = [1, 1, 1, 0.4]
+    with pytest.raises(NoMeshError):
+        read(made.glb())
 
 
 @pytest.mark.parametrize("kind", ["jpeg", "rgb", "gray", "opaque"])

@@ -148,3 +148,5 @@ def test_the_picture_is_of_the_cameras_aspect():
     assert any("no picture size, nor an aspect: 1920x1080" in w for w in none.warnings)
     extreme = read(perspective(yfov=0.5, aspectRatio=1e-5).glb())
     assert extreme.render.size_wh == (1920, 1080)
+    narrowest = read(perspective(yfov=0.5, aspectRatio=1 / 8192).glb())
+    assert narrowest.render.size_wh == (1, 8192)
