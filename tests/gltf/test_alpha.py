@@ -443,6 +443,8 @@ def test_missing_picture_files_are_opaque_with_a_warning(tmp_path):
 def test_broken_texture_coordinates_and_modes_are_verdicts():
     with pytest.raises(UnreadableGltfError, match="TEXCOORD_0 holds NaN"):
         read(card(uv=[(np.nan, 0), (1, 1), (1, 0), (0, 0)]).glb())
+    with pytest.raises(UnreadableGltfError, match="TEXCOORD_0 is not VEC2 a vertex"):
+        read(card(uv=[(0, 1, 0), (1, 1, 0), (1, 0, 0), (0, 0, 0)]).glb())
     with pytest.raises(UnreadableGltfError, match="alphaMode is 'GLASS'"):
         read(card(mode="GLASS").glb())
     with pytest.raises(UnreadableGltfError, match="wrapS is 5"):

@@ -28,7 +28,9 @@ from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.depth.view import decoded
+from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.run import RunUnusableError
+from legoworld.evaluation.stored import read_evaluation
 from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_view import DepthView
 
@@ -189,6 +191,12 @@ def test_a_smaller_prediction_is_resampled_and_says_so(tmp_path: Path) -> None:
     summary, (row,) = score(tmp_path, {"a.jpg": small}, {"a.jpg": truth})
     assert row["resampled"] is True
     assert (row["prediction_wh"], summary.resampled) == ([30, 20], 1)
+    run = json.loads((tmp_path / "run/run.json").read_text())
+    run["configuration"]["max_side"] = 30
+    (tmp_path / "run/run.json").write_text(json.dumps(run))
+    evaluate_depth(tmp_path / "run", tmp_path / "truth", tmp_path / "e", draws=1)
+    assert read_evaluation(tmp_path / "evaluation").max_side is None
+    assert read_evaluation(tmp_path / "e").max_side == 30
     assert row["metrics"]["abs_rel"]["exclude"] < 2e-3  # half a source pixel at the edges
 
 
@@ -315,6 +323,8 @@ def test_the_dataset_s_camera_changes_what_is_read(tmp_path: Path) -> None:
     assert warped.metrics["abs_rel"]["error_1"] < 1e-6
     assert warped.protocol.camera_model == "dataset"
     assert rows_of(tmp_path / "b")[0]["warped"] is True
+    for name in "ab":  # rows scored again read as the summary says
+        assert {check.status for check in verify(tmp_path / name, None)} == {"ok"}
 
 
 def test_the_dataset_s_camera_is_for_scenes_with_calibration_only(tmp_path: Path) -> None:
@@ -376,6 +386,17 @@ def test_a_small_picture_is_shown_whole(tmp_path: Path) -> None:
     score(tmp_path, {"a.jpg": z}, {"a.jpg": z})
     view = decode(DepthView, (tmp_path / "evaluation/view/1.json").read_bytes())
     assert np.array_equal(decoded(view.truth_z_m, view.size_wh), z.astype(np.float32))
+
+
+def test_a_view_shows_nothing_beyond_the_deepest_truth(tmp_path: Path) -> None:
+    z = plane(SIZE)
+    far = z.copy()
+    far[5, 5] = 1e6
+    _, (row,) = score(tmp_path, {"a.jpg": far}, {"a.jpg": z})
+    assert row["clamped_share"] == 1 / z.size
+    view = decode(DepthView, (tmp_path / "evaluation/view/1.json").read_bytes())
+    shown = decoded(view.aligned_z_m, view.size_wh)
+    assert shown[5, 5] == shown.max() == pytest.approx(z.max(), rel=1e-6)
 
 
 def test_coverage_says_how_much_of_eth3d_was_attempted(

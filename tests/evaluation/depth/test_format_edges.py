@@ -140,6 +140,16 @@ def test_the_size_of_a_tiff_in_each_integer_type(tmp_path: Path, order: str, kin
             tiff_claim(path)
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_the_size_of_a_bigtiff_in_64_bit_fields(tmp_path: Path, order: str) -> None:
+    mark = {"<": b"II", ">": b"MM"}[order]
+    head = struct.pack(order + "HHHQQ", 43, 8, 0, 16, 2)
+    size = b"".join(struct.pack(order + "HHQQ", tag, 16, 1, n) for tag, n in ((256, 7), (257, 5)))
+    path = tmp_path / "a.tif"
+    path.write_bytes(mark + head + size + bytes(8))
+    assert tiff_claim(path) == (5, 7)
+
+
 def test_a_tiff_of_another_number_or_order(tmp_path: Path) -> None:
     whole = directory("<", {256: (4, 7), 257: (4, 5)})
     path = tmp_path / "a.tif"

@@ -82,6 +82,10 @@ def test_positions_on_and_beyond_the_edge() -> None:
     assert found.predicted.tolist() == [True, True, True, False, False]
     assert found.outside.tolist() == [False, False, False, True, True]
     assert found.disparity.tolist() == [1.0, 4.0, 2.5, 0.0, 0.0]
+    # The edge's rounding errors count as inside, up to the last of them.
+    last = np.array([[-1e-6, 1.0], [2 + 1e-6, 1.0], [1.0, -1e-6], [1.0, 2 + 1e-6]])
+    assert bilinear(prediction, last).predicted.all()
+    assert bilinear(prediction, last + (last - 1) * 1e-6).outside.all()
 
 
 @pytest.mark.parametrize(

@@ -238,7 +238,8 @@ def test_ten_predicted_pixels_are_enough(n: int, scored: bool) -> None:
     truth = np.linspace(1, 2, 40)[None, :]
     predicted = np.full((1, 40), np.inf)
     predicted[0, :n] = truth[0, :n]
-    assert (score(predicted, truth).metrics is not None) is scored
+    result = score(predicted, truth)
+    assert (result.metrics is not None, result.counts.clamped) == (scored, 0)
 
 
 def test_no_valid_truth_is_no_error() -> None:

@@ -190,6 +190,12 @@ def test_rows_and_summary_of_an_evaluation(tmp_path):
     assert summary.articulation.card_sha256 == RULES.sha256
 
 
+def test_the_numbers_of_the_card():
+    read = articulation_rules.__wrapped__()  # what the process keeps was read at import
+    assert (read.version, read.box_pad, read.min_box_iou) == ("0.1.0", 0.01, 0.25)
+    assert (read.present_recall, read.max_axis_deg, read.max_axis_apart) == (0.5, 10.0, 0.05)
+
+
 def test_joints_that_are_all_ignored_are_no_case(tmp_path):
     dataset = write_dataset(tmp_path / "bench", families=1, tiers=("easy",))
     with_joints(tmp_path / "bench", dataset, (replace(DOOR, object_id=None),))

@@ -54,7 +54,8 @@ def test_the_reference_submitted_as_itself(dataset, tmp_path):
         assert beside["chamfer_l1_half_sum_over_reference_visible_box_diagonal"] == 0
         assert beside["voxel_iou_5cm"] == beside["R_rigid"] == beside["R_median_scale"] == 1
         assert beside["voxel_iou_5_percent_of_median_depth"] == 1  # of the pixels that show any
-        assert row["fov_error_deg"] == 0
+        assert row["fov_error_deg"] == row["camera"]["fov_deg"] == 0
+        assert row["camera"]["world_translation_m"] == 0
         assert row["flags"] == []
     assert not summary.flags
 
@@ -233,6 +234,20 @@ class TestRefusals:
         }[kind]
         path.write_bytes(path.read_bytes() + b" ")
         with pytest.raises(BenchTruthError, match="on record"):
+            evaluate_bench(run, dataset.private, tmp_path / "eval")
+
+    @pytest.mark.parametrize("name", ["depth_z_m", "instance"])
+    def test_a_stored_raster_of_another_size(self, tmp_path, name):
+        dataset = write_dataset(tmp_path / "bench")
+        run = write_run(tmp_path / "run", dataset)
+        path = dataset.private / "raster" / "room0__easy__view_00.npz"
+        recorded = sha256(path)
+        with np.load(path) as stored:
+            arrays = dict(stored)
+        np.savez(path, **{**arrays, name: arrays[name][1:]})
+        truth = dataset.private / "truth.json"
+        truth.write_text(truth.read_text().replace(recorded, sha256(path)))
+        with pytest.raises(BenchTruthError, match="is of another size"):
             evaluate_bench(run, dataset.private, tmp_path / "eval")
 
     def test_no_dataset_at_all(self, dataset, tmp_path):

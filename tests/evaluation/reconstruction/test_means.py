@@ -65,6 +65,7 @@ def test_repeats_have_a_standard_deviation_with_ddof_1():
     mean, sd = mean_and_sd([0.9, 0.9, 1.0])
     assert (shown(mean), shown(sd)) == (93.3, 5.8)
     assert mean_and_sd([0.5]) == (0.5, None)
+    assert mean_and_sd([1.0, 3.0]) == (2.0, pytest.approx(2**0.5))
 
 
 def test_denominators_of_the_published_splits():
