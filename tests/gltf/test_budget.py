@@ -49,6 +49,11 @@ def test_indices_that_are_not_stored_and_strips(taken):
     made = Document()
     shown(made, made.primitive(CORNERS, [0, 1, 3, 2], mode=5))  # of uint16
     assert taken == [(2 * 3 * 2, "meshes[0].primitives[0]"), QUAD]
+    taken.clear()
+    made = Document()
+    shown(made, made.primitive([CORNERS[i] for i in (0, 1, 3, 2)], mode=5))  # in 32 bits
+    place = "meshes[0].primitives[0]"
+    assert taken == [(4 * 4, place), (2 * 3 * 4, place), QUAD]
 
 
 def test_quantized_and_sparse_positions(taken):

@@ -119,6 +119,11 @@ def test_a_plane_that_owns_a_s_hits_is_flagged_with_its_share(dataset, tmp_path)
     (flag,) = rows[1]["flags"]
     assert (flag["kind"], flag["measured"]) == ("camera_facing_planes", 0.5)
     assert "Billboard" in flag["what"]
+    plane[plane == 0] = 1  # which the run says nothing of
+    submission = Submission(integrity=facts, extra={"plane": plane})
+    _, rows = rows_of(dataset, write_run(tmp_path / "other", dataset, {1: submission}),
+                      tmp_path / "eval2")  # fmt: skip
+    assert [flag["what"] for flag in rows[1]["flags"]] == ["a plane first of 1"]
 
 
 def test_texts_drivers_and_compositor_nodes_are_counted(dataset, tmp_path):

@@ -79,6 +79,8 @@ def test_what_was_not_made_counts_zero_by_name_and_stays_in_the_denominator(data
         assert (row["valid"], row["R"], row["A"], row["S"]) == (False, 0, 0, 0)
     assert rows[3]["validity"]["scene_glb"]["expected"] == "a mesh"
     assert rows[3]["objects"]  # what was found is kept beside the zeros
+    assert rows[3]["diagnostics"]["R_rigid"] == 1
+    assert summary.diagnostics["R_rigid"].n == 5  # and enters no mean
     easy = summary.groups.tier["easy"].metrics
     assert (easy["S"].value, easy["S"].n, easy["S_valid"].n) == (0.5, 4, 2)
 

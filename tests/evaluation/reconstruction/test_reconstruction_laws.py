@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from evaluation.reconstruction import brute_force
@@ -17,6 +19,7 @@ from legoworld.evaluation.reconstruction.points import (
     raster_of,
 )
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.reference import containing_pixels
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 RASTER = raster_of((160, 90), 50.0, (80, 45))
@@ -198,8 +201,13 @@ def test_a_point_s_pixel_is_the_one_that_contains_it(case):
     kept = finite_points(depth)
     pixel = pixel_of_points(points_m(depth, RASTER)[kept], RASTER)
     np.testing.assert_array_equal(pixel, np.flatnonzero(kept))
-    outside = np.array([[0.0, 0.0, -1.0], [50.0, 0.0, 1.0], [0.0, -9.0, 1.0], [np.nan, 0, 1]])
-    assert pixel_of_points(outside, RASTER).tolist() == [-1, -1, -1, -1]
+    outside = [[0, 0, -1], [50, 0, 1], [0, -9, 1], [np.nan, 0, 1], [1, 0, 0], [0, 0, 0]]
+    assert pixel_of_points(np.array(outside, float), RASTER).tolist() == [-1] * 6
+
+
+def test_the_full_size_pixels_that_contain_the_raster_s_centres():
+    rows, columns = containing_pixels((9, 7), replace(RASTER, width=3, height=2))
+    assert (rows.tolist(), columns.tolist()) == ([1, 5], [1, 4, 7])
 
 
 def test_claimed_rows_are_integers_over_their_points(case):
