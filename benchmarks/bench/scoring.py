@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from legoworld.evaluation.reconstruction import appearance
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchFolders, read_dataset
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
-from legoworld.evaluation.reconstruction.geometry import geometry_score
+from legoworld.evaluation.reconstruction.geometry import geometry_score, point_maps
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import load_reference
 from legoworld.evaluation.reconstruction.submission import (
@@ -95,6 +96,7 @@ def one_case(private: Path, run_folder: Path, rounds: int) -> None:
         case = dataset.cases[row.image_id]
         reference = load_reference(folders, case, protocol.depth_limit_m)
         surface = load_surface(run_folder, row.surface, reference.raster)
+        points = point_maps(reference, surface)
         picture = appearance.decoded(folders.reference(case).read_bytes())
         parts = {
             "reading the reference's points": lambda case=case: load_reference(
@@ -103,13 +105,21 @@ def one_case(private: Path, run_folder: Path, rounds: int) -> None:
             "reading the submitted surface": lambda row=row, reference=reference: load_surface(
                 run_folder, row.surface, reference.raster
             ),
-            "R, five tolerances": lambda case=case, reference=reference, surface=surface: (
-                geometry_score(
-                    folders, case, reference, surface, protocol, Choices(diagnostics=False)
-                )
+            "both surfaces' points": lambda reference=reference, surface=surface: point_maps(
+                reference, surface
             ),
-            "R and every diagnostic": lambda case=case, reference=reference, surface=surface: (
-                geometry_score(folders, case, reference, surface, protocol, Choices())
+            "R, five tolerances": partial(
+                geometry_score,
+                folders,
+                case,
+                reference,
+                surface,
+                points,
+                protocol,
+                Choices(diagnostics=False),
+            ),
+            "R and every diagnostic": partial(
+                geometry_score, folders, case, reference, surface, points, protocol, Choices()
             ),
             "decoding the reference picture": lambda case=case: appearance.decoded(
                 folders.reference(case).read_bytes()

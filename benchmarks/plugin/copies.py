@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchDataset
-from legoworld.evaluation.reconstruction.geometry import geometry_score
+from legoworld.evaluation.reconstruction.geometry import geometry_score, point_maps
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.submission import Surface
@@ -161,6 +161,7 @@ def r_of(study: StudyCase, snapshot: Snapshot) -> float:
         study.case,
         study.reference,
         surface,
+        point_maps(study.reference, surface),
         PROTOCOL,
         Choices(diagnostics=False),
     )

@@ -26,6 +26,7 @@ _FUNCTIONS: Final = (
     "lw_pair",
     "lw_random_orders",
     "lw_resample",
+    "lw_voxels",
 )
 
 

@@ -15,10 +15,10 @@ from legoworld.evaluation.reconstruction.camera_error import camera_error
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, SubmissionFileError
-from legoworld.evaluation.reconstruction.geometry import geometry_score
+from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score, point_maps
 from legoworld.evaluation.reconstruction.joints import articulation_of, not_valid
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
-from legoworld.evaluation.reconstruction.points import Flags, finite_points, points_m
+from legoworld.evaluation.reconstruction.points import Flags, finite_points
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.submission import Surface, load_render, load_surface
@@ -108,13 +108,16 @@ def _compared(
     surface: Surface,
     render: Picture | None,
 ) -> ReconstructionRow:
-    score = geometry_score(task.folders, task.case, reference, surface, task.protocol, task.choices)
+    points = point_maps(reference, surface)
+    score = geometry_score(
+        task.folders, task.case, reference, surface, points, task.protocol, task.choices
+    )
     valid = bool(task.row.valid)
     picture = None
     seen: tuple[Agreement, Appearance] | None = None
     if render is not None and task.row.render is not UNSET:
         picture = _reference_picture(task, task.row.render.size_wh)
-        seen = _appearance(task, task.row.render, render, picture, reference, surface)
+        seen = _appearance(task, task.row.render, render, picture, reference, surface, points)
     r = score.r if valid else 0.0
     a = None if seen is None else seen[1].n_hits / seen[1].n_px if valid else 0.0
     camera = camera_error(task.row, task.case, score.registration)
@@ -167,10 +170,11 @@ def _appearance(
     picture: Picture,
     reference: Reference,
     surface: Surface,
+    points: PointMaps,
 ) -> tuple[Agreement, Appearance]:
     found = appearance.agreement(render, picture)
     hits = found.hits(task.protocol.delta)
-    agrees = _same_ray(reference, surface, task.protocol.headline.relative)
+    agrees = _same_ray(reference, surface, points, task.protocol.headline.relative)
     agrees = agrees[appearance.raster_pixel_of(hits.shape, agrees.shape)]
     floor = task.case.truth.noise_floor
     return found, Appearance(
@@ -189,12 +193,11 @@ def _appearance(
     )
 
 
-def _same_ray(reference: Reference, surface: Surface, relative: float) -> Flags:
+def _same_ray(reference: Reference, surface: Surface, points: PointMaps, relative: float) -> Flags:
     """(H, W) where both points of a raster pixel are within tau, or neither is there."""
     g, q = finite_points(reference.depth_z_m), finite_points(surface.depth_z_m)
-    apart = points_m(surface.depth_z_m, reference.raster)
     with np.errstate(invalid="ignore", over="ignore"):
-        apart -= points_m(reference.depth_z_m, reference.raster)
+        apart = points.submitted_m - points.reference_m
         distance = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
         near: Flags = distance <= relative * reference.depth_z_m.astype(np.float64)
     return np.where(g & q, near, g == q)

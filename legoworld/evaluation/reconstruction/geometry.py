@@ -18,7 +18,7 @@ from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.diagnostics import (
     chamfer_over_diagonal,
     precision_recall,
-    voxel_iou,
+    voxel_ious,
 )
 from legoworld.evaluation.reconstruction.fscore import (
     Score,
@@ -45,6 +45,22 @@ _VOXEL_SHARE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
+class PointMaps:
+    """Both surfaces' (H, W, 3) points on the reference's raster, not finite where there is none."""
+
+    reference_m: F64
+    submitted_m: F64
+
+
+def point_maps(reference: Reference, surface: Surface) -> PointMaps:
+    """The points that diagnostics, and A where the geometry agrees, are taken from."""
+    return PointMaps(
+        reference_m=points_m(reference.depth_z_m, reference.raster),
+        submitted_m=points_m(surface.depth_z_m, reference.raster),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class GeometryScore:
     """r: R at the headline's tolerance; r_at: at the others, by name."""
 
@@ -60,6 +76,7 @@ def geometry_score(
     case: BenchCase,
     reference: Reference,
     surface: Surface,
+    points: PointMaps,
     protocol: BenchProtocol,
     choices: Choices,
 ) -> GeometryScore:
@@ -79,7 +96,7 @@ def geometry_score(
     diagnostics, registration = None, None
     if choices.diagnostics:
         own = r if choices.sampling == RASTER else None
-        diagnostics, registration = _diagnostics(reference, surface, protocol, objects, own)
+        diagnostics, registration = _diagnostics(reference, surface, points, protocol, objects, own)
     return GeometryScore(
         r=r,
         r_at={name: mean_f1(found) or 0.0 for name, found in others.items()},
@@ -126,6 +143,7 @@ def _other_sampling(
 def _diagnostics(
     reference: Reference,
     surface: Surface,
+    points: PointMaps,
     protocol: BenchProtocol,
     objects: int,
     r: float | None,
@@ -133,7 +151,7 @@ def _diagnostics(
     """r: R on the raster where it is known, which own intrinsics that are the reference's give."""
     depth, raster = surface.depth_z_m, reference.raster
     g, q = finite_points(reference.depth_z_m), finite_points(depth)
-    ours, theirs = points_m(reference.depth_z_m, raster)[g], points_m(depth, raster)[q]
+    ours, theirs = points.reference_m[g], points.submitted_m[q]
     union = np.where(reference.label >= 0, 0, -1).astype(np.int32)
     everything = np.zeros_like(union)
     visible = on_one_raster(reference.depth_z_m, depth, everything, raster)
@@ -142,6 +160,8 @@ def _diagnostics(
     )[0]
     motion = aligned.trimmed_icp(ours, theirs)
     median_m = float(np.median(reference.depth_z_m[g])) if g.any() else None
+    edges_m = (0.05, 0.1, *((_VOXEL_SHARE * median_m,) if median_m else ()))
+    voxels = voxel_ious(ours, theirs, edges_m)
     scale = aligned.median_scaled(reference.depth_z_m, depth, g & q)
     shift = aligned.disparity_fitted(reference.depth_z_m, depth, g & q)
     found = Diagnostics(
@@ -150,11 +170,9 @@ def _diagnostics(
         chamfer_l1_half_sum_over_reference_visible_box_diagonal=chamfer_over_diagonal(
             visible, ours
         ),
-        voxel_iou_5_percent_of_median_depth=(
-            voxel_iou(ours, theirs, _VOXEL_SHARE * median_m) if median_m else None
-        ),
-        voxel_iou_5cm=voxel_iou(ours, theirs, 0.05),
-        voxel_iou_10cm=voxel_iou(ours, theirs, 0.1),
+        voxel_iou_5_percent_of_median_depth=voxels[2] if median_m else None,
+        voxel_iou_5cm=voxels[0],
+        voxel_iou_10cm=voxels[1],
         R_median_scale=_r_of_depth(reference, scale, protocol, objects),
         R_disparity_scale_shift=_r_of_depth(reference, shift, protocol, objects),
         R_rigid=_r(reference, _moved(reference, depth, theirs, motion), protocol, objects)

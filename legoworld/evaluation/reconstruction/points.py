@@ -55,8 +55,12 @@ def points_m(depth_z_m: Depth, raster: Raster) -> F64:
     z = depth_z_m.astype(np.float64)
     columns = (np.arange(raster.width) + 0.5 - raster.cx) / raster.fx
     rows = (np.arange(raster.height) + 0.5 - raster.cy) / raster.fy
+    points = np.empty((raster.height, raster.width, 3))
     with np.errstate(invalid="ignore"):
-        return np.stack([columns * z, rows[:, None] * z, z], axis=-1)
+        np.multiply(columns, z, out=points[..., 0])
+        np.multiply(rows[:, None], z, out=points[..., 1])
+    points[..., 2] = z
+    return points
 
 
 def pixel_of_points(points_m: F64, raster: Raster) -> NDArray[np.int64]:

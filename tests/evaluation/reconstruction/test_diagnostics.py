@@ -22,7 +22,7 @@ from legoworld.evaluation.reconstruction.aligned import (
     trimmed_icp,
 )
 from legoworld.evaluation.reconstruction.correspondence import on_one_raster
-from legoworld.evaluation.reconstruction.diagnostics import chamfer_over_diagonal, voxel_iou
+from legoworld.evaluation.reconstruction.diagnostics import chamfer_over_diagonal, voxel_ious
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.integrity import correlation
 from legoworld.evaluation.reconstruction.points import finite_points, points_m
@@ -123,24 +123,38 @@ def test_fitted_in_disparity():
 
 
 def test_voxels_are_counted_once_and_anchored_at_the_camera():
+    def iou(ours, theirs, edge):
+        return voxel_ious(ours, theirs, [edge])[0]
+
     cells = np.array([[0.01, 0.01, 0.01], [0.02, 0.03, 0.04], [-0.01, 0.01, 0.01], [0.01, 0.06, 0]])
-    assert voxel_iou(cells, cells, 0.05) == 1.0
-    assert voxel_iou(cells, cells[:2], 0.05) == 1 / 3  # two points, one voxel
-    assert voxel_iou(cells, cells[:2], 0.1) == 1 / 2
-    assert voxel_iou(cells[:1], cells[2:3], 0.05) == 0.0  # on two sides of a border
+    assert iou(cells, cells, 0.05) == 1.0
+    assert iou(cells, cells[:2], 0.05) == 1 / 3  # two points, one voxel
+    assert iou(cells, cells[:2], 0.1) == 1 / 2
+    assert iou(cells[:1], cells[2:3], 0.05) == 0.0  # on two sides of a border
     none = np.empty((0, 3))
-    assert voxel_iou(cells, none, 0.05) == 0.0
-    assert voxel_iou(none, none, 0.05) is None
+    assert iou(cells, none, 0.05) == 0.0
+    assert iou(none, none, 0.05) is None
     far = np.array([[1e9, 0.0, 0.0], [2e9, 0.0, 0.0], [-1e9, 0.0, 0.0], [0.0, 0.0, 1e9]])
-    assert voxel_iou(far, far[:1], 0.05) == 1 / 3  # what lies beyond is in the outermost one
+    assert iou(far, far[:1], 0.05) == 1 / 3  # what lies beyond is in the outermost one
     # The outermost voxel ends before the next row begins.
     for k in (1, 2):
         top, next_row = np.zeros((1, 3)), np.zeros((1, 3))
         top[0, k], next_row[0, k - 1], next_row[0, k] = 1e9, 0.06, (-(1 << 20) + 1.5) * 0.05
-        assert voxel_iou(top, next_row, 0.05) == 0.0
+        assert iou(top, next_row, 0.05) == 0.0
     one = np.array([[0.0, 0.0, 0.0]])
     for axis in range(3):
-        assert voxel_iou(one, one + 0.05 * np.eye(3)[axis], 0.05) == 0.0
+        assert iou(one, one + 0.05 * np.eye(3)[axis], 0.05) == 0.0
+
+
+@pytest.mark.parametrize("scale_m", [0.3, 30.0])
+def test_voxels_at_several_edges_are_those_of_sets(scale_m):
+    """Some hundred voxels, and more of them than a small table holds."""
+    ours, theirs = np.random.default_rng(5).normal(size=(2, 20_000, 3)) * scale_m
+    theirs[:9_000] = ours[:9_000]
+    edges = (0.05, 0.1, 0.07)
+    for edge, found in zip(edges, voxel_ious(ours, theirs, edges), strict=True):
+        a, b = (set(map(tuple, np.floor(cloud / edge).tolist())) for cloud in (ours, theirs))
+        assert found == len(a & b) / len(a | b)
 
 
 def test_chamfer_over_the_diagonal():
