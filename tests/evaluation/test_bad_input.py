@@ -114,6 +114,17 @@ def box_oddities(entries, sizes):
     return check_box_format(ids, boxes, sizes)
 
 
+def test_a_format_is_named_only_where_every_box_fits_it():
+    truth, entries = boxes_as("centre")
+    sizes = {i["id"]: (120, 90) for i in truth["images"]}
+    with pytest.raises(LegoWorldError, match="these look like centre x"):
+        box_oddities(entries, sizes)
+    astray = {**entries[0], "bbox": [110, 80, 100, 100]}  # 60..160 of 120 px
+    assert list(box_oddities([*entries, astray], sizes)) == [
+        "boxes that leave their image by over 2 px"
+    ]
+
+
 def test_boxes_in_the_right_format_are_never_suspected():
     truth, entries = boxes_as("xywh")
     sizes = {i["id"]: (120, 90) for i in truth["images"]}

@@ -377,6 +377,13 @@ def test_the_view_shows_real_pixels(tmp_path: Path) -> None:
     both = valid & np.isfinite(aligned)
     assert both.sum() > 1000
     np.testing.assert_allclose(aligned[both], shown[both], rtol=1e-5)
+    # A block without truth shows its middle pixel.
+    row, col = (np.arange(n + 1) * side // n for n, side in ((109, 300), (256, 700)))
+    middle = plane((700, 300))[np.ix_((row[:-1] + row[1:]) // 2, (col[:-1] + col[1:]) // 2)]
+    bare = ~valid & np.isfinite(aligned)
+    np.testing.assert_allclose(
+        aligned[bare], np.minimum(middle, truth[points].max())[bare], rtol=1e-5
+    )
     assert np.isinf(aligned[:, 129:]).all()
     assert np.isfinite(aligned[:, :127]).all()
 

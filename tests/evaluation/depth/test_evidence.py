@@ -21,11 +21,11 @@ SIZE = (32, 20)
 
 @pytest.fixture
 def evaluated(tmp_path: Path) -> Path:
-    """Twelve images, one of them without output and one inverted, below a folder of their own."""
+    """Eleven images, one of them without output and one inverted, below a folder of their own."""
     z = plane(SIZE)
-    noise = np.random.default_rng(0).uniform(0.9, 1.1, (12, *z.shape))
-    predictions: Predictions = {f"set/{k:02}.jpg": z * noise[k] for k in range(10)}
-    predictions |= {"set/10.jpg": "missing", "set/11.jpg": 1 / z}
+    noise = np.random.default_rng(0).uniform(0.9, 1.1, (9, *z.shape))
+    predictions: Predictions = {f"set/{k:02}.jpg": z * noise[k] for k in range(9)}
+    predictions |= {"set/09.jpg": "missing", "set/10.jpg": 1 / z}
     run = write_run(tmp_path / "run", predictions)
     truth = write_arrays(tmp_path / "truth", dict.fromkeys(predictions, z))
     evaluate_depth(run, truth, tmp_path / "eval", draws=40)

@@ -86,6 +86,11 @@ def test_the_formula(counts, score):
         (DOOR, {"axis_cam": turned(9.9), "origin_cam_m": (0.0, 0.0, 2.0)}, "correct"),
         (DOOR, {"axis_cam": turned(10.1), "origin_cam_m": (0.0, 0.0, 2.0)}, "wrong"),
         (DOOR, {"origin_cam_m": (0.0, 7.0, 2.0)}, "correct"),  # another point of the same line
+        (
+            replace(DOOR, origin_cam_m=(0.0, 5.0, 2.0)),
+            {"axis_cam": turned(9.9), "origin_cam_m": (0.0, 0.0, 2.0)},
+            "correct",
+        ),  # met at the part
         (DOOR, {"origin_cam_m": (0.099, 0.0, 2.0)}, "correct"),  # 5 % of 2 m
         (DOOR, {"origin_cam_m": (0.101, 0.0, 2.0)}, "wrong"),
         (DOOR, {"origin_cam_m": (0.5, 0.0, 2.0)}, "wrong"),  # hinged on the other side
