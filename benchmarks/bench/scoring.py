@@ -5,8 +5,9 @@
 Makes a bench of 1920 x 1080 pictures, 421 x 237 points and 512 x 288 renders out of planes and
 balls, with submissions that are off by 3 % or have other objects. R alone is what a cached
 snapshot leaves to do after the kernel: reading the surface, both searches, five tolerances. The
-run is scored with and without diagnostics. Memory is the peak of the process above its start, and
-the highest of any worker (Linux): a child's `ru_maxrss` begins at its parent's and says nothing.
+run is scored from an empty cache of pictures, then again with and without diagnostics. Memory is
+the peak of the process above its start, and the highest of any worker (Linux): a child's
+`ru_maxrss` begins at its parent's and says nothing.
 """
 
 from __future__ import annotations
@@ -141,21 +142,25 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
+        os.environ["LEGOWORLD_CACHE"] = str(root / "cache")  # the pictures' starts empty
         dataset, run = make(root, options.cases)
         print(f"{len(dataset.cases)} cases")
         one_case(dataset.private, run, options.rounds)
         pool = WorkerPool(engine="local", workers=options.workers)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         peaks = [0.0]
-        for diagnostics in (False, True):
+        for name, diagnostics in (
+            ("once, every picture decoded, without", False),
+            ("again, without", False),
+            ("again, with", True),
+        ):
             start, spent = time.perf_counter(), cpu_seconds()
             evaluate_bench(
-                run, dataset.private, root / f"eval{diagnostics:d}", pool=pool,
+                run, dataset.private, root / "evaluation", pool=pool, overwrite=True,
                 choices=Choices(diagnostics=diagnostics),
                 progress=lambda _: peaks.append(workers_peak_mib()),
             )  # fmt: skip
-            what = "with" if diagnostics else "without"
-            print(f"the run again, {what} diagnostics, {options.workers} workers: "
+            print(f"the run {name} diagnostics, {options.workers} workers: "
                   f"{time.perf_counter() - start:.1f} s, CPU of all processes "
                   f"{cpu_seconds() - spent:.1f} s")  # fmt: skip
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

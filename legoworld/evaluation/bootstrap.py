@@ -41,8 +41,12 @@ def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
         )
     random = np.random.default_rng([seed, n_groups])
     counts = np.empty((draws, n_groups), np.int32)
-    for row in counts:
-        row[:] = np.bincount(random.integers(0, n_groups, n_groups), minlength=n_groups)
+    rows = max(1, _BLOCK_ELEMENTS // n_groups)
+    for start in range(0, draws, rows):
+        some = counts[start : start + rows]
+        drawn = random.integers(0, n_groups, some.shape)  # the numbers of as many calls for a row
+        drawn += n_groups * np.arange(len(some))[:, None]
+        some[:] = np.bincount(drawn.ravel(), minlength=some.size).reshape(some.shape)
     return counts
 
 

@@ -153,3 +153,19 @@ def test_the_interval_of_an_average_precision_holds_its_value(tmp_path):
     found = centred_interval(samples, value, unit="image")
     assert found.bootstrap_mean > value + samples.std() / 4
     assert found.low < value < found.high
+
+
+@pytest.mark.parametrize("n_groups", [1, 2, 3, 26, 700])
+def test_samples_drawn_in_blocks_are_those_of_a_call_for_each(n_groups):
+    """And more draws extend fewer; 700 groups take two blocks."""
+    random = np.random.default_rng([4, n_groups])
+    expected = np.array(
+        [
+            np.bincount(random.integers(0, n_groups, n_groups), minlength=n_groups)
+            for _ in range(400)
+        ]
+    )
+    counts = resample_counts(n_groups, 400, seed=4)
+    assert counts.dtype == np.int32
+    assert np.array_equal(counts, expected)
+    assert np.array_equal(resample_counts(n_groups, 90, seed=4), expected[:90])

@@ -158,7 +158,7 @@ def _group(
     measures: Sequence[Measure], rows: Sequence[ReconstructionRow], draws: int, seed: int
 ) -> Group:
     families = len({row.family for row in rows})
-    drawn = family_draws(rows, draws, seed)
+    drawn = family_draws(rows, draws, seed) if families > 1 else None  # one has no interval
     return Group(cases=len(rows), families=families, metrics=means_of(measures, rows, drawn))
 
 
