@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
+from legoworld.files import as_unicode
+from legoworld.pluralize import counted
+from legoworld.readouts.filled_view import filled_view
 from legoworld.readouts.surface import VisibleSurface
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord
@@ -74,7 +77,7 @@ def read_submission(
         frozen=scene.files.frozen,
         files_sha256=scene.files.sha256,
         snapshot_sha256=scene.snapshot_sha256,
-        warnings=tuple(_warnings(row, folder, scene, surface)),
+        warnings=tuple(_warnings(row, folder, scene, surface, options.threads)),
     )
     stored = provenance.value if provenance else None
     source = source_of(folder, scene, surface.projection, stored)
@@ -92,13 +95,15 @@ def _read(submission: Submission, options: ImageOptions, blender: BlenderProcess
 
 
 def _warnings(
-    row: RunRow, folder: SceneFolder, scene: ReadScene, surface: VisibleSurface
+    row: RunRow, folder: SceneFolder, scene: ReadScene, surface: VisibleSurface, threads: int
 ) -> list[str]:
     warnings = [*scene.files.warnings, *scene.snapshot.warnings, *row.warnings]
     if scene.snapshot.camera.type == "ORTHO":
         warnings.append("the camera is orthographic: R takes its pose and not its projection")
     if not surface.finite_px:
         warnings.append("the camera sees nothing: every pixel is without geometry")
+    filled = _filled(scene, surface, threads)
+    warnings += [filled] if filled else []
     validity = row.validity
     assert validity
     if validity.scene_glb.ok:
@@ -109,3 +114,16 @@ def _warnings(
     if not validity.final_png.ok:
         warnings.append(f"not valid: {PICTURE}: {validity.final_png.found}")
     return warnings
+
+
+def _filled(scene: ReadScene, surface: VisibleSurface, threads: int) -> str | None:
+    """A warning where the camera stands inside of something; V and the scores stay as they are."""
+    found = filled_view(scene.snapshot, surface, threads=threads)
+    if found is None:
+        return None
+    hidden = counted(found.hidden, "other object", "other objects")
+    return (
+        f"the camera's view is filled by one object: '{as_unicode(found.object)}' covers "
+        f"{100 * found.share:.0f} % of the hits at {found.depth_m:.2g} m and hides {hidden}, "
+        f"{found.farther:.1f} times as far: move the camera out of it"
+    )

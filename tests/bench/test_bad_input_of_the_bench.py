@@ -22,6 +22,11 @@ from legoworld.records.bench_run import BenchRow
 from legoworld.records.bench_serving import ServeAnswer
 from legoworld.scene.blender_process import BlenderProcess
 
+FILLED = (
+    "the camera's view is filled by one object: 'Wall' covers 100 % of the hits at 1.1 m and hides "
+    "2 other objects, 5.7 times as far: move the camera out of it"
+)
+
 SCENES = (
     PROGRAM
     + """
@@ -102,11 +107,15 @@ def test_every_submission_has_its_verdict(answers, name, valid, r, words):
     assert "\n" not in told
 
 
-def test_a_camera_in_a_wall_and_another_aspect_are_rendered_too(folder, track_for, tmp_path):
+def test_a_camera_in_a_wall_and_another_aspect_are_rendered_too(
+    folder, track_for, tmp_path, capsys
+):
+    """A camera in a wall is valid, and told what it sees."""
     track = track_for(tmp_path / "track.json", ["inside_a_wall", "tall", "absolute"])
     run = tmp_path / "run"
-    arguments = ["readout", str(folder), "--task", "bench", "--track", str(track), "-q"]
+    arguments = ["readout", str(folder), "--task", "bench", "--track", str(track)]
     assert cli.run([*arguments, "-o", str(run)]) == 0
+    assert f"warning: inside_a_wall.png: {FILLED}" in capsys.readouterr().err
     rows = decode_lines(BenchRow, (run / "per_image.jsonl").read_bytes())
     for row in rows:
         assert row.valid is True
@@ -116,7 +125,9 @@ def test_a_camera_in_a_wall_and_another_aspect_are_rendered_too(folder, track_fo
     assert [(i.path, i.absolute_path) for i in images] == [("a.png", True), ("b.png", False)]
     (pink,) = (row for row in rows if row.scene == "absolute")
     assert any("'a' cannot be read" in w and "a.png, an absolute path" in w for w in pink.warnings)
-    assert [row.warnings for row in rows if row is not pink] == [(), ()]
+    warned = {row.scene: row.warnings for row in rows if row is not pink}
+    assert warned.pop("tall") == ()
+    assert warned == {"inside_a_wall": (FILLED,)}
     for path in run.rglob("*.json*"):
         assert b"/srv/agents" not in path.read_bytes()
 
