@@ -65,5 +65,5 @@ def plan_run(
         programs=None if programs is None else programs.resolve(),
         model=model,
         prices=read_prices(prices),
-        plugin=plan_plugin(plugin, work.track.vocabulary) if plugin else None,
+        plugin=plan_plugin(plugin, work) if plugin else None,
     )

@@ -11,7 +11,7 @@ from typing import Final
 
 from legoworld import __version__
 from legoworld.agents.plugin_host import PluginHost
-from legoworld.agents.workspaces import Workspace
+from legoworld.agents.workspaces import Commission, Workspace
 from legoworld.endpoint.listener import HOST
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session
@@ -19,13 +19,15 @@ from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.evidence_making import Given, make_evidence
-from legoworld.plugin.evidence_runs import covers, depth_file, run_of, usable_run
+from legoworld.plugin.evidence_runs import covers, depth_file, photos_of, run_of, usable_run
 from legoworld.plugin.ledger import read_ledger
 from legoworld.plugin.modules import MODULES
 from legoworld.plugin.serving import require_server
+from legoworld.pluralize import counted
 from legoworld.records.agents import PluginCalls
 from legoworld.records.folders.run_reading import RUN
 from legoworld.records.plugin_modules import Module, PluginUsed
+from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
 
@@ -59,11 +61,11 @@ class PluginPlan:
         return PluginUsed(version=__version__, modules=self.options.modules)
 
 
-def plan_plugin(options: PluginOptions, vocabulary: Vocabulary | None) -> PluginPlan:
+def plan_plugin(options: PluginOptions, work: Commission) -> PluginPlan:
     """The plan, checked before the first trial.
 
-    InstallationError without the extra, EvidenceInvalidError for evidence made with ground truth,
-    UsageError for evidence whose module is off.
+    InstallationError without the extra, EvidenceInvalidError for evidence made with ground truth or
+    of none of the track's photos, UsageError for evidence whose module is off.
     """
     require_server()
     if (options.regions or options.depth) and "evidence" not in options.modules:
@@ -72,14 +74,40 @@ def plan_plugin(options: PluginOptions, vocabulary: Vocabulary | None) -> Plugin
             found="--regions or --depth",
             expected="neither of them",
         )
-    return PluginPlan(
-        options=PluginOptions(
-            modules=options.modules,
-            regions=tuple(_regions(path) for path in options.regions),
-            depth=None if options.depth is None else _depth(options.depth),
-        ),
-        vocabulary=vocabulary,
+    planned = PluginOptions(
+        modules=options.modules,
+        regions=tuple(_regions(path) for path in options.regions),
+        depth=None if options.depth is None else _depth(options.depth),
     )
+    _check_shared(_runs(planned), work)
+    return PluginPlan(options=planned, vocabulary=work.track.vocabulary)
+
+
+def _runs(options: PluginOptions) -> list[Path]:
+    """The run folders among what is given, each once."""
+    given = [*options.regions, *([] if options.depth is None else [options.depth])]
+    return [path for path in dict.fromkeys(given) if run_of(path)]
+
+
+def _check_shared(runs: list[Path], work: Commission) -> None:
+    """EvidenceInvalidError for a run that is about none of the photos that trials are made of.
+
+    It would give every trial a plugin without evidence. A run of some of them is used for those.
+    """
+    if not runs:
+        return
+    found = [find_photo(work.photos, image) for image in work.track.images]
+    hashes = {sha256_of_file(path) for path in found if path is not None}
+    for run in runs:
+        theirs = photos_of(run)
+        if hashes and not theirs & hashes:
+            raise EvidenceInvalidError(
+                f"{run.name} is about none of the track's photos",
+                found=f"{counted(len(theirs), 'photo', 'photos')} in the run, none of the hashes "
+                f"of the track's {len(hashes)}",
+                expected="a run over photos of this track, unchanged",
+                next_step="run the baseline on this track and --photos, or leave the run out",
+            )
 
 
 def _regions(path: Path) -> Path:
@@ -144,8 +172,6 @@ def calls_of(record: Path) -> PluginCalls:
 
 def _make_evidence(plan: PluginPlan, image: TrackImage, workspace: Workspace, into: Path) -> None:
     options, photo_sha256 = plan.options, sha256_of_file(workspace.image)
-    given = [*options.regions, *([] if options.depth is None else [options.depth])]
-    runs = [path for path in dict.fromkeys(given) if run_of(path)]
     array = None
     if options.depth is not None and not run_of(options.depth):
         array = depth_file(options.depth, image.file_name)
@@ -160,7 +186,7 @@ def _make_evidence(plan: PluginPlan, image: TrackImage, workspace: Workspace, in
             hfov_deg=image.hfov_deg,
             all_images=True,
             # A model may have found nothing in a photo of its track, or failed on it.
-            runs=[run for run in runs if covers(run, photo_sha256)],
+            runs=[run for run in _runs(options) if covers(run, photo_sha256)],
         ),
         into,
     )

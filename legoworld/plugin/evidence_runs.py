@@ -84,6 +84,12 @@ def of_run(folder: Path, photo_sha256: str) -> RunEvidence:
     return _evidence(folder, configuration, record)
 
 
+def photos_of(folder: Path) -> set[str]:
+    """The hashes of a finished run's photos, with a result or without."""
+    scenes = (record.scene for record in _records(folder))
+    return {s.photo_sha256 for s in scenes if s is not None and s.photo_sha256}
+
+
 def covers(folder: Path, photo_sha256: str) -> bool:
     """Whether a finished run has a result for a photo."""
     record = _of_photo(_records(folder), photo_sha256)

@@ -62,7 +62,7 @@ def with_plugin(folder, off=(), regions=()):
     options = PluginOptions(modules=modules_without(off), regions=tuple(regions), depth=None)
     made = plan(folder)
     work = commission(folder / "track.json", folder / "photos", "bench", options.modules)
-    return replace(made, work=work, plugin=plan_plugin(options, work.track.vocabulary))
+    return replace(made, work=work, plugin=plan_plugin(options, work))
 
 
 @pytest.fixture(scope="module")
