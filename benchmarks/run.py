@@ -57,15 +57,6 @@ TABLES = (
         full="--rounds 3 --slowest 15 --most-rows 256 --cycles-python {python}",
     ),
     Table(
-        title="The kernel at 24 million pixels: rows of Embree and Open3D, scaled",
-        name="kernel",
-        program="kernel/run.py",
-        quick="--scenes primitives --widths 6048 --rounds 1 --rays 4 --most-rows 16"
-        " --against embreex,open3d",
-        full="--scenes primitives,spheres,sliver_room --widths 6048 --rounds 3 --rays 4"
-        " --most-rows 64 --against embreex,open3d",
-    ),
-    Table(
         title="One scene from a cold start, against importing bpy and opening the file",
         name="startup",
         program="startup/cold_start.py",
