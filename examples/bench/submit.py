@@ -134,7 +134,8 @@ def submit(case: Path, output: Path, change: str, amount: float) -> None:
         bpy.ops.export_scene.gltf(
             filepath=str(output / "scene.glb"), export_cameras=True, use_renderable=True
         )
-    told = {"agent": "examples/bench/submit.py", "model": f"{change} {amount:g}"}
+    model = change if change in COPIES else f"{change} {amount:g}"
+    told = {"agent": "examples/bench/submit.py", "model": model}
     (output / "provenance.json").write_text(json.dumps(told), encoding="utf-8")
 
 
