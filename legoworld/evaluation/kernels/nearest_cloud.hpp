@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <vector>
 
@@ -34,6 +35,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kFarthest = 1e18;
 // A float and a sum of two are off by less than this share.
 constexpr float kOff = 0x1p-22f;
+constexpr int32_t kTaken = INT32_MAX;  // behind the bits of any depth
 constexpr int kBeyond = 32;  // what a vector may read behind the last element
 
 inline float nearby(double v) {
@@ -136,32 +138,64 @@ private:
         close_leaf(label, node, block, begin);
     }
 
-    // What is of one label, between jumps of depth.
+    // What is of one label, between jumps of depth. Depths are positive: their bits are in the same
+    // order, and of integers the least and the most are found in lanes.
     void add_parts(int top, int left, int bottom, int right, int block, int node) {
-        int32_t open[kLeaf];
-        int n = 0;
-        for (int r = top; r < bottom; ++r)
-            for (int c = left; c < right; ++c) {
-                const int32_t index = r * grid_.width + c;
-                const float depth = depth_[index];
-                const bool point = depth > 0.0f && depth <= std::numeric_limits<float>::max();
-                if (point && label_[index] >= 0) open[n++] = index;
-            }
-        std::sort(open, open + n, [this](int32_t a, int32_t b) {
-            if (label_[a] != label_[b]) return label_[a] < label_[b];
-            return depth_[a] != depth_[b] ? depth_[a] < depth_[b] : a < b;
-        });
-        for (int from = 0; from < n;) {
-            const int32_t label = label_[open[from]];
-            const auto begin = static_cast<int32_t>(count_);
-            int to = from + 1;
-            while (to < n && label_[open[to]] == label &&
-                   depth_[open[to]] <= depth_[open[to - 1]] * kJump)
-                ++to;
-            std::sort(open + from, open + to);
-            for (; from < to; ++from) add_point(open[from] / grid_.width, open[from] % grid_.width);
-            close_leaf(label, node, block, begin);
+        int32_t depth[kLeaf], label[kLeaf], open[kLeaf];
+        for (int k = 0; k < kLeaf; ++k) {
+            const int r = top + k / kSide, c = left + k % kSide;
+            depth[k] = label[k] = -1;
+            if (r >= bottom || c >= right) continue;
+            const float z = depth_[r * grid_.width + c];
+            if (!(z > 0.0f && z <= std::numeric_limits<float>::max())) continue;
+            depth[k] = bits(z);
+            label[k] = label_[r * grid_.width + c];
         }
+        for (int first = 0; first < kLeaf; ++first) {
+            const int32_t of = label[first];
+            if (of < 0) continue;
+            for (int k = 0; k < kLeaf; ++k) {
+                open[k] = label[k] == of ? depth[k] : kTaken;
+                label[k] = label[k] == of ? -1 : label[k];
+            }
+            for (int32_t low = least(open); low != kTaken; low = least(open)) {
+                const int32_t high = before_jump(open, low);
+                const auto begin = static_cast<int32_t>(count_);
+                for (int k = 0; k < kLeaf; ++k) {
+                    if (open[k] > high) continue;
+                    add_point(top + k / kSide, left + k % kSide);
+                    open[k] = kTaken;
+                }
+                close_leaf(of, node, block, begin);
+            }
+        }
+    }
+
+    static int32_t bits(float v) {
+        int32_t out;
+        std::memcpy(&out, &v, sizeof out);
+        return out;
+    }
+
+    static int32_t least(const int32_t *values) {
+        int32_t out = kTaken;
+        for (int k = 0; k < kLeaf; ++k) out = values[k] < out ? values[k] : out;
+        return out;
+    }
+
+    // The last depth that is reached from `high` upwards without a jump.
+    static int32_t before_jump(const int32_t *depths, int32_t high) {
+        for (int32_t from = -1; from != high;) {
+            from = high;
+            float z;
+            std::memcpy(&z, &from, sizeof z);
+            const int32_t reach = bits(z * kJump);
+            for (int k = 0; k < kLeaf; ++k) {
+                const int32_t depth = depths[k] <= reach ? depths[k] : from;
+                high = depth > high ? depth : high;
+            }
+        }
+        return high;
     }
 
     void add_point(int row, int column) {

@@ -13,6 +13,9 @@ constexpr int64_t kNone = INT64_MAX;
 // Squared distances of a pair in float64 and in floats differ by at most this factor and the query's
 // own slack: (d + s)^2 <= d^2 (1 + e) + s^2 (1 + 1 / e), s what rounding moves both points by.
 constexpr float kFloatly = 1.0f + 2e-4f, kSlackly = 1.1e4f, kLeast = 1e-37f;
+constexpr unsigned kEvery = (1u << kLeaf) - 1u;  // a bit for each query
+constexpr unsigned kAll = (1u << kFloats) - 1u;   // a bit for each lane
+constexpr float kNumbers[kLeaf] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 constexpr int kSteps = 3;  // of a walk, at most
 constexpr int kFew = 5;    // queries that are asked one by one sooner than together
 constexpr float kInf = std::numeric_limits<float>::infinity();

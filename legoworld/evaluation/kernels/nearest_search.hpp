@@ -6,6 +6,7 @@ struct alignas(64) Group {
     int64_t index[kLeaf];
     float near_x[kLeaf], near_y[kLeaf], near_z[kLeaf], slack[kLeaf];
     float known[kLeaf];  // what an answer's squared distance in floats is within
+    float least[kLeaf];  // squared distance in floats so far
     float limit[kLeaf];  // what anything is within that would change what is asked
     float low[3], high[3], middle[3], radius;
 };
@@ -47,11 +48,12 @@ private:
         take(leaf);
         visits_.clear();
         visit_block(leaf.block, leaf.label);
-        if (visits_.size() == 1 && same()) return give(leaf);
+        if (told_.hits == nullptr && visits_.size() == 1 && same()) return give(leaf);
         visit(near_);
         if (worst() >= 0.0f) walk(leaf.label);
         if (worst() >= 0.0f) gather(leaf.label);
-        for (const Visit &visit : visits_) measure(visit);
+        if (told_.hits != nullptr) return count(leaf.label, leaf.end - leaf.begin);
+        for (const Visit &visit : visits_) measure(visit, kEvery);
         give(leaf);
     }
 
@@ -77,6 +79,7 @@ private:
             group_.slack[k] = s * s * kSlackly + kLeast;
             group_.known[k] = static_cast<float>(group_.best[k]) * kFloatly + group_.slack[k];
             group_.limit[k] = group_.known[k];
+            group_.least[k] = kInf;
         }
         worst_known_ = false;
     }
@@ -89,7 +92,6 @@ private:
 
     void give(const Leaf &leaf) {
         const int many = leaf.end - leaf.begin;
-        if (told_.hits != nullptr) return count(leaf.label, many);
         for (int k = 0; k < many; ++k) {
             if (group_.index[k] == kNone) continue;
             const int64_t at = queries_.index[leaf.begin + k];
@@ -98,16 +100,39 @@ private:
         }
     }
 
-    // Answers within each tolerance, of the reference point's own depth.
+    // Answers within each tolerance: by floats where their bounds decide all, else in float64.
     void count(int32_t label, int many) {
+        const unsigned every = (1u << many) - 1u;
+        unsigned hit[kMostTolerances], unclear = 0;
+        for (int t = 0; t < asked_.count; ++t) {
+            unsigned possible = 0;
+            hit[t] = 0;
+            for (int h = 0; h < kHalves; ++h) {
+                const Bounds tau = bounds(at<Vf>(group_.known, h), t, h);
+                const Vf most = tau.high * tau.high * kFloatly + at<Vf>(group_.slack, h);
+                hit[t] |= within(tau.distance, tau.low) << (h * kFloats);
+                possible |= within(at<Vf>(group_.least, h), most) << (h * kFloats);
+            }
+            unclear |= possible & ~hit[t];
+        }
+        unclear &= every;
+        int64_t *hits = told_.hits + static_cast<int64_t>(label) * asked_.count;
+        for (int t = 0; t < asked_.count; ++t)
+            hits[t] += __builtin_popcount(hit[t] & every & ~unclear);
+        if (!unclear) return;
+        for (const Visit &visit : visits_) measure(visit, unclear);
+        count_measured(hits, unclear);
+    }
+
+    // Of the queries `open`, by the reference point's own depth.
+    void count_measured(int64_t *hits, unsigned open) {
         double distance[kLeaf], z[kLeaf];
         for (int k = 0; k < kLeaf; ++k) {
-            const bool none = k >= many || group_.index[k] == kNone;
+            const bool none = !(open >> k & 1u) || group_.index[k] == kNone;
             z[k] = asked_.moving == 0.0f || none ? group_.z[k] : told_.depth[group_.index[k]];
             distance[k] = none ? kInfinity : group_.best[k];
         }
         for (int v = 0; v < kVectors; ++v) at<Vd>(distance, v) = root(at<Vd>(distance, v));
-        int64_t *hits = told_.hits + static_cast<int64_t>(label) * asked_.count;
         for (int t = 0; t < asked_.count; ++t) {
             int64_t found = 0;
             for (int k = 0; k < kLeaf; ++k)
@@ -131,7 +156,7 @@ private:
     bool same() {
         for (float least : visits_[0].least)
             if (least > 0.0f) return false;
-        measure(visits_[0]);
+        measure(visits_[0], kEvery);
         for (double best : group_.best)
             if (best > 0.0) return false;
         return true;
@@ -185,34 +210,51 @@ private:
         if (__builtin_popcount(open) > kFew) {
             for (int h = 0; h < kHalves; ++h) at<Vf>(visit.least, h) = least_of(leaf, h);
         } else {
-            for (int h = 0; h < kHalves; ++h) at<Vf>(visit.least, h) = splat(kInf);
+            Vf least[kHalves];
+            for (Vf &half : least) half = splat(kInf);
             for (; open; open &= open - 1) {
                 const int lane = __builtin_ctz(open);
-                visit.least[lane] = least_of_one(leaf, lane);
+                const Vf one = splat(least_of_one(leaf, lane));
+                for (int h = 0; h < kHalves; ++h)
+                    least[h] = lane_numbers(h) == static_cast<float>(lane) ? one : least[h];
             }
+            for (int h = 0; h < kHalves; ++h) at<Vf>(visit.least, h) = least[h];
         }
         for (int h = 0; h < kHalves; ++h) {
-            Vf known = smaller(at<Vf>(group_.known, h),
-                               at<Vf>(visit.least, h) * (kFloatly * kFloatly) +
-                                   at<Vf>(group_.slack, h) * 2.1f);
+            const Vf least = at<Vf>(visit.least, h), before = at<Vf>(group_.known, h);
+            const Vf known = smaller(before, least * (kFloatly * kFloatly) +
+                                                 at<Vf>(group_.slack, h) * 2.1f);
+            at<Vf>(group_.least, h) = smaller(at<Vf>(group_.least, h), least);
+            if (within(before, known) == kAll) continue;
             at<Vf>(group_.known, h) = known;
             at<Vf>(group_.limit, h) = asked_.count ? undecided(known, h) : known;
+            worst_known_ = false;
         }
-        worst_known_ = false;
     }
 
-    // What of `known` may change a hit. An answer is within d, so its depth is within d of the
-    // query's: tolerances that are hits at both ends are decided, and so is what the others miss
-    // at both. Shares of 1e-3 and 1e-4 are far more than rounding.
-    Vf undecided(Vf known, int h) const {
+    static Vf lane_numbers(int h) { return loaded(kNumbers + h * kFloats); }
+
+    // An answer is within `distance`, so its depth is within that of the query's, and a tolerance
+    // between its values at both ends. Shares of 1e-3 and 1e-4 are far more than rounding.
+    struct Bounds {
+        Vf distance, low, high;
+    };
+
+    Bounds bounds(Vf known, int tolerance, int h) const {
         const Vf z = at<Vf>(group_.near_z, h), d = root(known);
         const Vf low = z - larger(z, -z) * 1e-4f - d * asked_.moving;
         const Vf high = z + larger(z, -z) * 1e-4f + d * asked_.moving;
+        const float share = asked_.relative[tolerance], least = asked_.absolute[tolerance];
+        return {d, (low * share + least) * 0.999f, (high * share + least) * 1.001f};
+    }
+
+    // What of `known` may change a hit: tolerances that are hits at both ends are decided, and so
+    // is what the others miss at both.
+    Vf undecided(Vf known, int h) const {
         Vf most{};
         for (int k = 0; k < asked_.count; ++k) {
-            const Vf sure = (low * asked_.relative[k] + asked_.absolute[k]) * 0.999f;
-            const Vf tau = (high * asked_.relative[k] + asked_.absolute[k]) * 1.001f;
-            most = larger(most, d <= sure ? Vf{} : tau);
+            const Bounds tau = bounds(known, k, h);
+            most = larger(most, tau.distance <= tau.low ? Vf{} : tau.high);
         }
         const Vf limit = smaller(known, most * most * kFloatly + at<Vf>(group_.slack, h));
         return most > 0.0f ? limit : Vf{} - 1.0f;
@@ -243,10 +285,11 @@ private:
     }
 
     // In float64, for the queries of which the leaf may hold the answer.
-    void measure(const Visit &visit) {
+    void measure(const Visit &visit, unsigned queries) {
         const Leaf &leaf = targets_.leaves[visit.leaf];
         for (int h = 0; h < kHalves; ++h) {
-            unsigned open = within(at<Vf>(visit.least, h), at<Vf>(group_.known, h));
+            unsigned open = within(at<Vf>(visit.least, h), at<Vf>(group_.known, h)) &
+                            queries >> (h * kFloats);
             if (open & ((1u << kLanes) - 1u)) scan(2 * h, leaf.begin, leaf.end);
             if (open >> kLanes) scan(2 * h + 1, leaf.begin, leaf.end);
         }
@@ -272,7 +315,8 @@ private:
         at<Vm>(group_.index, v) = better ? place : index;
     }
 
-    static Vf outside(Vf from, float low, float high) {
+    template <typename From, typename Side>
+    static Vf outside(From from, Side low, Side high) {
         Vf out = larger(larger(low - from, from - high), Vf{});
         return out * out;
     }
@@ -340,8 +384,26 @@ private:
             unsigned near = within(bound, splat(worst()));
             if (end - k < kFloats) near &= (1u << (end - k)) - 1u;
             if (near && far_) near &= before_bisectors(low, high);
+            if (near) near = for_some_query(low, high, near);
             for (; near; near &= near - 1) take(k + __builtin_ctz(near));
         }
+    }
+
+    // Of the boxes `near` the ones that any open query is near, where asking so takes less than
+    // looking at each box.
+    unsigned for_some_query(const Vf *low, const Vf *high, unsigned near) const {
+        unsigned open = 0, out = 0;
+        for (int h = 0; h < kHalves; ++h)
+            open |= within(Vf{}, at<Vf>(group_.limit, h)) << (h * kFloats);
+        if (__builtin_popcount(open) > __builtin_popcount(near) * kHalves) return near;
+        for (; open; open &= open - 1) {
+            const int lane = __builtin_ctz(open);
+            out |= within(outside(group_.near_x[lane], low[0], high[0]) +
+                              outside(group_.near_y[lane], low[1], high[1]) +
+                              outside(group_.near_z[lane], low[2], high[2]),
+                          splat(group_.limit[lane]));
+        }
+        return near & out;
     }
 
     // Where |m - x|^2 <= |m - w|^2 + 2 r |x - w|, squared once more to do without a root.
