@@ -23,6 +23,7 @@ def main() -> int:
     asked = corner_triangles._asked_one_by_one
     corner_triangles._asked_one_by_one = refuse
     found["second_without_asking"] = agrees(second, asked)
+    found["second_can_be_changed"] = corner_triangles.triangle_corners(second).flags.writeable
     corner_triangles._asked_one_by_one = asked
     found["materials"] = materials_agree(second)
     found["empty"] = list(corner_triangles.triangle_corners(bpy.data.meshes.new("none")).shape)

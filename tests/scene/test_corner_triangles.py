@@ -19,6 +19,7 @@ def test_corners_from_memory_are_the_ones_blender_gives():
         "first": True,
         "verdict": True,
         "second_without_asking": True,
+        "second_can_be_changed": False,
         "materials": True,
         "empty": [0, 3],
         "laid_out_otherwise": True,

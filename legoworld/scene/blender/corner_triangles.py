@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     import bpy
 
 _TRIANGLE_BYTES: Final = 3 * 4
+_READ_ONLY: Final = 0x100  # PyBUF_READ
+_view_of_memory = ctypes.pythonapi.PyMemoryView_FromMemory
+_view_of_memory.argtypes = (ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int)
+_view_of_memory.restype = ctypes.py_object
 
 
 class _Trust:
@@ -28,7 +32,10 @@ class _Trust:
 
 
 def triangle_corners(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
-    """(T, 3) int32 face corners of a mesh whose loop triangles have been calculated."""
+    """(T, 3) int32 face corners of a mesh whose loop triangles have been calculated.
+
+    Read-only, and Blender's own memory: to be used before the mesh changes or is freed.
+    """
     if not len(mesh.loop_triangles):
         return np.empty((0, 3), np.int32)
     read = None if _Trust.verdict is False else _from_memory(mesh)
@@ -41,15 +48,15 @@ def triangle_corners(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
 
 
 def _from_memory(mesh: bpy.types.Mesh) -> NDArray[np.int32] | None:
-    """A copy of the array behind the loop triangles; None where it does not lie as expected."""
+    """The array behind the loop triangles; None where it does not lie as expected."""
     entries = mesh.loop_triangles
     n_triangles = len(entries)
     probed = [(i, entries[i]) for i in (0, n_triangles // 2, n_triangles - 1)]
     begin = probed[0][1].as_pointer()
     if any(entry.as_pointer() != begin + i * _TRIANGLE_BYTES for i, entry in probed):
         return None
-    corners = np.empty((n_triangles, 3), np.int32)
-    ctypes.memmove(corners.ctypes.data, begin, corners.nbytes)
+    memory = _view_of_memory(begin, n_triangles * _TRIANGLE_BYTES, _READ_ONLY)
+    corners = np.frombuffer(memory, np.int32, 3 * n_triangles).reshape(-1, 3)
     if any(corners[i].tolist() != list(entry.loops) for i, entry in probed):
         return None
     return corners

@@ -19,7 +19,7 @@ class Triangles:
     """The triangles of one mesh.
 
     vertices: (T, 3) int32. corners: (T, 3) int32, the face corners they use, for reading what is
-    stored per corner.
+    stored per corner; those of `mesh_triangles` only until the mesh changes.
     """
 
     vertices: NDArray[np.int32]
