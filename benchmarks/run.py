@@ -1,7 +1,7 @@
 """Every table of ratios in one run, as Markdown, with the machine they were taken on.
 
     python benchmarks/run.py --quick > quick.md        # a few minutes
-    python benchmarks/run.py --full > full.md          # hours: the counts that docs/ gives
+    python benchmarks/run.py --full > full.md          # half an hour: the counts that docs/ gives
     python benchmarks/run.py --quick --only kernel,evaluate
 
 Runs the programs of the other folders here, one after another, and prints what they print; what
@@ -137,7 +137,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     how = parser.add_mutually_exclusive_group(required=True)
     how.add_argument("--quick", action="store_true", help="small counts, a few minutes")
-    how.add_argument("--full", action="store_true", help="the counts of docs/, hours")
+    how.add_argument("--full", action="store_true", help="the counts of docs/, half an hour")
     parser.add_argument("--only", default=",".join(names), help=f"some of {', '.join(names)}")
     parser.add_argument(
         "--kernel-python", default=sys.executable, help="with embreex, open3d, pykdtree"
