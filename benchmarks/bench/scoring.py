@@ -164,8 +164,9 @@ def main() -> None:
                   f"{time.perf_counter() - start:.1f} s, CPU of all processes "
                   f"{cpu_seconds() - spent:.1f} s")  # fmt: skip
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        print(f"peak memory: this process {(after - before) / 1024:.0f} MiB more than before, "
-              f"the largest worker {max(peaks):.0f} MiB")  # fmt: skip
+        worker = f"the largest worker {max(peaks):.0f} MiB" if max(peaks) else "no worker was seen"
+        ours = f"this process {(after - before) / 1024:.0f} MiB more than before"
+        print(f"peak memory: {ours}, {worker}")
 
 
 if __name__ == "__main__":
