@@ -29,7 +29,8 @@ from legoworld.evaluation.reconstruction import appearance
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchFolders, read_dataset
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
-from legoworld.evaluation.reconstruction.geometry import geometry_score, point_maps
+from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
+from legoworld.evaluation.reconstruction.points import points_m
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import load_reference
 from legoworld.evaluation.reconstruction.submission import (
@@ -97,7 +98,7 @@ def one_case(private: Path, run_folder: Path, rounds: int) -> None:
         case = dataset.cases[row.image_id]
         reference = load_reference(folders, case, protocol.depth_limit_m)
         surface = load_surface(run_folder, row.surface, reference.raster)
-        points = point_maps(reference, surface)
+        points = PointMaps(reference=reference, surface=surface)
         picture = appearance.decoded(folders.reference(case).read_bytes())
         parts = {
             "reading the reference's points": lambda case=case: load_reference(
@@ -106,8 +107,9 @@ def one_case(private: Path, run_folder: Path, rounds: int) -> None:
             "reading the submitted surface": lambda row=row, reference=reference: load_surface(
                 run_folder, row.surface, reference.raster
             ),
-            "both surfaces' points": lambda reference=reference, surface=surface: point_maps(
-                reference, surface
+            "both surfaces' points": lambda reference=reference, surface=surface: (
+                points_m(reference.depth_z_m, reference.raster),
+                points_m(surface.depth_z_m, reference.raster),
             ),
             "R, five tolerances": partial(
                 geometry_score,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchDataset
-from legoworld.evaluation.reconstruction.geometry import geometry_score, point_maps
+from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.submission import Surface
@@ -29,6 +29,7 @@ from legoworld.plugin.evidence import Evidence, read_evidence
 from legoworld.plugin.evidence_making import Given, make_evidence
 from legoworld.plugin.measure import measure, surface_view
 from legoworld.plugin.state import LiveScene, read_live
+from legoworld.readouts.filled_view import with_surfaces
 from legoworld.readouts.surface import visible_surface
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_requirements import Report, Requirement
@@ -161,7 +162,7 @@ def r_of(study: StudyCase, snapshot: Snapshot) -> float:
         study.case,
         study.reference,
         surface,
-        point_maps(study.reference, surface),
+        PointMaps(reference=study.reference, surface=surface),
         PROTOCOL,
         Choices(diagnostics=False),
     )
@@ -198,14 +199,7 @@ def moved(snapshot: Snapshot, surfaces: NDArray[np.bool_], motion: F64) -> Snaps
 
 def without(snapshot: Snapshot, surfaces: NDArray[np.bool_]) -> Snapshot:
     """A copy that lacks some surfaces."""
-    kept = ~surfaces
-    return replace(
-        snapshot,
-        surface_occurrence=snapshot.surface_occurrence[kept],
-        surface_mesh=snapshot.surface_mesh[kept],
-        surface_holdout=snapshot.surface_holdout[kept],
-        world_from_mesh=snapshot.world_from_mesh[kept],
-    )
+    return with_surfaces(snapshot, np.flatnonzero(~surfaces))
 
 
 def seen_from(snapshot: Snapshot, motion: F64) -> Snapshot:

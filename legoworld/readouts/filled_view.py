@@ -55,7 +55,7 @@ def filled_view(
         return None
     others = np.flatnonzero(snapshot.surface_occurrence != owner)
     behind = surfaces_through(
-        seen.projection, _only(snapshot, others), seen.raster_wh, threads=threads
+        seen.projection, with_surfaces(snapshot, others), seen.raster_wh, threads=threads
     )
     owned = np.zeros_like(hit)
     owned[hit] = of_pixel == owner
@@ -77,7 +77,7 @@ def filled_view(
     )
 
 
-def _only(snapshot: Snapshot, surfaces: NDArray[np.int64]) -> Snapshot:
+def with_surfaces(snapshot: Snapshot, surfaces: NDArray[np.int64]) -> Snapshot:
     """The snapshot with these surfaces alone, in their order."""
     return replace(
         snapshot,

@@ -15,7 +15,7 @@ from legoworld.evaluation.reconstruction.camera_error import camera_error
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, SubmissionFileError
-from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score, point_maps
+from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
 from legoworld.evaluation.reconstruction.joints import articulation_of, not_valid
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Flags, finite_points
@@ -108,7 +108,7 @@ def _compared(
     surface: Surface,
     render: Picture | None,
 ) -> ReconstructionRow:
-    points = point_maps(reference, surface)
+    points = PointMaps(reference=reference, surface=surface)
     score = geometry_score(
         task.folders, task.case, reference, surface, points, task.protocol, task.choices
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -46,18 +47,23 @@ _VOXEL_SHARE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class PointMaps:
-    """Both surfaces' (H, W, 3) points on the reference's raster, not finite where there is none."""
+    """Both surfaces' (H, W, 3) points on the reference's raster, not finite where there is none.
 
-    reference_m: F64
-    submitted_m: F64
+    Diagnostics are taken from them, and A where the geometry agrees; made once, when one asks.
+    """
 
+    reference: Reference
+    surface: Surface
 
-def point_maps(reference: Reference, surface: Surface) -> PointMaps:
-    """The points that diagnostics, and A where the geometry agrees, are taken from."""
-    return PointMaps(
-        reference_m=points_m(reference.depth_z_m, reference.raster),
-        submitted_m=points_m(surface.depth_z_m, reference.raster),
-    )
+    @cached_property
+    def reference_m(self) -> F64:
+        """Of the reference."""
+        return points_m(self.reference.depth_z_m, self.reference.raster)
+
+    @cached_property
+    def submitted_m(self) -> F64:
+        """Of the submission."""
+        return points_m(self.surface.depth_z_m, self.reference.raster)
 
 
 @dataclass(frozen=True, kw_only=True)
