@@ -20,6 +20,7 @@ ROOMS = [
         "system_libraries",
         "remote",
         "pluralize",
+        "escaping",
     ),
     ("shipped",),
     ("records",),

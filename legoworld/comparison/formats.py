@@ -8,24 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-_MARKDOWN: Final = str.maketrans({"|": r"\|", "\\": r"\\", "\n": " "})
-_LATEX: Final = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "_": r"\_",
-        "%": r"\%",
-        "&": r"\&",
-        "#": r"\#",
-        "$": r"\$",
-        "{": r"\{",
-        "}": r"\}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "↑": r"$\uparrow$",
-        "↓": r"$\downarrow$",
-        "\n": " ",
-    }
-)
+from legoworld.escaping import csv_cell, latex_cell, markdown_cell
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +23,8 @@ class Table:
 def markdown(table: Table) -> str:
     """A GitHub table, its notes as a list."""
     lines = [table.header, ["---"] * len(table.header), *table.rows]
-    text = "".join(f"| {' | '.join(c.translate(_MARKDOWN) for c in line)} |\n" for line in lines)
-    notes = "".join(f"- {note.translate(_MARKDOWN)}\n" for note in table.notes)
+    text = "".join(f"| {' | '.join(map(markdown_cell, line))} |\n" for line in lines)
+    notes = "".join(f"- {markdown_cell(note)}\n" for note in table.notes)
     return text + ("\n" + notes if notes else "")
 
 
@@ -49,7 +32,7 @@ def latex(table: Table) -> str:
     """A booktabs tabular, its notes as comments."""
 
     def line(cells: Sequence[str]) -> str:
-        return " & ".join(c.translate(_LATEX) for c in cells) + r" \\"
+        return " & ".join(map(latex_cell, cells)) + r" \\"
 
     comments = [f"% {' '.join(note.split())}" for note in table.notes]
     lines = [
@@ -69,7 +52,8 @@ def latex(table: Table) -> str:
 def comma_separated(table: Table) -> str:
     """CSV with a header line; notes are not in it."""
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows([table.header, *table.rows])
+    rows = [[csv_cell(cell) for cell in row] for row in (table.header, *table.rows)]
+    csv.writer(stream, lineterminator="\n").writerows(rows)
     return stream.getvalue()
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.escaping import markdown_cell
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.residuals import SMALLEST_PX, shape_of
 from legoworld.records.plugin_evidence import Region
@@ -101,11 +102,11 @@ def _grown(mask: Mask) -> Mask:
 def plan_markdown(plan: ConstructionPlan) -> str:
     """plan.md: the same plan as a table."""
     rows = [
-        f"| {_rank(o)} | {_cell(o.region)} | {_cell(o.category or '')} "
+        f"| {_rank(o)} | {markdown_cell(o.region)} | {markdown_cell(o.category or '')} "
         f"| {o.centroid_uv[0]:.3f}, {o.centroid_uv[1]:.3f} "
         f"| {o.extent_wh[0]:.3f} x {o.extent_wh[1]:.3f} "
         f"| {'unknown' if o.relative_depth is None else f'{o.relative_depth:.3f}'} "
-        f"| {_cell(_flags(o))} |"
+        f"| {markdown_cell(_flags(o))} |"
         for o in plan.objects
     ]
     head = [
@@ -132,8 +133,3 @@ def _flags(planned: PlannedObject) -> str:
     if planned.touches:
         flags.append("touches " + ", ".join(planned.touches))
     return "; ".join(flags)
-
-
-def _cell(text: str) -> str:
-    """Text as a cell of a Markdown table: names are the provider's."""
-    return " ".join(text.replace("\\", "\\\\").replace("|", "\\|").split())
