@@ -10,6 +10,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -144,6 +145,23 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """No test reads or fills the user's snapshot cache, nor does what whole files share."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("LEGOWORLD_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _what_is_written_can_be_read() -> Iterator[None]:
+    """No test writes a record that its own type refuses: `replace` checks no value."""
+    from legoworld.records import base
+
+    def checked(record: Any) -> Any:
+        written = plain(record)
+        if isinstance(record, base.Record):
+            base.to_record(type(record), written)
+        return written
+
+    plain = base.as_json
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(base, "as_json", checked)
         yield
 
 

@@ -95,7 +95,7 @@ class UnscoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
 
     prediction_wh: tuple[int, int] | UnsetType = UNSET
     space: str | UnsetType = UNSET
-    unit: str | UnsetType = UNSET
+    unit: str | UnsetType | None = UNSET
     resampled: bool | UnsetType = UNSET
     warped: bool | UnsetType = UNSET
     n_predicted: int | UnsetType = UNSET
@@ -106,13 +106,14 @@ class UnscoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
 class ScoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
     """One image of depth with its numbers; shares are of the valid truth.
 
+    unit: None where the scale is unknown: of disparity always, of depth without a declared unit.
     s, t: aligned disparity = s * predicted + t. worse_than_constant: the hole policies under which
     AbsRel is above that of `constant`, which knows nothing of the picture.
     """
 
     prediction_wh: tuple[int, int]
     space: str
-    unit: str
+    unit: str | None
     resampled: bool
     warped: bool
     n_predicted: int
