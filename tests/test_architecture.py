@@ -24,7 +24,7 @@ ROOMS = [
     ),
     ("shipped",),
     ("records",),
-    ("cards", "tracks"),
+    ("cards", "tracks", "depth_files"),
     ("workers",),
     ("scene",),
     ("endpoint",),

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.baselines.records import predicted_px
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import SizeCheck
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.arrays import (
     DepthArray,
@@ -20,8 +22,6 @@ from legoworld.evaluation.depth.arrays import (
     ray_lengths,
 )
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
-from legoworld.evaluation.depth.errors import DepthFileError
-from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.resampling import check_size
 from legoworld.files import write_npz

@@ -24,9 +24,9 @@ from legoworld.baselines.records import (
     depth_record,
     is_intact,
 )
+from legoworld.depth_files.reading import SUFFIXES
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.pictures import SUFFIXES
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.pluralize import counted
 from legoworld.readouts.depth import depth_file

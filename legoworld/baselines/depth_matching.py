@@ -9,8 +9,8 @@ from itertools import product
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from legoworld.evaluation.depth.errors import DepthFileError
-from legoworld.evaluation.depth.pictures import SUFFIXES
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.reading import SUFFIXES
 from legoworld.tracks.track import TrackImage
 
 #: Endings that tools add to a photo's name; --suffix sets any other.

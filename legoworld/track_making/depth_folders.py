@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from legoworld.depth_files.reading import files_named
 from legoworld.errors import CatalogError, UsageError
 from legoworld.evaluation.depth.declaration import (
     DECLARATION,
@@ -17,7 +18,6 @@ from legoworld.evaluation.depth.declaration import (
     write_declaration,
 )
 from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
-from legoworld.evaluation.depth.pictures import files_named
 from legoworld.evaluation.depth.truth import planar_metres
 from legoworld.pluralize import counted
 from legoworld.readouts.pictures import read_photo

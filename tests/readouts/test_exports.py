@@ -13,9 +13,9 @@ from pycocotools import mask as coco_mask
 from strategies import id_pictures
 
 from legoworld.cards import load_card
+from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import UsageError
 from legoworld.evaluation.depth.declaration import Declaration
-from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.readouts.depth import (
     FORMAT_VERSION,

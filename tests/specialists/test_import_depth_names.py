@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from specialists.tracks import call, make_track, rows, run_document
 
 from legoworld.baselines.depth_matching import KNOWN_SUFFIXES, match_files
-from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.depth_files.errors import DepthFileError
 from legoworld.tracks.track import TrackImage, scene_name
 
 NAMES = ["hall/images/dslr_images/A.JPG", "hall/images/dslr_images/B.JPG"]

@@ -8,8 +8,8 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.depth_files.errors import DepthFileError
 from legoworld.evaluation.depth.alignment import F64
-from legoworld.evaluation.depth.errors import DepthFileError
 
 Space = Literal["depth", "disparity", "ray_distance"]
 SPACES: Final[tuple[Space, ...]] = get_args(Space)

@@ -5,13 +5,6 @@ from __future__ import annotations
 from legoworld.errors import LegoWorldError
 
 
-class DepthFileError(LegoWorldError):
-    """A depth file cannot be read as the format it claims to be."""
-
-    code = "depth_file"
-    status = "invalid"
-
-
 class DepthTruthError(LegoWorldError):
     """The ground truth is missing, undeclared or contradicts the track: nothing can be scored."""
 

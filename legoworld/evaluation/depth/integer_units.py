@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.depth_files.errors import DepthFileError
 from legoworld.evaluation.depth.alignment import F64
-from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.pluralize import counted
 
 _SATURATED: Final = 65535

@@ -11,17 +11,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, Stored, checked_array
-from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
-from legoworld.evaluation.depth.errors import DepthFileError
-from legoworld.evaluation.depth.headers import SizeCheck, picture_shape
-from legoworld.evaluation.depth.integer_units import metres
-from legoworld.evaluation.depth.pictures import (
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import SizeCheck, picture_shape
+from legoworld.depth_files.reading import (
     Npz,
     npz_contents,
     read_npz_array,
     read_picture,
 )
+from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, Stored, checked_array
+from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
+from legoworld.evaluation.depth.integer_units import metres
 from legoworld.readouts.depth import FORMAT_VERSION
 
 #: A readout's array: planar z in metres by its name.

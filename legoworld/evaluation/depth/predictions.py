@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
+from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
-from legoworld.evaluation.depth.headers import SizeCheck
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.run import Run, read_rows, read_run_of
 from legoworld.files import names_a_file, sha256_of_file

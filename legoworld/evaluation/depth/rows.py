@@ -8,11 +8,8 @@ from typing import Final
 
 from msgspec.structs import asdict, replace
 
-from legoworld.evaluation.depth.errors import (
-    DepthFileError,
-    DepthMissingError,
-    DepthPredictionError,
-)
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
 from legoworld.evaluation.depth.eth3d import scene_of
 from legoworld.evaluation.depth.predictions import DepthImage, load_prediction
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, DepthProtocol

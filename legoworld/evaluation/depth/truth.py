@@ -10,19 +10,19 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
-from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
-from legoworld.evaluation.depth.errors import DepthTruthError
-from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
-from legoworld.evaluation.depth.integer_units import per_metre
-from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.depth.pictures import (
+from legoworld.depth_files.reading import (
     SUFFIXES,
     check_raw_float32,
     files_named,
     read_raw_float32,
     refuse_photo,
 )
+from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
+from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
+from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
+from legoworld.evaluation.depth.integer_units import per_metre
+from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.predictions import photo_stem
 from legoworld.pluralize import share
 from legoworld.records.run_rows import RunImage

@@ -14,8 +14,8 @@ import pytest
 from evaluation.depth.folders import plane, rows_of, write_eth3d
 
 from legoworld import cli
+from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import CatalogError, UsageError
-from legoworld.evaluation.depth.errors import DepthFileError
 from legoworld.records.base import canonical
 from legoworld.shipped import catalog
 from legoworld.track_making.making import DepthChoice, make_track

@@ -11,11 +11,12 @@ import cv2
 import numpy as np
 import pytest
 
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.reading import read_pfm, read_picture, read_raw_float32
 from legoworld.evaluation.depth.declaration import Declaration, read_declaration
-from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
+from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.integer_units import metres
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.depth.pictures import read_pfm, read_picture, read_raw_float32
 from legoworld.evaluation.depth.truth import planar_metres
 
 DEPTH = np.random.default_rng(0).uniform(0.5, 60, (5, 7)).astype(np.float32)

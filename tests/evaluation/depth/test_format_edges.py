@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import MOST_PX, check_claim, picture_shape, tiff_claim
+from legoworld.depth_files.reading import files_named, read_pfm, read_picture
 from legoworld.evaluation.depth.arrays import DepthArray, in_range
 from legoworld.evaluation.depth.declaration import Declaration, read_declaration, write_declaration
-from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
-from legoworld.evaluation.depth.headers import MOST_PX, check_claim, picture_shape, tiff_claim
+from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.integer_units import is_unit, metres, per_metre
 from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
-from legoworld.evaluation.depth.pictures import files_named, read_pfm, read_picture
 
 DEPTH = np.random.default_rng(0).uniform(0.5, 60, (5, 7)).astype(np.float32)
 IN_METRES = Declaration(space="depth", unit="m")

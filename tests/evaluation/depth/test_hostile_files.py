@@ -17,9 +17,10 @@ from evaluation.depth.array_files import npy, npz
 from hypothesis import given
 from hypothesis import strategies as st
 
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import MOST_PX
 from legoworld.evaluation.depth.declaration import Declaration, read_declaration
-from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
-from legoworld.evaluation.depth.headers import MOST_PX
+from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.labelled import read_labelled
 
 IN_METRES = Declaration(space="depth", unit="m/256")

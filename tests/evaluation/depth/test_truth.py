@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from evaluation.depth.folders import plane, write_arrays, write_eth3d
 
-from legoworld.evaluation.depth.errors import DepthFileError, DepthTruthError
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.eth3d import (
     find_calibration,
     photo_camera,

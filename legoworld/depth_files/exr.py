@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.errors import DepthFileError
-from legoworld.evaluation.depth.headers import SizeCheck, check_claim
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import SizeCheck, check_claim
 
 #: Last parts of the names of depth channels, the most specific first; `<layer>.Z` counts as Z.
 _DEPTH_NAMES: Final = (("Z",), ("DEPTH",), ("Y", "V"))

@@ -11,7 +11,7 @@ from typing import IO, Any, Final
 
 import numpy as np
 
-from legoworld.evaluation.depth.errors import DepthFileError
+from legoworld.depth_files.errors import DepthFileError
 
 #: Called with (width, height) before the array is read; raises if the size is unusable.
 SizeCheck = Callable[[tuple[int, int]], None]

@@ -13,9 +13,9 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.errors import DepthFileError
-from legoworld.evaluation.depth.exr import read_exr
-from legoworld.evaluation.depth.headers import (
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.exr import read_exr
+from legoworld.depth_files.headers import (
     SizeCheck,
     check_claim,
     npy_claim,

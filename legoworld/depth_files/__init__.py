@@ -1,0 +1,1 @@
+"""Depth arrays in the file formats of cameras, networks and datasets, sizes checked first."""
