@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.depth_files.headers import SizeCheck, check_claim
+from legoworld.depth_files.headers import MOST_PX, SizeCheck, check_claim
 
 #: Last parts of the names of depth channels, the most specific first; `<layer>.Z` counts as Z.
 _DEPTH_NAMES: Final = (("Z",), ("DEPTH",), ("Y", "V"))
@@ -31,8 +31,11 @@ def read_exr(
         with openexr.File(str(path), separate_channels=True, header_only=True) as file:
             (x0, y0), (x1, y1) = file.header()["dataWindow"]
             n_parts = len(file.parts)
+            n_channels = sum(len(part.header["channels"]) for part in file.parts)
         shape = (int(y1) - int(y0) + 1, int(x1) - int(x0) + 1)
         check_claim(path, shape, check_size)
+        if shape[0] * shape[1] * n_channels > MOST_PX:  # all of them are read
+            raise ValueError(f"{n_channels} channels of {shape[1]}x{shape[0]}")
         with openexr.File(str(path), separate_channels=True) as file:
             channels = {name: c.pixels for name, c in file.channels().items()}
     except (RuntimeError, ValueError, TypeError, KeyError, OSError) as error:

@@ -30,6 +30,8 @@ from legoworld.files import names_a_file
 SUFFIXES: Final = (".npz", ".npy", ".pfm", ".exr", ".png", ".pgm", ".tiff", ".tif")
 #: Maximum size of a declaration in an .npz, in bytes.
 _LABEL_BYTES: Final = 4096
+#: Of all arrays that are read at once: four depth maps of the largest size.
+_MOST_BYTES: Final = 1 << 30
 _JPEG: Final = b"\xff\xd8\xff"
 
 
@@ -126,6 +128,29 @@ def read_npz_array(path: Path, name: str, check_size: SizeCheck | None) -> NDArr
             if stream.read(1):
                 raise ValueError(f"more bytes than the header of {name} says")
     return values
+
+
+def npz_arrays(
+    source: Path | IO[bytes], name: str, wanted: Container[str] | None = None
+) -> dict[str, NDArray[Any]]:
+    """Arrays of an .npz by name; what all of them claim is checked before any is read.
+
+    wanted: None reads every array. name: of the file, for DepthFileError.
+    """
+    path = Path(name)
+    with _npz_errors(path), zipfile.ZipFile(source) as archive:
+        stems = {m: m.filename.removesuffix(".npy") for m in archive.infolist()}
+        members = [m for m in stems if wanted is None or stems[m] in wanted]
+        claimed = sum(member.file_size for member in members)
+        if claimed > _MOST_BYTES:
+            raise ValueError(f"{claimed:,} bytes of arrays, more than {_MOST_BYTES:,}")
+        arrays = {}
+        for member in members:
+            with _member(archive, member) as stream:
+                npy_claim(path, stream, member.file_size)
+            with _member(archive, member) as stream:
+                arrays[stems[member]] = _plain_numbers(stream)
+    return arrays
 
 
 def read_raw_float32(path: Path, size_wh: tuple[int, int]) -> NDArray[np.float32]:

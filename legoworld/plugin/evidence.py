@@ -9,6 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.reading import read_npz_array
 from legoworld.errors import LegoWorldError
 from legoworld.files import sha256_of_file
 from legoworld.readouts.pictures import read_photo
@@ -106,8 +108,12 @@ def _disparity(folder: Path, file: EvidenceFile) -> NDArray[np.float64] | None:
             expected=file.depth.sha256,
             next_step="run `legoworld plugin evidence` again",
         )
-    with np.load(path, allow_pickle=False) as stored:
-        values = stored["values"].astype(np.float64)
+    try:
+        values = read_npz_array(path, "values", None).astype(np.float64)
+    except DepthFileError as error:
+        raise EvidenceInvalidError(
+            f"{path} cannot be used", found=error.found, expected="an .npz with `values`"
+        ) from error
     if values.shape != (file.photo.height, file.photo.width):
         raise EvidenceInvalidError(
             f"{DEPTH} has another size than the photo",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import picture_shape
+from legoworld.depth_files.reading import npz_contents, read_npz_array, read_picture
 from legoworld.files import sha256_of_file, write_npz
 from legoworld.plugin.evidence import DEPTH, EvidenceInvalidError
 from legoworld.records.plugin_evidence import DepthEvidence, DepthSpace
@@ -55,37 +57,32 @@ def write_depth(given: GivenDepth, size_wh: tuple[int, int], output: Path) -> De
 
 
 def _array(path: Path) -> NDArray[np.float32]:
-    """(H, W) float32 of a .npy, a .npz (its `values` or `depth_z_m`, or its only array), a .png."""
+    """(H, W) float32 of a depth file; of a .npz its `values` or `depth_z_m`, or its only array."""
     try:
-        if path.suffix.lower() == ".png":
-            import cv2
-
-            picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-            if picture is None:
-                raise ValueError("no PNG")
-            array = np.asarray(picture)
+        if path.suffix.lower() == ".npz":
+            array = read_npz_array(path, _only(path), None)
         else:
-            with path.open("rb") as stream:
-                loaded = np.load(stream, allow_pickle=False)
-                array = loaded if isinstance(loaded, np.ndarray) else _only(loaded)
+            array, _ = read_picture(path)
+        array = array.reshape(picture_shape(array.shape))
         if array.ndim != 2:
             raise ValueError(f"an array of shape {array.shape}")
         return np.asarray(array, np.float32)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, MemoryError, DepthFileError) as error:
         raise EvidenceInvalidError(
-            f"{path.name} cannot be read as depth",
+            f"{path} cannot be read as depth",
             found=str(error),
-            expected="a .npy, .npz or .png of one (H, W) array",
+            expected="one (H, W) array, in any depth format or the only one of a .npz",
         ) from error
 
 
-def _only(loaded: Any) -> NDArray[Any]:
+def _only(path: Path) -> str:
+    names = npz_contents(path, ()).names
     for name in ("values", "depth_z_m"):
-        if name in loaded:
-            return np.asarray(loaded[name])
-    if len(loaded.files) != 1:
-        raise ValueError(f"{len(loaded.files)} arrays, none called values or depth_z_m")
-    return np.asarray(loaded[loaded.files[0]])
+        if name in names:
+            return name
+    if len(names) != 1:
+        raise ValueError(f"{len(names)} arrays, none called values or depth_z_m")
+    return names[0]
 
 
 def _refuse_another_shape(shape: tuple[int, ...], size_wh: tuple[int, int], *, known: bool) -> None:

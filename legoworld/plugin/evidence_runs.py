@@ -5,14 +5,13 @@ Beside runs there are results files and folders of arrays that no run stands for
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-import numpy as np
-
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.reading import npz_contents
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.readouts.tasks import protocol
@@ -109,11 +108,10 @@ def _space(path: Path) -> DepthSpace:
     if path.suffix != ".npz":
         return "depth"
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            said = str(stored["space"]) if "space" in stored else "depth"
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        said = str(npz_contents(path, ("space",)).labels.get("space", "depth"))
+    except DepthFileError as error:
         raise EvidenceInvalidError(
-            f"{path.name} cannot be read as depth", found=str(error), expected="an .npz of arrays"
+            f"{path.name} cannot be read as depth", found=error.found, expected="an .npz of arrays"
         ) from error
     if said not in _SPACES:
         raise EvidenceInvalidError(

@@ -21,9 +21,9 @@ from legoworld.readouts.pictures import Rgb, png_bytes
 from legoworld.records.base import as_json
 from legoworld.records.plugin_ledger import Export, Review
 from legoworld.records.plugin_requirements import Report, Requirement
-from legoworld.scene.artefacts import decoded_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND
+from legoworld.scene.pictures import decoded_picture
 from legoworld.workers.protections import protections
 from legoworld.workers.sandbox import SandboxLimits
 

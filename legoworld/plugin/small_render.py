@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.scene.artefacts import decoded_picture, without_metadata
+from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.opened import CardRender
+from legoworld.scene.pictures import decoded_picture
 
 #: Cycles, few samples, no denoising: noise averages out over a region.
 _LONGEST_PX: Final = 192

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from legoworld.conventions import NO_INSTANCE
 from legoworld.errors import LegoWorldError
-from legoworld.files import atomic_path
+from legoworld.files import atomic_path, open_regular
 from legoworld.records.instances import InstanceRow
-from legoworld.scene.artefacts import decoded_picture
+from legoworld.scene.pictures import MOST_PHOTO_PX, decoded_picture
 
 #: ColorBrewer's Spectral, 11 classes, near to far, as RGB.
 _SPECTRAL: Final = np.array(
@@ -33,14 +33,21 @@ _INK: Final = (0, 0, 0)  # on `_color`, of which all are bright
 Rgb = NDArray[np.uint8]
 
 
-def read_photo(path: Path) -> Rgb:
-    """(H, W, 3) uint8 RGB, stored orientation (EXIF rotation is not applied)."""
-    picture = decoded_picture(path.read_bytes(), color=True)
+def read_photo(path: Path, *, most_px: int = MOST_PHOTO_PX, name: str = "") -> Rgb:
+    """(H, W, 3) uint8 RGB, stored orientation (EXIF rotation is not applied).
+
+    LegoWorldError if it is no picture or claims more than `most_px` pixels. name: in the error, by
+    default the path.
+    """
+    name = name or str(path)
+    with open_regular(path) as stream:
+        data = stream.read()
+    picture = decoded_picture(data, color=True, most_px=most_px, name=name)
     if picture is None:
         raise LegoWorldError(
-            f"{path.name} is not an image",
+            f"{name} is not an image",
             found="a file that does not decode",
-            expected="a photo such as a JPEG or a PNG",
+            expected="a JPEG, PNG, WebP or BMP",
         )
     return np.ascontiguousarray(picture[:, :, ::-1], np.uint8)
 

@@ -12,6 +12,7 @@ import numpy as np
 from legoworld.errors import LegoWorldError
 from legoworld.files import names_a_file
 from legoworld.readouts.pictures import read_photo
+from legoworld.scene.pictures import MOST_PHOTO_PX
 
 LONGEST_SIDE: Final = 800
 #: 29 kB a COCO photo: 500 of them are 19 MB of a page.
@@ -57,10 +58,12 @@ def page_photo(photos: Path | None, file_name: str, size_wh: tuple[int, int] | N
     return page_picture(path, f"the photo {file_name}", size_wh)
 
 
-def page_picture(path: Path, name: str, size_wh: tuple[int, int] | None = None) -> Photo:
+def page_picture(
+    path: Path, name: str, size_wh: tuple[int, int] | None = None, *, most_px: int = MOST_PHOTO_PX
+) -> Photo:
     """A picture file at most LONGEST_SIDE pixels long, as WebP."""
     try:
-        picture = read_photo(path)
+        picture = read_photo(path, most_px=most_px, name=path.name)
     except (LegoWorldError, OSError) as error:
         return Photo(webp=None, said=f"{name} could not be read: {error}")
     height, width = picture.shape[:2]

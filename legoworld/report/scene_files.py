@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Callable, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Final
 
+from legoworld.errors import SceneInvalidError
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.records.base import UNSET
 from legoworld.records.report_page import PageCamera, PageScene
 from legoworld.records.run_file import ImageSource
 from legoworld.records.run_rows import RunRow
 from legoworld.report.photos import page_picture
+from legoworld.scene.gltf.accessors import Accessors
+from legoworld.scene.gltf.buffers import Buffers, image_bytes
+from legoworld.scene.gltf.container import Glb, parse_glb
+from legoworld.scene.gltf.nodes import node_tree
+from legoworld.scene.gltf.verdicts import Budget
+from legoworld.scene.pictures import MOST_PX, claimed_size_wh
 
 RENDER: Final = "final.png"
 GLB: Final = "scene.glb"
 #: A larger scene is not shown.
 MOST_BYTES: Final = 64 << 20
+#: Of all textures of a scene, 0.5 GB decoded: eight of 4096 x 4096.
+_MOST_TEXTURE_PX: Final = 4 * MOST_PX
 #: What a glTF file may ask for that the page cannot read.
 _PACKED: Final = {
     "KHR_draco_mesh_compression": "its geometry is Draco-compressed",
@@ -124,7 +131,7 @@ class SceneFiles:
         return None, f"{scene}/{name} was not found below --scenes"
 
     def _add_render(self, path: Path) -> tuple[int | None, str]:
-        picture = page_picture(path, f"{path.parent.name}/{path.name}")
+        picture = page_picture(path, f"{path.parent.name}/{path.name}", most_px=MOST_PX)
         if picture.webp is None:
             return None, picture.said
         self.renders.append(picture.webp)
@@ -145,24 +152,44 @@ class SceneFiles:
 def why_not_shown(glb: bytes) -> str:
     """Why the page cannot show a scene.glb; "" where it can."""
     try:
-        magic, version, _ = struct.unpack_from("<4sII", glb)
-        length, kind = struct.unpack_from("<I4s", glb, 12)
-        if (magic, version, kind) != (b"glTF", 2, b"JSON"):
-            return f"{GLB} is not a binary glTF 2 file"
-        content = json.loads(glb[20 : 20 + length])
-        needed = {str(name) for name in content.get("extensionsRequired", ())}
-        outside = [
-            str(part["uri"])[:40]
-            for key in ("buffers", "images")
-            for part in content.get(key, ())
-            if "uri" in part and not str(part["uri"]).startswith("data:")
-        ]
-    except (struct.error, ValueError, AttributeError, TypeError) as error:
-        return f"{GLB} could not be read: {error}"
-    for name in sorted(needed & set(_PACKED)):
-        return f"{_PACKED[name]} ({name}), and the page carries no decoder for it"
-    if outside:
-        return f"{GLB} refers to files outside itself: {', '.join(sorted(outside)[:3])}"
+        parsed = parse_glb(glb)
+        document = parsed.document
+        for name in sorted({*document.texts("extensionsRequired")} & set(_PACKED)):
+            return f"{_PACKED[name]} ({name}), and the page carries no decoder for it"
+        owners = (*document.children("buffers"), *document.children("images"))
+        uris = sorted(o.text("uri")[:40] for o in owners if "uri" in o)
+        outside = [uri for uri in uris if not uri.startswith("data:")]
+        if outside:
+            return f"{GLB} refers to files outside itself: {', '.join(outside[:3])}"
+        return _too_much(parsed)
+    except SceneInvalidError as error:
+        return f"{GLB} could not be read: {error.found}"
+
+
+def _too_much(glb: Glb) -> str:
+    """What a sound file asks a browser to make that is larger than it; "" where nothing is.
+
+    An accessor without bytes, or one of many over the same bytes, costs the file nothing. Raises
+    SceneInvalidError for nodes in a circle and for an accessor that does not lie in its buffer.
+    """
+    node_tree(glb.document)
+    budget = Budget(glb.file_bytes)
+    buffers = Buffers(glb, Path(), budget)
+    accessors = Accessors(glb.document, buffers, budget)
+    numbers = 0
+    for index in range(len(accessors)):
+        accessors.check(index)
+        layout = accessors.layout(index)
+        numbers += layout.count * layout.element_bytes
+    if numbers > MOST_BYTES + glb.file_bytes:
+        size = f"{numbers / 1e6:,.0f} MB"
+        return (
+            f"{GLB} of {glb.file_bytes:,} bytes claims {size} of vertices: more than a page shows"
+        )
+    pictures = [image_bytes(image, buffers) or b"" for image in glb.document.children("images")]
+    pixels = sum(width * height for width, height in map(claimed_size_wh, pictures))
+    if pixels > _MOST_TEXTURE_PX:
+        return f"{GLB} holds textures of {pixels:,} pixels: not shown"
     return ""
 
 

@@ -37,10 +37,11 @@ from legoworld.records.bench_run import (
 )
 from legoworld.records.run_file import BenchReading, ValidityCounts
 from legoworld.records.run_rows import RunRow
-from legoworld.scene.artefacts import check_glb, check_picture, decoded_picture
+from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.folder import BLEND, GLB, PICTURE, SceneFolder
 from legoworld.scene.gltf.container import parse_glb
 from legoworld.scene.opened import CardRender, OpenedScene, SceneFacts
+from legoworld.scene.pictures import decoded_picture
 from legoworld.scene.snapshot import Snapshot
 
 OK: Final = Check(ok=True)

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import Any, Final
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final
 
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.gltf.accessors import Accessors
@@ -16,6 +13,7 @@ from legoworld.scene.gltf.container import parse_glb
 from legoworld.scene.gltf.nodes import node_tree
 from legoworld.scene.gltf.snapshot import check_geometry
 from legoworld.scene.gltf.verdicts import Budget
+from legoworld.scene.pictures import decoded_picture
 
 _PIXEL_CHUNKS: Final = (b"IHDR", b"PLTE", b"tRNS", b"gAMA", b"sRGB", b"IDAT", b"IEND")
 
@@ -35,9 +33,12 @@ def check_glb(path: Path) -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Refuse a final.png that does not decode or is a flat colour. Raises SceneInvalidError."""
+    """Refuse a final.png that is too large, does not decode or is a flat colour.
+
+    Raises SceneInvalidError.
+    """
     data = path.read_bytes()
-    picture = decoded_picture(data)
+    picture = decoded_picture(data, name=path.name)
     if picture is None:
         raise SceneInvalidError(
             f"{path.name} does not decode",
@@ -45,28 +46,13 @@ def check_picture(path: Path) -> None:
             expected="a PNG of the scene's render",
             next_step="render the scene again",
         )
-    flat = picture.reshape(-1, picture.shape[2] if picture.ndim == 3 else 1)
-    if (flat == flat[0]).all():
+    if all((row == picture[0, 0]).all() for row in picture):
         raise SceneInvalidError(
             f"{path.name} shows nothing",
             found=f"one flat colour over {picture.shape[1]}x{picture.shape[0]} pixels",
             expected="a render of the scene",
             next_step="check the camera, the lights and the render engine",
         )
-
-
-def decoded_picture(data: bytes, *, color: bool = False) -> NDArray[Any] | None:
-    """An image file's pixels in OpenCV's order, without EXIF rotation; None if not an image.
-
-    color: always (H, W, 3) uint8 BGR; otherwise as stored.
-    """
-    import cv2
-
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if color else cv2.IMREAD_UNCHANGED
-    try:
-        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
-    except cv2.error:  # a header that claims an absurd size
-        return None
 
 
 def without_metadata(png: bytes) -> bytes:

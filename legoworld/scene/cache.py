@@ -97,6 +97,7 @@ _SHARED: Final = (
     "scene/affine.py",
     "scene/array_file.py",
     "scene/hair/ribbons.py",
+    "scene/pictures.py",
     "scene/snapshot.py",
     "scene/hair/spheres.py",
     "scene/hair/strands.py",

@@ -24,6 +24,7 @@ from legoworld.records.trajectory_scores import (
     TrajectoryScore,
 )
 from legoworld.scene.folder import PICTURE
+from legoworld.scene.pictures import MOST_PHOTO_PX, MOST_PX
 from legoworld.trajectories.curves import drops, moments
 from legoworld.trajectories.folder import RecordedTrial
 from legoworld.trajectories.scoring import TRAJECTORIES, slot_folder, tokens_until
@@ -126,7 +127,7 @@ def _trial(
                 "shown": shown,
             }
         )
-    photo = None if photos is None else _picture(photos / about.file_name)
+    photo = None if photos is None else _picture(photos / about.file_name, MOST_PHOTO_PX)
     return {
         "scene": about.scene,
         "agent": about.agent,
@@ -171,12 +172,12 @@ def _cell(value: float | None, interval: Interval | None) -> str:
     return f"{value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
 
 
-def _picture(path: Path) -> str | None:
+def _picture(path: Path, most_px: int = MOST_PX) -> str | None:
     """A picture as a data URL, at most `_LONGEST_PX` long; None where there is none."""
     if not path.is_file():
         return None
     try:
-        picture = read_photo(path)
+        picture = read_photo(path, most_px=most_px)
     except (LegoWorldError, OSError):
         return None
     height, width = picture.shape[:2]

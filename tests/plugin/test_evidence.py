@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
+import struct
+import zipfile
+import zlib
 
 import cv2
 import numpy as np
@@ -114,6 +118,28 @@ def test_a_broken_array_is_refused_in_one_line(tmp_path, photo):
             made(tmp_path, photo, depth=tmp_path / "d.npz")
         with pytest.raises(EvidenceInvalidError, match="cannot be read as depth"):
             depth_file(tmp_path, "d.jpg")
+
+
+@pytest.mark.parametrize("name", ["d.npy", "d.npz", "d.png"])
+def test_an_array_that_claims_more_than_is_decoded_is_refused(tmp_path, photo, name):
+    path = tmp_path / name
+    if name == "d.png":
+        head = struct.pack(">IIBBBBB", 100_000, 100_000, 16, 0, 0, 0, 0)
+        chunks = [(b"IHDR", head), (b"IDAT", zlib.compress(b"")), (b"IEND", b"")]
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+            struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d))
+            for k, d in chunks
+        ))  # fmt: skip
+    else:
+        header = {"descr": "<f8", "fortran_order": False, "shape": (100_000, 100_000)}
+        npy = io.BytesIO()
+        np.lib.format.write_array_header_1_0(npy, header)
+        path.write_bytes(npy.getvalue())
+        if name == "d.npz":
+            with zipfile.ZipFile(path, "w") as archive:
+                archive.writestr("values.npy", npy.getvalue())
+    with pytest.raises(EvidenceInvalidError, match=r"cannot be read as depth; found: .*100000"):
+        made(tmp_path, photo, depth=path)
 
 
 def test_depth_that_was_replaced_is_refused(tmp_path, photo):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import struct
@@ -96,6 +97,22 @@ def test_a_name_that_leads_out_of_the_scenes_is_not_followed(scene: Path) -> Non
     assert SceneFiles(folders=()).page_scene(record, ROW) is None
 
 
+#: 3e8 vertices that no byte of the file holds.
+VERTICES: dict[str, Any] = {"componentType": 5126, "type": "VEC3", "count": 300_000_000}
+VIEW: dict[str, Any] = {
+    "buffers": [{"byteLength": 3, "uri": "data:;base64,AAAA"}],
+    "bufferViews": [{"buffer": 0, "byteLength": 3}],
+}
+
+
+def picture(width: int, height: int) -> str:
+    """A data URI with the header of a PNG."""
+    head = b"\x89PNG\r\n\x1a\n" + struct.pack(
+        ">I4sIIBBBBBI", 13, b"IHDR", width, height, 8, 2, 0, 0, 0, 0
+    )
+    return "data:image/png;base64," + base64.b64encode(head).decode()
+
+
 @pytest.mark.parametrize(
     ("document", "words"),
     [
@@ -106,16 +123,24 @@ def test_a_name_that_leads_out_of_the_scenes_is_not_followed(scene: Path) -> Non
         ({"images": [{"uri": "https://example.org/a.png"}]}, "files outside itself"),
         ({"buffers": 5}, "could not be read"),
         ({"extensionsRequired": ["KHR_materials_unlit"]}, ""),
+        ({"extensionsRequired": ["ACME_rays"]}, "could not be read: ACME_rays"),
+        ({"accessors": [VERTICES]}, "claims 3,600 MB of vertices"),
+        ({"accessors": [{**VERTICES, "count": 2_000_000}] * 4}, "claims 96 MB of vertices"),
+        ({"accessors": [{**VERTICES, "count": 1000}]}, ""),
+        ({"accessors": [{**VERTICES, "bufferView": 0}], **VIEW}, "needs 3600000000 bytes"),
+        ({"nodes": [{"children": [1]}, {"children": [0]}]}, "their own ancestors"),
+        ({"images": [{"uri": picture(8192, 4096)}] * 4}, ""),
+        ({"images": [{"uri": picture(8192, 4096)}] * 5}, "textures of 167,772,160 pixels"),
     ],
 )
 def test_what_the_page_cannot_show_says_why(document: dict[str, Any], words: str) -> None:
-    said = why_not_shown(glb(document))
+    said = why_not_shown(glb({"asset": {"version": "2.0"}, **document}))
     assert words in said
     assert bool(said) == bool(words)
 
 
 def test_what_is_no_glb_says_so() -> None:
-    assert "not a binary glTF 2 file" in why_not_shown(b"glTX" + bytes(40))
+    assert "could not be read: it begins with b'glTX'" in why_not_shown(b"glTX" + bytes(40))
     assert "could not be read" in why_not_shown(b"glTF")
 
 
@@ -190,3 +215,15 @@ def test_the_scene_in_3d_covers_what_was_read_out(
     assert all(any(w in u for w in wanted) for u in others)
     noise = [s for s in chrome.said if "GPU stall" not in s]
     assert noise == []
+
+
+def test_a_glb_nested_too_deeply_is_said_for_its_photo_alone(scene: Path) -> None:
+    text = b'{"asset": {"version": "2.0"}, "extras": ' + b"[" * 100_000 + b"]" * 100_000 + b"}"
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON")
+    (scene / "scene.glb").write_bytes(head + text)
+    shown = SceneFiles(folders=(scene.parent,)).page_scene(scene_record(scene), ROW)
+    assert shown is not None
+    assert shown.glb is None
+    assert "JSON does not parse: maximum recursion depth" in shown.glb_said
+    assert shown.render == 0

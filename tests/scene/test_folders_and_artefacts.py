@@ -12,8 +12,9 @@ import pytest
 from legoworld.api.listening import Listener
 from legoworld.api.readout import readout
 from legoworld.errors import SceneInvalidError, SceneMissingError
-from legoworld.scene.artefacts import check_picture, decoded_picture, without_metadata
+from legoworld.scene.artefacts import check_picture, without_metadata
 from legoworld.scene.folder import SceneFolder, find_scene
+from legoworld.scene.pictures import PictureTooLargeError, decoded_picture
 from legoworld.tracks.track import folders_without_scene
 
 
@@ -108,7 +109,8 @@ def test_pixels_are_given_as_stored_or_as_colours():
     assert decoded_picture(b"GIF89a") is None
     claim = struct.pack(">IIBBBBB", 1 << 30, 1 << 30, 8, 2, 0, 0, 0)
     head = chunk(b"IHDR", claim)
-    assert decoded_picture(b"\x89PNG\r\n\x1a\n" + head + chunk(b"IEND", b"")) is None
+    with pytest.raises(PictureTooLargeError, match="1073741824x1073741824 pixels in 45 bytes"):
+        decoded_picture(b"\x89PNG\r\n\x1a\n" + head + chunk(b"IEND", b""))
 
 
 def chunk(kind, content):

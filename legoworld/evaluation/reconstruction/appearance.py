@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from legoworld.evaluation.reconstruction.points import Flags
+from legoworld.scene.pictures import MOST_PHOTO_PX, claimed_size_wh
 
 Picture = NDArray[np.uint8]
 #: Largest channel differences at which A's curve is read, besides the card's delta.
 CURVE: Final = (0, 5, 10, 15, 20, 25, 30, 40, 50, 60, 80, 100)
-#: A foreign picture is not unpacked beyond this.
-_MOST_PX: Final = 200_000_000
+#: Pillow's names of what `claimed_size_wh` knows.
+_FORMATS: Final = ("PNG", "JPEG", "WEBP", "BMP")
 
 
 class PictureError(ValueError):
@@ -40,14 +41,13 @@ class Agreement:
 
 def decoded(data: bytes) -> Picture:
     """A picture file as (H, W, 3) 8-bit sRGB, alpha dropped. PictureError."""
+    width, height = claimed_size_wh(data)
+    if width * height > MOST_PHOTO_PX:
+        raise PictureError(f"{width}x{height} pixels, more than {MOST_PHOTO_PX:,}")
     try:
-        with Image.open(io.BytesIO(data)) as opened:
-            if opened.width * opened.height > _MOST_PX:
-                raise PictureError(f"{opened.width}x{opened.height} pixels")
+        with Image.open(io.BytesIO(data), formats=_FORMATS) as opened:
             return np.asarray(opened.convert("RGB"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
-        raise PictureError(str(error)) from error
-    except Image.DecompressionBombError as error:
         raise PictureError(str(error)) from error
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +10,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.reading import npz_arrays
 from legoworld.errors import UsageError
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError
@@ -152,9 +153,9 @@ def _checked(path: Path, sha256: str, names: tuple[str, ...]) -> dict[str, NDArr
     try:
         found = sha256_of_file(path)
         if found == sha256:
-            with np.load(path, allow_pickle=False) as stored:
-                return {name: stored[name] for name in names}
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            stored = npz_arrays(path, path.name, names)
+            return {name: stored[name] for name in names}
+    except (OSError, KeyError, DepthFileError) as error:
         raise BenchTruthError(
             f"{path.name} of the private half cannot be read",
             found=f"{type(error).__name__}: {error}",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.reading import npz_arrays
 from legoworld.evaluation.reconstruction.appearance import Picture, PictureError, decoded
 from legoworld.evaluation.reconstruction.errors import SubmissionFileError
 from legoworld.evaluation.reconstruction.points import Depth, Raster
@@ -77,8 +78,7 @@ def load_surface(folder: Path, file: SurfaceFile, raster: Raster) -> Surface:
     """The surface of one submission. SubmissionFileError when it is not as the run wrote it."""
     data = _bytes(folder, file)
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        arrays = npz_arrays(io.BytesIO(data), str(file.file))
         depth = _depth(arrays["depth_z_m"], raster)
         own = arrays.get("own_depth_z_m")
         return Surface(
@@ -88,7 +88,7 @@ def load_surface(folder: Path, file: SurfaceFile, raster: Raster) -> Surface:
             plane=arrays.get("plane"),
             textures=arrays.get("textures", _NO_TEXTURES),
         )
-    except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except (KeyError, ValueError, TypeError, DepthFileError) as error:
         raise SubmissionFileError(
             f"{file.file} cannot be used",
             found=f"{type(error).__name__}: {error}",

@@ -111,6 +111,14 @@ class Buffers:
             raise unreadable(f"{owner.at('uri')}: {error}") from error
 
 
+def image_bytes(image: Fields, buffers: Buffers) -> bytes | None:
+    """An image's file, from its buffer view or URI; None for a missing one."""
+    if "bufferView" in image:
+        return bytes(buffers.view(image.index("bufferView", len(buffers)))[0])
+    content = buffers.uri(image) if "uri" in image else None
+    return None if content is None else bytes(content)
+
+
 def _relative(uri: str, folder: Path) -> str:
     """A URI as a path inside the folder. Raises SceneInvalidError where it is not one."""
     refused = SceneInvalidError(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import ALPHA_THRESHOLD
-from legoworld.scene.gltf.buffers import Buffers
+from legoworld.scene.gltf.buffers import Buffers, image_bytes
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.materials import TextureAlpha
 from legoworld.scene.gltf.pictures import LARGEST_SIDE_PX, alpha_of, size_wh
@@ -91,7 +91,7 @@ class Pictures:
         return self._decoded[image]
 
     def _decode(self, number: int, material: str) -> NDArray[np.uint8] | None:
-        data = self._bytes(self._images[number]) if number >= 0 else None
+        data = image_bytes(self._images[number], self._buffers) if number >= 0 else None
         why = "is missing"
         if data is not None:
             width, height = size_wh(data)
@@ -103,12 +103,6 @@ class Pictures:
             f"material {material!r}: its alpha texture {why}; its surface is taken as opaque"
         )
         return None
-
-    def _bytes(self, image: Fields) -> bytes | None:
-        if "bufferView" in image:
-            return bytes(self._buffers.view(image.index("bufferView", len(self._buffers)))[0])
-        content = self._buffers.uri(image) if "uri" in image else None
-        return None if content is None else bytes(content)
 
 
 def threshold_at_half(alpha: NDArray[np.uint8], cutoff: float) -> NDArray[np.uint8]:

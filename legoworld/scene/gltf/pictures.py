@@ -9,13 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.scene.pictures import JPEG, PNG, claimed_size_wh, png_chunks
+
 LARGEST_SIDE_PX: Final = 16384
 
 _MOST_PX: Final = 1 << 26
 
-_PNG: Final = b"\x89PNG\r\n\x1a\n"
 _PICTURE_CHUNKS: Final = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
-_JPEG: Final = b"\xff\xd8\xff"
 
 
 def alpha_of(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
@@ -23,12 +23,12 @@ def alpha_of(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
 
     The reason is empty if the alpha is known. `size_wh` gives what decoding will allocate.
     """
-    if data[:3] == _JPEG:
+    if data[:3] == JPEG:
         return None, ""
     width, height = size_wh(data)
     if width == 0:
         return None, f"is neither PNG, WebP nor JPEG of at most {LARGEST_SIDE_PX} pixels a side"
-    plain = _plain_png(data) if data[:8] == _PNG else data
+    plain = _plain_png(data) if data[:8] == PNG else data
     if plain is None:
         return None, "does not decode"
     import cv2
@@ -52,48 +52,20 @@ def size_wh(data: bytes) -> tuple[int, int]:
 
     (0, 0) for anything else and for pictures beyond `LARGEST_SIDE_PX` or 2^26 pixels.
     """
-    size = (0, 0)
-    if data[:8] == _PNG and len(data) >= 33:
-        size = struct.unpack_from(">II", data, 16)
-    elif data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 30:
-        size = _webp_size_wh(data)
+    size = claimed_size_wh(data) if data[:4] in (PNG[:4], b"RIFF") else (0, 0)
     sound = all(0 < side <= LARGEST_SIDE_PX for side in size) and size[0] * size[1] <= _MOST_PX
     return size if sound else (0, 0)
 
 
 def _plain_png(data: bytes) -> bytes | None:
-    """The PNG reduced to its image chunks; None if a chunk is truncated or damaged.
-
-    The decoder allocates any length that a chunk claims, so all lengths are checked first.
-    """
-    kept, offset = [_PNG], len(_PNG)
-    while offset + 12 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, offset)
-        end = offset + 12 + length
-        if end > len(data):
-            return None
+    """The PNG reduced to its image chunks; None if a chunk is truncated or damaged."""
+    kept = [PNG]
+    for kind, start, end in png_chunks(data):
         (checksum,) = struct.unpack_from(">I", data, end - 4)
-        if zlib.crc32(data[offset + 4 : end - 4]) != checksum:
+        if zlib.crc32(data[start + 4 : end - 4]) != checksum:
             return None
         if kind in _PICTURE_CHUNKS:
-            kept.append(data[offset:end])
+            kept.append(data[start:end])
         if kind == b"IEND":
             return b"".join(kept)
-        offset = end
     return None
-
-
-def _webp_size_wh(data: bytes) -> tuple[int, int]:
-    """Canvas size of the first chunk: extended, lossless, or lossy (which has no alpha)."""
-    if data[12:16] == b"VP8X":
-        return (
-            int.from_bytes(data[24:27], "little") + 1,
-            int.from_bytes(data[27:30], "little") + 1,
-        )
-    if data[12:16] == b"VP8L":
-        bits = int.from_bytes(data[21:25], "little")
-        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
-    if data[12:16] == b"VP8 ":
-        width, height = struct.unpack_from("<HH", data, 26)
-        return width & 0x3FFF, height & 0x3FFF
-    return 0, 0

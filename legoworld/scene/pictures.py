@@ -1,0 +1,121 @@
+"""Picture files of strangers: their sizes by the header, before anything is decoded."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import SceneInvalidError
+
+#: Of a picture that a scene folder brings: 8K is 33.2 million pixels.
+MOST_PX: Final = 1 << 25
+#: Of a photo, which the user names: 67 million.
+MOST_PHOTO_PX: Final = 1 << 26
+PNG: Final = b"\x89PNG\r\n\x1a\n"
+JPEG: Final = b"\xff\xd8\xff"
+#: Markers of a JPEG with the frame's size (ITU T.81, table B.1), and those without a length.
+_FRAMES: Final = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+_ALONE: Final = frozenset({0x01, *range(0xD0, 0xD9)})
+
+
+class PictureTooLargeError(SceneInvalidError):
+    """A picture's header claims more pixels than are decoded."""
+
+    code = "picture_too_large"
+
+
+def decoded_picture(
+    data: bytes, *, color: bool = False, most_px: int = MOST_PX, name: str = "a picture"
+) -> NDArray[Any] | None:
+    """The pixels of a PNG, JPEG, WebP or BMP in OpenCV's order, without EXIF rotation.
+
+    None for anything else and for what does not decode. color: always (H, W, 3) uint8 BGR;
+    otherwise as stored. most_px: raises PictureTooLargeError for a header that claims more.
+    """
+    import cv2
+
+    width, height = claimed_size_wh(data)
+    if width * height > most_px:
+        raise PictureTooLargeError(
+            f"{name} is too large to be decoded",
+            found=f"{width}x{height} pixels in {len(data):,} bytes",
+            expected=f"at most {most_px:,} pixels",
+            next_step="write it smaller",
+        )
+    if min(width, height) < 1 or (data.startswith(PNG) and not any(_png_ends(data))):
+        return None
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if color else cv2.IMREAD_UNCHANGED
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        return None
+
+
+def claimed_size_wh(data: bytes) -> tuple[int, int]:
+    """Width and height by the header of a PNG, JPEG, WebP or BMP; (0, 0) for anything else."""
+    if data[:8] == PNG and len(data) >= 33:
+        width, height = struct.unpack_from(">II", data, 16)
+        return width, height
+    if data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 30:
+        return _webp_size_wh(data)
+    if data[:3] == JPEG:
+        return _jpeg_size_wh(data)
+    if data[:2] == b"BM" and len(data) >= 26:
+        (header,) = struct.unpack_from("<I", data, 14)
+        width, height = struct.unpack_from("<HH" if header == 12 else "<ii", data, 18)
+        return abs(width), abs(height)
+    return 0, 0
+
+
+def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """Kind, start and end of a PNG's chunks up to the first that does not lie in the file.
+
+    Decoders allocate any length that a chunk claims.
+    """
+    start = len(PNG)
+    while start + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, start)
+        end = start + 12 + length
+        if end > len(data):
+            return
+        yield kind, start, end
+        start = end
+
+
+def _png_ends(data: bytes) -> Iterator[bool]:
+    return (kind == b"IEND" for kind, _, _ in png_chunks(data))
+
+
+def _webp_size_wh(data: bytes) -> tuple[int, int]:
+    """Canvas size of the first chunk: extended, lossless, or lossy (which has no alpha)."""
+    if data[12:16] == b"VP8X":
+        return (
+            int.from_bytes(data[24:27], "little") + 1,
+            int.from_bytes(data[27:30], "little") + 1,
+        )
+    if data[12:16] == b"VP8L":
+        bits = int.from_bytes(data[21:25], "little")
+        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    if data[12:16] == b"VP8 ":
+        width, height = struct.unpack_from("<HH", data, 26)
+        return width & 0x3FFF, height & 0x3FFF
+    return 0, 0
+
+
+def _jpeg_size_wh(data: bytes) -> tuple[int, int]:
+    """The size in the first frame header; bytes between segments are skipped, as libjpeg does."""
+    at = 2
+    while (at := data.find(b"\xff", at)) >= 0 and at + 9 <= len(data):
+        kind = data[at + 1]
+        if kind in _FRAMES:
+            height, width = struct.unpack_from(">HH", data, at + 5)
+            return width, height
+        if kind in (0x00, 0xFF) or kind in _ALONE:
+            at += 1 if kind == 0xFF else 2
+        else:
+            at += 2 + struct.unpack_from(">H", data, at + 2)[0]
+    return 0, 0
