@@ -17,6 +17,7 @@ ROOMS = [
         "exit_codes",
         "conventions",
         "files",
+        "beneath",
         "system_libraries",
         "remote",
         "pluralize",

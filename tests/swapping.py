@@ -1,0 +1,51 @@
+"""A process that exchanges a folder for a link to another one, as fast as it can."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from waiting import until
+
+#: A file that is in both folders: "inside" in the one, "outside" in the other.
+OUTSIDE: Final = "victim"
+#: Tries of a test. A path that is looked at and then opened is led out within tens of them.
+SWAPS: Final = 300
+
+#: renameat2 with RENAME_EXCHANGE: there is always one of the two under the name.
+_SWAP = """
+import ctypes, os, sys
+name, outside = sys.argv[1:]
+libc, at_cwd, exchange = ctypes.CDLL(None), -100, 2
+libc.prctl(1, 9)  # it ends with the test
+os.symlink(outside, name + ".link")
+pair = os.fsencode(name), os.fsencode(name + ".link")
+print("begun", flush=True)
+while True:
+    if libc.renameat2(at_cwd, pair[0], at_cwd, pair[1], exchange):
+        os._exit(1)
+"""
+
+
+@contextlib.contextmanager
+def swapping(folder: Path, outside: Path) -> Iterator[None]:
+    """Exchange `folder`, which is made, for a link to `outside` until the block ends."""
+    folder.mkdir()
+    (folder / OUTSIDE).write_text("inside", encoding="utf-8")
+    (outside / OUTSIDE).write_text("outside", encoding="utf-8")
+    with subprocess.Popen(
+        [sys.executable, "-I", "-S", "-c", _SWAP, str(folder), str(outside)],
+        stdout=subprocess.PIPE,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == b"begun\n"
+            until(lambda: folder.is_symlink())
+            yield
+            assert process.poll() is None, "nothing was swapped"
+        finally:
+            process.kill()
