@@ -63,9 +63,11 @@ class Protections:
 
 
 _NET: Final = "network"
-_WITH_BUBBLEWRAP: Final = (_NET, "files", "other processes")
-_EVERYWHERE: Final = ("environment", "time", "output", "file size", "workspace size")
-_ON_LINUX: Final = ("memory with child processes", "child processes ended")
+#: Without it a program reads the variables of every process of its user in /proc, and kills them,
+#: its keeper among them.
+_WITH_BUBBLEWRAP: Final = (_NET, "files", "other processes", "environment", "child processes ended")
+_EVERYWHERE: Final = ("time", "output", "file size", "workspace size")
+_ON_LINUX: Final = ("memory with child processes",)
 #: Elsewhere processes are counted from outside, 20 times a second.
 _COUNTED: Final = "process count in the kernel"
 

@@ -28,6 +28,7 @@ from legoworld.workers.bubblewrap import (
 from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.descendants import descendants, end_all, memory_bytes
 from legoworld.workers.environment import blender_environment
+from legoworld.workers.hiding import hide_process
 from legoworld.workers.protections import Protections
 from legoworld.workers.task_group import make_group, remove_group
 
@@ -142,6 +143,8 @@ class Sandbox:
                 workspace=self._workspace,
                 network=self._network,
             )
+        else:
+            hide_process()
         order = {
             "argv": command,
             "cwd": str(self._workspace or self.scratch / "empty"),

@@ -320,7 +320,9 @@ def test_bubblewrap_has_no_network(confined_run):
 
 def test_what_holds_is_said():
     held = protections("limits")
-    assert set(held.does_not_hold) == {"network", "files", "other processes"}
+    assert set(held.does_not_hold) == {
+        "network", "files", "other processes", "environment", "child processes ended"
+    }  # fmt: skip
     assert not set(held.holds) & set(held.does_not_hold)
 
 

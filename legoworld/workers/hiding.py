@@ -1,0 +1,20 @@
+"""Hiding this process's environment, memory and descriptors from other processes of its user."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from typing import Final
+
+_PR_SET_DUMPABLE: Final = 4
+
+
+def hide_process() -> None:
+    """Close this process's /proc/PID/environ, mem and fd, and tracing, to its own user's programs.
+
+    A program without bubblewrap is one of those; what a process execs is not hidden. It is no
+    protection against root or CAP_SYS_PTRACE, nor of the user's other processes, a shell with the
+    same variables among them: `Protections` counts on bubblewrap alone. Linux only.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_DUMPABLE, 0, 0, 0, 0)
