@@ -172,6 +172,12 @@ class MissingLibraryError(SceneInvalidError):
     code = "missing_library"
 
 
+class IrregularFileError(SceneInvalidError):
+    """A .blend refers to a FIFO, socket or device."""
+
+    code = "irregular_file"
+
+
 class UnreadableBlendError(SceneInvalidError):
     """Blender cannot read the file."""
 
@@ -229,6 +235,7 @@ BY_CODE: dict[str, type[LegoWorldError]] = {
         NoMeshError,
         NonFiniteGeometryError,
         MissingLibraryError,
+        IrregularFileError,
         UnreadableBlendError,
         TiersNotNestedError,
     )

@@ -30,7 +30,7 @@ def dependencies(blend: Path) -> list[str]:
     read = {(p, raw) for p, raw in zip(absolute, written, strict=True) if not _BLEND.search(p)}
     read |= {(str(library_path(library)), library.filepath) for library in libraries}
     names = {_name(Path(p), raw, folder) for p, raw in read if p and own_copy(p) is None}
-    for cache in _cache_folders(blend):
+    for cache in cache_folders(blend):
         names |= {_name(p, "//", folder) for p in cache.rglob("*") if p.is_file()}
     names.discard(blend.name)
     return sorted(names)
@@ -38,7 +38,7 @@ def dependencies(blend: Path) -> list[str]:
 
 def watched_folders(blend: Path) -> list[str]:
     """Folders whose every file an open .blend reads, there or not, named as `dependencies` are."""
-    return sorted(_name(folder, "//", blend.parent) for folder in _cache_folders(blend))
+    return sorted(_name(folder, "//", blend.parent) for folder in cache_folders(blend))
 
 
 def library_path(library: bpy.types.Library) -> Path:
@@ -62,7 +62,7 @@ def _name(path: Path, written: str, folder: Path) -> str:
     return normal
 
 
-def _cache_folders(blend: Path) -> list[Path]:
+def cache_folders(blend: Path) -> list[Path]:
     """Folders of simulations and bakes, there or not, which Blender's own list leaves out."""
     folders = {blend.parent / f"blendcache_{blend.stem}"}
     for block in bpy.data.objects:

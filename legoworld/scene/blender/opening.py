@@ -11,6 +11,11 @@ import bpy
 
 from legoworld.errors import MissingLibraryError, UnreadableBlendError
 from legoworld.scene.blender.dependencies import library_path
+from legoworld.scene.blender.outside_files import (
+    font_warnings,
+    refuse_irregular_files,
+    refuse_irregular_libraries,
+)
 from legoworld.scene.blender.shipped import is_needed, read_own_copies
 from legoworld.scene.blender.viewport import unwatched
 
@@ -38,11 +43,12 @@ def open_blend(path: Path) -> OpenFile:
     """Make `path` the open file.
 
     Raises UnreadableBlendError if Blender cannot read it, MissingLibraryError if it links missing
-    data.
+    data, IrregularFileError if it reads a FIFO, socket or device.
     """
     bpy.context.preferences.filepaths.use_scripts_auto_execute = False
     bpy.context.scene[_MARKER] = 1
     complaint = ""
+    refuse_irregular_libraries(path)
     with unwatched() as file_scene:
         try:
             bpy.ops.wm.open_mainfile(
@@ -59,9 +65,11 @@ def open_blend(path: Path) -> OpenFile:
             expected="a file saved by Blender 2.5 to 5.0",
             next_step="save the scene again, or run its program with `legoworld execute`",
         )
+    refuse_irregular_files()
     read_own_copies()
     _refuse_missing_libraries()
     warnings = [f"Blender complained on opening: {complaint}"] if complaint else []
+    warnings += font_warnings()
     if tuple(bpy.data.version) > tuple(bpy.app.version_file):
         saved_by = ".".join(map(str, bpy.data.version))
         warnings.append(

@@ -15,6 +15,8 @@ from typing import Any, Final
 
 import bpy
 
+from legoworld.scene.blender.outside_files import irregular_files
+
 #: Modifiers whose result depends on nothing but their input and their settings.
 _PURE: Final = frozenset(
     ("ARMATURE", "ARRAY", "BEVEL", "BOOLEAN", "CAST", "CURVE", "DATA_TRANSFER", "DECIMATE",
@@ -45,7 +47,8 @@ def unwatched() -> Iterator[Callable[[], Any]]:
     @bpy.app.handlers.persistent  # type: ignore[untyped-decorator]
     def look_away(*_arguments: object) -> None:
         scene = bpy.context.scene
-        if scene is not None and _is_still(scene):
+        # Also where an evaluation would not end: a FIFO is read as soon as it is needed.
+        if scene is not None and (_is_still(scene) or irregular_files()):
             kept.append(scene)
             bpy.context.window.scene = bpy.data.scenes.new("Nothing to see")
 
