@@ -107,26 +107,21 @@ class Beneath:
                     copy.write(block)
         return True
 
-    def move_out(self, name: str | PurePath, target: Path) -> bool:
-        """Move a file or a folder to a path of ours; False where nothing has the name.
+    def move_out(self, name: str | PurePath, target: Path, *, folder: bool = False) -> bool:
+        """Move a file, or a folder, to a path of ours; False where nothing has the name.
 
         Of a program that has ended: one that runs could have it open still. A folder's content is
-        the program's as before. RefusedFileError for links, devices and files of two names.
+        as the program left it. RefusedFileError for a link or device, and a file of two names.
         """
-        with _told(name), self._parent(name) as (folder, last):
-            if folder is None:
+        if (status := self.status(name)) is None:
+            return False
+        if not folder or not stat.S_ISDIR(status.st_mode):
+            _check(name, status, status.st_size)
+        with _told(name), self._parent(name) as (parent, last):
+            if parent is None:
                 return False
-            try:
-                os.rename(last, target, src_dir_fd=folder)
-            except FileNotFoundError:
-                return False
-        status = target.lstat()
-        if not stat.S_ISDIR(status.st_mode):
-            try:
-                _check(name, status, status.st_size)
-            except RefusedFileError:
-                target.unlink()
-                raise
+            os.rename(last, target, src_dir_fd=parent)
+        if not folder:
             target.chmod(0o644)
         return True
 

@@ -1,4 +1,4 @@
-"""A process that exchanges a folder for a link to another one, as fast as it can."""
+"""A process that exchanges a file or folder for a link to another one, as fast as it can."""
 
 from __future__ import annotations
 
@@ -32,19 +32,25 @@ while True:
 
 
 @contextlib.contextmanager
-def swapping(folder: Path, outside: Path) -> Iterator[None]:
-    """Exchange `folder`, which is made, for a link to `outside` until the block ends."""
-    folder.mkdir()
-    (folder / OUTSIDE).write_text("inside", encoding="utf-8")
-    (outside / OUTSIDE).write_text("outside", encoding="utf-8")
+def swapping(name: Path, outside: Path) -> Iterator[None]:
+    """Exchange `name`, which is made, for a link to `outside` until the block ends.
+
+    Where `outside` is a folder, each of the two has a file OUTSIDE.
+    """
+    if outside.is_dir():
+        name.mkdir()
+        (name / OUTSIDE).write_text("inside", encoding="utf-8")
+        (outside / OUTSIDE).write_text("outside", encoding="utf-8")
+    else:
+        name.write_text("inside", encoding="utf-8")
     with subprocess.Popen(
-        [sys.executable, "-I", "-S", "-c", _SWAP, str(folder), str(outside)],
+        [sys.executable, "-I", "-S", "-c", _SWAP, str(name), str(outside)],
         stdout=subprocess.PIPE,
     ) as process:
         try:
             assert process.stdout is not None
             assert process.stdout.readline() == b"begun\n"
-            until(lambda: folder.is_symlink())
+            until(lambda: name.is_symlink())
             yield
             assert process.poll() is None, "nothing was swapped"
         finally:

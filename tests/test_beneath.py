@@ -47,7 +47,7 @@ def test_files_are_written_read_listed_and_removed(inside, tmp_path):
     assert inside.read("d/e", most_bytes=3) == b"two"
     inside.unlink("d/e")
     assert inside.names("d") == []
-    assert inside.move_out("a", tmp_path / "moved")
+    assert inside.move_out("a", tmp_path / "moved", folder=True)
     assert (tmp_path / "moved" / "b" / "c").read_bytes() == b"two"
 
 
@@ -125,7 +125,7 @@ def test_only_regular_files_of_one_name_and_a_size_are_taken(inside, tmp_path, m
         with pytest.raises(RefusedFileError, match=found):
             inside.copy_out(f"d/{name}", tmp_path / "copy", most_bytes=10)
         assert not (tmp_path / "copy").exists()
-    for name in ("fifo", "second", "socket"):
+    for name in ("fifo", "folder", "second", "socket"):
         with pytest.raises(RefusedFileError):
             inside.move_out(f"d/{name}", tmp_path / "moved")
         assert not (tmp_path / "moved").exists()

@@ -22,7 +22,7 @@ from legoworld.agents.mcp_server import (
 from legoworld.agents.stopping import Stop
 from legoworld.agents.unfinished import Unfinished
 from legoworld.agents.workspaces import PROMPT, Workspace
-from legoworld.endpoint.trial_record import copy_regular
+from legoworld.beneath import Beneath
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits
 
@@ -85,11 +85,12 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         words["mcp_config"] = about.mcp.path.format_map(words)
         for name in about.needs.credentials:
             (home / name).parent.mkdir(parents=True, exist_ok=True)
-            copy_regular(Path.home() / name, home / name)
-        output = scratch / "sandbox" / "output"
+            if (Path.home() / name).is_file():
+                shutil.copyfile(Path.home() / name, home / name)
         if order.steps is not None:
-            (output / _STEPS).write_text(order.steps, encoding="utf-8")
-        _open_session(order, home, output, str(sandbox.seen("output")))
+            steps = scratch / "sandbox" / "output" / _STEPS
+            steps.write_text(order.steps, encoding="utf-8")
+        _open_session(order, home, str(sandbox.seen("output")))
         command = command_of(order.card, words, order.model, continues=order.continues)
         program = shutil.which(command[0]) or command[0]
         shown = [server_folder(), PLAYER.parent, *_installed(program)]
@@ -97,7 +98,7 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         sandbox.start([*_KEEPING, kept, program, *command[1:]], shown)
         with stop.ends(sandbox.stop):
             ending = sandbox.wait()
-        copy_regular(output / output_name(order.card), order.unfinished.transcripts()[-1])
+        order.unfinished.take_transcript(output_name(order.card))
     return ending
 
 
@@ -120,13 +121,14 @@ def output_name(card: AgentCard) -> str:
     return card.about.transcript.path or _STDOUT
 
 
-def _open_session(order: Order, home: Path, output: Path, seen: str) -> None:
+def _open_session(order: Order, home: Path, seen: str) -> None:
     """Let the agent find, and keep, what it continues from: outside of its home, which goes."""
-    session = output / "session"
+    output = order.unfinished.agent / "sandbox" / "output"
     if order.unfinished.session.is_dir():
-        order.unfinished.session.rename(session)
+        order.unfinished.session.rename(output / "session")
     for name in order.card.about.session_folders:
-        (session / name).mkdir(parents=True, exist_ok=True)
+        with Beneath(output) as inside:  # the agent's own folders, as an earlier part left them
+            inside.make_folder(f"session/{name}")
         (home / name).parent.mkdir(parents=True, exist_ok=True)
         (home / name).symlink_to(f"{seen}/session/{name}")
 

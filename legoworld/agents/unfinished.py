@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from legoworld.agents.trial_plan import TrialPlan
-from legoworld.endpoint.trial_record import copy_regular
+from legoworld.beneath import Beneath, RefusedFileError
+from legoworld.endpoint.trial_record import LARGEST_FILE
 from legoworld.errors import LegoWorldError
 from legoworld.files import write_text
 from legoworld.records.agents import BegunTrial, EndedAgent
@@ -109,22 +110,27 @@ class Unfinished:
         earlier = [trial / f"{_TRANSCRIPT}-{n}" for n in range(1, self._parts())]
         return [*earlier, trial / _TRANSCRIPT]
 
-    def put_part_aside(self, wrote: str) -> None:
-        """Keep what a killed part of the agent wrote, and what it continues from.
+    def take_transcript(self, wrote: str) -> None:
+        """Copy the transcript of an agent that has ended, where it left one that can be taken.
 
-        wrote: its transcript's name in the folder of its output.
+        wrote: its name in the folder of the agent's output.
         """
-        trial, output = self.made / TRIAL, self.agent / "sandbox" / "output"
+        self._take(f"output/{wrote}", self.transcripts()[-1])
+
+    def put_part_aside(self, wrote: str) -> None:
+        """Keep what a killed part of the agent wrote (see above), and what it continues from."""
+        trial = self.made / TRIAL
         trial.mkdir(exist_ok=True)
-        whole = trial / _TRANSCRIPT
-        copy_regular(output / wrote, whole)
-        if whole.is_file():
-            whole.replace(trial / f"{_TRANSCRIPT}-{self._parts()}")
-        session = output / "session"
-        if session.is_dir() and not session.is_symlink():
-            remove_folder(self.session)
-            session.rename(self.session)
+        self._take(f"output/{wrote}", trial / f"{_TRANSCRIPT}-{self._parts()}")
+        with suppress(RefusedFileError), Beneath(self.agent / "sandbox") as inside:
+            if inside.names("output/session"):
+                remove_folder(self.session)
+                inside.move_out("output/session", self.session, folder=True)
         remove_folder(self.agent)
+
+    def _take(self, name: str, target: Path) -> None:
+        with suppress(RefusedFileError), Beneath(self.agent / "sandbox") as inside:
+            inside.copy_out(name, target, most_bytes=LARGEST_FILE)
 
     def _parts(self) -> int:
         begun = self.begun()

@@ -87,12 +87,17 @@ class LiveBlender:
         self.close()
 
     @property
-    def output(self) -> Path:
-        """The folder that Blender leaves files for the endpoint in, as the endpoint sees it."""
-        return self._sandbox.scratch / "output"
+    def files(self) -> Path:
+        """The folder that the files of `left` are below; Blender can write to all of it."""
+        return self._sandbox.scratch
+
+    @staticmethod
+    def left(name: str) -> str:
+        """The name below `files` of a file that Blender leaves for the endpoint."""
+        return f"output/{name}"
 
     def seen(self, name: str) -> str:
-        """A file of the output folder as Blender sees it."""
+        """The same file as Blender sees it."""
         return str(self._sandbox.seen("output") / name)
 
     def ask(self, kind: str, params: Parameters, time_s: float) -> BlenderReply:

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from legoworld.beneath import Beneath, RefusedFileError
 from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
-from legoworld.endpoint.trial_record import TrialRecord, copy_regular
+from legoworld.endpoint.session import placed
+from legoworld.endpoint.trial_record import LARGEST_FILE, TrialRecord
 from legoworld.errors import LegoWorldError, SceneInvalidError, one_line
 from legoworld.records.agents import Finalisation
 from legoworld.records.endpoint import Checkpoint
@@ -16,11 +18,11 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB
 from legoworld.scene.programs.execution import final_picture
 from legoworld.workers.protections import Protections
-from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import SandboxLimits, workspace_bytes
 from legoworld.workers.scratch import scratch_folder
 
 _WITHIN_S: Final = 300.0
+_TRIED: Final = 3
 
 
 def finalise(
@@ -81,8 +83,12 @@ def export_submission(
 
 
 def _candidates(record: TrialRecord) -> Sequence[Checkpoint]:
-    found = (record.last("saved"), record.last("live"))
-    return [checkpoint for checkpoint in found if checkpoint is not None]
+    """The last few of each kind, each content once: one that does not open is passed over."""
+    saved, live = (
+        [*reversed({c.sha256: c for c in record.checkpoints if c.kind == kind}.values())]
+        for kind in ("saved", "live")
+    )
+    return [*saved[:_TRIED], *live[:_TRIED]]
 
 
 def _export(
@@ -92,34 +98,29 @@ def _export(
     # An agent that has filled its workspace has used up its own room, not the runtime's.
     room = workspace_bytes(workspace) + limits.disk_bytes
     allowed = SandboxLimits(time_s=_WITHIN_S, memory_bytes=limits.memory_bytes, disk_bytes=room)
-    with scratch_folder("legoworld-finalising-") as scratch:
+    with scratch_folder(".finalising-", made) as scratch:
         # Relative paths of the scene are the workspace's: it is opened from there.
-        opened = workspace / ".finalised.blend"
-        opened.unlink(missing_ok=True)
-        copy_regular(blend, opened)
+        opened = placed(blend, workspace, ".finalised.blend")
         try:
             with LiveBlender(workspace, allowed, held, blend=opened) as live:
                 reply = live.ask("finalise", {"output": live.seen("")}, _WITHIN_S / 2)
                 if reply.error is not None:
                     raise _not_exported(reply.error)
-                _take(live.output, BLEND, scratch)
-                _take(live.output, GLB, scratch)
+                with Beneath(live.files) as inside:
+                    for name in (BLEND, GLB):
+                        inside.copy_out(live.left(name), scratch / name, most_bytes=LARGEST_FILE)
+        except RefusedFileError as error:
+            raise _not_exported(str(error)) from error
         finally:
-            opened.unlink(missing_ok=True)
+            with Beneath(workspace) as inside:
+                inside.unlink(opened.name)
         if not (scratch / BLEND).is_file():
             raise _not_exported("Blender left no scene.blend")
         for name in (BLEND, GLB):
             if (scratch / name).is_file():
-                copy_regular(scratch / name, made / name)
+                (scratch / name).replace(made / name)
     said: Any = reply.result
     return [one_line(str(word), 200) for word in said["warnings"]] if said else []
-
-
-def _take(output: Path, name: str, into: Path) -> None:
-    try:
-        take_file(output, name, into)
-    except ValueError as error:
-        raise _not_exported(f"{name}: {error}") from error
 
 
 def _checked(made: Path) -> list[str]:

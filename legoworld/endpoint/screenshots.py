@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from pathlib import Path
+from typing import Final
 
+from legoworld.beneath import Beneath, name_beneath
 from legoworld.errors import LegoWorldError
-from legoworld.workers.results import take_file
+from legoworld.scene.pictures import MOST_PX, PNG, claimed_size_wh
+
+MOST_BYTES: Final = 64 << 20
 
 
 class NotShownError(LegoWorldError):
@@ -16,36 +19,37 @@ class NotShownError(LegoWorldError):
     code = "endpoint_file"
 
 
-def may_be_written(path: str, workspace: Path) -> bool:
-    """Whether a path leads into the workspace, links followed."""
-    return Path(path).resolve().is_relative_to(workspace.resolve())
-
-
-def deliver_picture(folder: Path, name: str, wanted: str, workspace: Path) -> None:
-    """Move Blender's picture to the path that a client asked for.
+def deliver_picture(data: bytes | None, wanted: str, workspace: Path) -> None:
+    """Write Blender's picture to the path that a client asked for.
 
     That is a file in the workspace, or a new .png directly in the folder for temporary files, where
-    mcp-for-blender looks for it. Raises NotShownError for any other.
+    mcp-for-blender looks for it. NotShownError for any other, and for what is no PNG of a size that
+    clients can decode; RefusedFileError for a path that leads through a link.
     """
-    path = Path(wanted)
-    temporary = Path(tempfile.gettempdir()).resolve()
-    inside = may_be_written(wanted, workspace)
-    if not inside and not (path.suffix == ".png" and path.parent.resolve() == temporary):
+    _check_picture(data or b"")
+    assert data is not None
+    if (name := name_beneath(wanted, workspace)) is not None:
+        with Beneath(workspace) as inside:
+            inside.write(name, data)
+        return
+    temporary = Path(tempfile.gettempdir())
+    name = name_beneath(wanted, temporary)
+    if name is None or name.suffix != ".png" or len(name.parts) != 1:
         raise NotShownError(
             "a screenshot is not written there",
             found=wanted or "no filepath",
-            expected=f"a path below {workspace.resolve()}, or a new .png in {temporary}",
+            expected=f"a path below {workspace.resolve()}, or a new .png in {temporary.resolve()}",
             next_step="start mcp-for-blender with TMPDIR set to the workspace",
         )
-    try:
-        if not take_file(folder, name, folder.parent):
-            raise NotShownError("Blender left no picture", found="no file")
-    except ValueError as error:
-        raise NotShownError("Blender left no picture", found=str(error)) from error
-    data = (folder.parent / name).read_bytes()
-    (folder.parent / name).unlink()
-    flags = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
-    # In a folder that others write to, nothing that is there is overwritten.
-    flags |= os.O_TRUNC if inside else os.O_EXCL
-    with os.fdopen(os.open(path, flags, 0o644), "wb") as stream:
-        stream.write(data)
+    with Beneath(temporary) as inside:  # others write there: nothing that is there is overwritten
+        inside.write(name, data, new=True)
+
+
+def _check_picture(data: bytes) -> None:
+    width, height = claimed_size_wh(data) if data.startswith(PNG) else (0, 0)
+    if not 0 < width * height <= MOST_PX:
+        raise NotShownError(
+            "Blender left no picture that is shown",
+            found=f"{width}x{height} pixels in {len(data):,} bytes" if width else "no PNG",
+            expected=f"a PNG of at most {MOST_PX:,} pixels",
+        )

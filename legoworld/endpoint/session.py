@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import secrets
+import stat
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
+from legoworld.beneath import Beneath, RefusedFileError, name_beneath
 from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
-from legoworld.endpoint.screenshots import NotShownError, deliver_picture, may_be_written
-from legoworld.endpoint.trial_record import TrialRecord, copy_regular
+from legoworld.endpoint.screenshots import MOST_BYTES, NotShownError, deliver_picture
+from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.files import sha256_of_file
 from legoworld.records.endpoint import (
     Answer,
     BlenderReply,
@@ -27,7 +29,6 @@ from legoworld.records.endpoint import (
 )
 from legoworld.scene.folder import BLEND
 from legoworld.workers.protections import Protections
-from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import SandboxLimits
 
 #: mcp-for-blender waits 180 s for an answer.
@@ -63,6 +64,12 @@ class Trial:
     lease: int | None = None
 
 
+class ScenePassedOverError(LegoWorldError):
+    """The last scene did not open; an earlier one is open."""
+
+    code = "scene_passed_over"
+
+
 class Session:
     """Answers commands one after the other, from any thread.
 
@@ -79,6 +86,8 @@ class Session:
         self._begun = time.monotonic() - (rows[-1].at_s + rows[-1].seconds if rows else 0.0)
         #: Of the open scene's file: a save of an unchanged scene has the same bytes.
         self._live_sha256 = ""
+        #: Why the open scene is not the last one, until a client was told.
+        self._passed_over = ""
         #: Of the file that was looked at last; a continued trial looks at what is there once more.
         self._saved: tuple[int, ...] | None = None if rows else self._saved_stamp()
 
@@ -160,11 +169,15 @@ class Session:
 
     def _asked(self, kind: str, params: Parameters) -> BlenderReply:
         limit = min(self._trial.call_time_s, max(self._left_s(), 0.1))
+        self._blender()
+        if self._passed_over:
+            said, self._passed_over = self._passed_over, ""
+            raise ScenePassedOverError(said, next_step="look at the scene, and go on from there")
         if kind == "get_viewport_screenshot":
             return self._screenshot(params, limit)
         if kind == "export_scene":
             path = params.get("filepath")
-            if not isinstance(path, str) or not may_be_written(path, self._trial.workspace):
+            if not isinstance(path, str) or name_beneath(path, self._trial.workspace) is None:
                 raise NotShownError(
                     "export_scene writes to the workspace alone",
                     found=str(path),
@@ -179,45 +192,55 @@ class Session:
         inside = {**params, "filepath": live.seen(_PICTURE)}
         reply = live.ask("get_viewport_screenshot", inside, limit)
         if isinstance(reply.result, dict) and reply.result.get("success"):
-            deliver_picture(live.output, _PICTURE, wanted, self._trial.workspace)
+            with Beneath(live.files) as files:
+                picture = files.read(live.left(_PICTURE), most_bytes=MOST_BYTES)
+            deliver_picture(picture, wanted, self._trial.workspace)
             reply.result["filepath"] = wanted
         return reply
 
     def _blender(self) -> LiveBlender:
         if self._live is None:
-            limits = self._trial.limits
-            left = SandboxLimits(
-                time_s=max(self._left_s(), 0.1),
-                memory_bytes=limits.memory_bytes,
-                disk_bytes=limits.disk_bytes,
-                output_bytes=limits.output_bytes,
-                processes=limits.processes,
-            )
-            self._live = LiveBlender(
-                self._trial.workspace,
-                left,
-                self._trial.held,
-                blend=self._to_open(),
-                inputs=self._trial.inputs,
-                lease=self._trial.lease,
-            )
+            self._live = self._started()
             if (found := self._saved_copy()) is not None:
                 found[0].unlink()
                 self._live_sha256 = found[1]
         return self._live
 
-    def _to_open(self) -> Path | None:
-        """The last live checkpoint, as a file in the workspace; what was given before there is any.
+    def _started(self) -> LiveBlender:
+        """A new Blender with the last live checkpoint that opens; as it began where none does.
 
-        A copy: what the agent saves next must not go into the store.
+        A checkpoint that was passed over is told with the next answer.
         """
-        last = self._record.last("live")
-        if last is None:
-            return self._trial.blend
-        recovered = self._trial.workspace / _RECOVERED
-        recovered.unlink(missing_ok=True)
-        copy_regular(self._record.blend(last), recovered)
-        return recovered
+        live = {c.sha256: c for c in self._record.checkpoints if c.kind == "live"}
+        first: BlenderEndedError | None = None
+        for last in (*reversed(live.values()), None):
+            try:
+                started = self._opened(last)
+            except BlenderEndedError as error:
+                first = first or error
+                if last is None or error.limit == "time":
+                    raise first from error
+                continue
+            if first is not None:
+                found = "as it began" if last is None else f"as call {last.call} left it"
+                self._passed_over = f"the scene does not open any more ({first}); it is {found}"
+            return started
+        raise AssertionError  # the last one is returned or raised
+
+    def _opened(self, last: Checkpoint | None) -> LiveBlender:
+        limits = self._trial.limits
+        return LiveBlender(
+            self._trial.workspace,
+            replace(limits, time_s=max(self._left_s(), 0.1)),
+            self._trial.held,
+            blend=self._trial.blend if last is None else self._recovered(last),
+            inputs=self._trial.inputs,
+            lease=self._trial.lease,
+        )
+
+    def _recovered(self, last: Checkpoint) -> Path:
+        """A checkpoint in the workspace: what the agent saves next must not go into the store."""
+        return placed(self._record.blend(last), self._trial.workspace, _RECOVERED)
 
     def _checkpoint(self, call: int, *, keep: bool) -> Checkpoint | None:
         """Keep the open scene, and what the agent has saved, where they changed.
@@ -240,10 +263,7 @@ class Session:
         """A copy of the open scene beside the store and its hash; None where it cannot be saved."""
         live = self._blender()
         reply = live.ask("save_copy", {"output": live.seen(_COPY)}, _SAVE_WITHIN_S)
-        into = self._record.incoming()
-        if reply.error is not None or not take_file(live.output, _COPY, into):
-            return None
-        return into / _COPY, sha256_of_file(into / _COPY)
+        return None if reply.error else self._record.incoming(live.files, live.left(_COPY))
 
     def _keep_saved(self, call: int) -> Checkpoint | None:
         """Keep the scene.blend that the agent saved, before a later call can spoil it."""
@@ -251,10 +271,9 @@ class Session:
         if stamp is None or stamp == self._saved:
             return None
         self._saved = stamp
-        copy = self._record.incoming() / _COPY
-        if not copy_regular(self._trial.workspace / BLEND, copy):
+        if (found := self._record.incoming(self._trial.workspace, BLEND)) is None:
             return None
-        sha256, last = sha256_of_file(copy), self._record.last("saved")
+        (copy, sha256), last = found, self._record.last("saved")
         if last is not None and last.sha256 == sha256:
             copy.unlink()
             return None
@@ -262,10 +281,11 @@ class Session:
 
     def _saved_stamp(self) -> tuple[int, ...] | None:
         try:
-            status = (self._trial.workspace / BLEND).lstat()
-        except OSError:
+            with Beneath(self._trial.workspace) as inside:
+                status = inside.status(BLEND)
+        except RefusedFileError:
             return None
-        return status.st_ino, status.st_size, status.st_mtime_ns
+        return status and (status.st_ino, status.st_size, status.st_mtime_ns)
 
     def _ended(self, error: BlenderEndedError) -> str:
         if self._left_s() <= 0:
@@ -279,6 +299,16 @@ class Session:
 
     def _left_s(self) -> float:
         return self._trial.limits.time_s - self._at_s()
+
+
+def placed(blend: Path, workspace: Path, name: str) -> Path:
+    """A copy of a .blend of ours in a workspace; under another name where a folder has this one."""
+    with Beneath(workspace) as inside:
+        there = inside.status(name)
+        if there is not None and stat.S_ISDIR(there.st_mode):
+            name = f".{secrets.token_hex(8)}.blend"
+        inside.copy_in(blend, name)
+    return workspace / name
 
 
 def _without_blender(command: Command) -> Answer | None:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import os
-import stat
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
-from legoworld.files import atomic_path
+from legoworld.beneath import Beneath, RefusedFileError
+from legoworld.files import atomic_path, sha256_of_file
 from legoworld.records.base import Record, RecordError, canonical, decode
 from legoworld.records.endpoint import Call, Checkpoint
 
 CALLS: Final = "calls.jsonl"
 CHECKPOINTS: Final = "checkpoints.jsonl"
 STORE: Final = "checkpoints"
-_LARGEST_SAVED: Final = 4 << 30
+#: Of a file that is taken out of a program's folder: its sandbox writes none that is larger.
+LARGEST_FILE: Final = 4 << 30
+#: A .blend as it is, or compressed by Zstandard or, before Blender 3.0, gzip.
+_BLENDS: Final = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
 _Row = TypeVar("_Row", Call, Checkpoint)
 
 
@@ -58,9 +60,23 @@ class TrialRecord:
         _append(self.folder / CHECKPOINTS, row)
         return row
 
-    def incoming(self) -> Path:
-        """A folder to move files into before `take`, on the same file system as the store."""
-        return self._store
+    def incoming(self, folder: Path, name: str) -> tuple[Path, str] | None:
+        """A copy beside the store of a .blend that a program left below `folder`, and its sha256.
+
+        For `take`, or to unlink. None where there is none, and for what is not taken or no .blend.
+        """
+        copy = self._store / "incoming.blend"
+        try:
+            with Beneath(folder) as inside:
+                if not inside.copy_out(name, copy, most_bytes=LARGEST_FILE):
+                    return None
+        except RefusedFileError:
+            return None
+        with copy.open("rb") as stream:
+            if stream.read(8).startswith(_BLENDS):
+                return copy, sha256_of_file(copy)
+        copy.unlink()
+        return None
 
     def drop_unanswered(self) -> None:
         """Forget the open scene after a call that has no row: its client had no answer.
@@ -101,24 +117,3 @@ def write_rows(path: Path, rows: Sequence[Record]) -> None:
 def _append(path: Path, row: Record) -> None:
     with path.open("ab") as stream:
         stream.write(canonical(row).encode("utf-8", "backslashreplace") + b"\n")
-
-
-def copy_regular(source: Path, target: Path) -> bool:
-    """Copy a file that an untrusted program left; False where there is none that may be copied.
-
-    A link is not followed: it may name what only we can read.
-    """
-    try:
-        descriptor = os.open(source, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-    except OSError:
-        return False
-    with os.fdopen(descriptor, "rb") as stream:
-        status = os.fstat(stream.fileno())
-        if not stat.S_ISREG(status.st_mode) or status.st_nlink != 1:
-            return False
-        if status.st_size > _LARGEST_SAVED:
-            return False
-        with target.open("wb") as copy:
-            while data := stream.read(1 << 20):
-                copy.write(data)
-    return True

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from legoworld.endpoint.finalisation import finalise
 from legoworld.endpoint.serving import record_of
-from legoworld.endpoint.trial_record import TrialRecord, copy_regular
+from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import UsageError
-from legoworld.files import sha256_of_file
 from legoworld.records.agents import Finalisation
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND
@@ -30,9 +29,8 @@ def finalise_workspace(
         )
     output.mkdir(parents=True, exist_ok=True)
     record = TrialRecord(record_of(workspace))
-    copy = record.incoming() / "incoming.blend"
-    if copy_regular(workspace / BLEND, copy):
-        sha256, last = sha256_of_file(copy), record.last("saved")
+    if (found := record.incoming(workspace, BLEND)) is not None:
+        (copy, sha256), last = found, record.last("saved")
         if last is None or last.sha256 != sha256:
             calls = record.calls
             at_s = calls[-1].at_s + calls[-1].seconds if calls else 0.0

@@ -109,9 +109,13 @@ def test_a_screenshot_is_not_written_over_anything_outside(endpoint, client, tmp
     precious.write_text("mine")
     link = endpoint.workspace / "link.png"
     link.symlink_to(precious)
-    for path in (precious, link, "/etc/look.png"):
+    for path in (precious, "/etc/look.png", f"{endpoint.workspace}/a\0.png", "\0", ""):
         answer = client.ask("get_viewport_screenshot", filepath=str(path), max_size=32)
         assert answer["status"] == "error", path
+    assert client.ask("export_scene", filepath="a\0.glb")["status"] == "error"
+    answer = client.ask("get_viewport_screenshot", filepath=str(link), max_size=32)
+    assert answer["status"] == "success"
+    assert not link.is_symlink()
     assert precious.read_text() == "mine"
 
 

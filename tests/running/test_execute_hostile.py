@@ -36,7 +36,7 @@ os._exit = spoil
         ("(output / 'scene.blend').unlink()", "no such file"),
         (
             "(output / 'scene.blend').unlink();(output / 'scene.blend').symlink_to('/usr/bin/env')",
-            "no plain file",
+            "a link",
         ),
         ("import shutil; shutil.rmtree(output); output.symlink_to('/usr')", "folder"),
     ],

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from legoworld.scene.programs.report import read_report
-from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import workspace_bytes
 
 
@@ -14,13 +13,6 @@ def test_a_damaged_report_is_the_programs_doing(tmp_path, text):
     (tmp_path / "report.json").write_text(text)
     assert read_report(tmp_path / "report.json").at == "program"
     assert read_report(None).at is None
-
-
-def test_a_folder_in_a_files_place_is_refused(tmp_path):
-    (tmp_path / "output" / "scene.blend").mkdir(parents=True)
-    (tmp_path / "taken").mkdir()
-    with pytest.raises(ValueError, match="no plain file"):
-        take_file(tmp_path / "output", "scene.blend", tmp_path / "taken")
 
 
 def test_a_workspace_is_as_large_as_the_blocks_of_its_files(tmp_path):

@@ -16,7 +16,6 @@ from waiting import until
 
 from legoworld.workers.descendants import descendants
 from legoworld.workers.protections import SandboxUnavailableError, protections
-from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="namespaces and /proc are Linux's")
@@ -334,26 +333,3 @@ def test_bubblewrap_that_cannot_run_is_said_and_can_be_demanded(monkeypatch):
     assert "network" in protections("auto").does_not_hold
     with pytest.raises(SandboxUnavailableError, match="apt-get install bubblewrap"):
         protections("bubblewrap")
-
-
-@pytest.mark.parametrize("kind", ["link", "fifo", "folder", "second name"])
-def test_only_a_plain_file_is_taken(kind, tmp_path):
-    private = tmp_path / "private"
-    private.write_text("secret")
-    folder, into = tmp_path / "folder", tmp_path / "into"
-    folder.mkdir()
-    into.mkdir()
-    here = folder / "scene.blend"
-    {
-        "link": lambda: here.symlink_to(private),
-        "fifo": lambda: os.mkfifo(here),
-        "folder": here.mkdir,
-        "second name": lambda: here.hardlink_to(private),
-    }[kind]()
-    with pytest.raises(ValueError, match="file"):
-        take_file(folder, "scene.blend", into)
-    linked = tmp_path / "linked"
-    linked.symlink_to(folder)
-    with pytest.raises(ValueError, match="folder"):
-        take_file(linked, "other", into)
-    assert take_file(folder, "other", into) is False

@@ -12,6 +12,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld import __version__
+from legoworld.beneath import Beneath, RefusedFileError
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import (
     LegoWorldError,
@@ -36,7 +37,6 @@ from legoworld.scene.programs.verdicts import (
     over_limit,
 )
 from legoworld.workers.protections import Confinement, Protections, protections
-from legoworld.workers.results import take_file
 from legoworld.workers.sandbox import Sandbox, SandboxLimits
 from legoworld.workers.scratch import scratch_folder
 
@@ -127,9 +127,10 @@ def _run(
 def _taken(workspace: Path, name: str, made: Path) -> Path | None:
     """A file of the program's output, moved into `made`; None where it left none."""
     try:
-        return made / name if take_file(workspace / "output", name, made) else None
-    except ValueError as error:
-        raise _no_scene(f"{name}: {error}") from error
+        with Beneath(workspace) as inside:
+            return made / name if inside.move_out(f"output/{name}", made / name) else None
+    except RefusedFileError as error:
+        raise _no_scene(f"{name}: {error.found}") from error
 
 
 def _no_scene(found: str) -> ProgramOutputError:
