@@ -48,6 +48,14 @@ def held_alone(path: Path, refused: Exception) -> Iterator[None]:
         yield
 
 
+def home_folder() -> Path:
+    """The user's home; the root for a user without HOME and without a passwd entry."""
+    try:
+        return Path.home()
+    except RuntimeError:
+        return Path("/")
+
+
 def refused_by_machine(error: OSError) -> bool:
     """Whether the error is this machine's (disk, memory, open files), not the file's."""
     return error.errno in _MACHINE

@@ -14,7 +14,7 @@ from typing import Final
 from legoworld.agents.mcp_server import server_problems
 from legoworld.cards import read_toml
 from legoworld.errors import CatalogError, UsageError, one_line
-from legoworld.files import sha256_of_file
+from legoworld.files import home_folder, sha256_of_file
 from legoworld.records.agents import AgentCardFile
 
 _CARDS: Final = Path(__file__).with_name("cards")
@@ -91,7 +91,7 @@ def agent_problems(card: AgentCard, caller: Mapping[str, str] | None = None) -> 
     if card.program not in _OF_THE_SERVER and shutil.which(card.program) is None:
         problems.append(f"{card.program} is not installed: {needs.install}")
     logins = [f"${name}" for name in needs.variables if caller.get(name)]
-    logins += [f"~/{name}" for name in needs.credentials if (Path.home() / name).is_file()]
+    logins += [f"~/{name}" for name in needs.credentials if (home_folder() / name).is_file()]
     if (needs.variables or needs.credentials) and not logins:
         wanted = [*(f"${name}" for name in needs.variables), *(f"~/{n}" for n in needs.credentials)]
         problems.append(f"no login: none of {', '.join(wanted)}")

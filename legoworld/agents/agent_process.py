@@ -23,6 +23,7 @@ from legoworld.agents.stopping import Stop
 from legoworld.agents.unfinished import Unfinished
 from legoworld.agents.workspaces import PROMPT, Workspace
 from legoworld.beneath import Beneath
+from legoworld.files import home_folder
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import Ending, Sandbox, SandboxLimits
 
@@ -85,8 +86,8 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         words["mcp_config"] = about.mcp.path.format_map(words)
         for name in about.needs.credentials:
             (home / name).parent.mkdir(parents=True, exist_ok=True)
-            if (Path.home() / name).is_file():
-                shutil.copyfile(Path.home() / name, home / name)
+            if (home_folder() / name).is_file():
+                shutil.copyfile(home_folder() / name, home / name)
         if order.steps is not None:
             steps = scratch / "sandbox" / "output" / _STEPS
             steps.write_text(order.steps, encoding="utf-8")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from legoworld.errors import UsageError
 from legoworld.remote import Place, fetch_folder, is_url, publish_folder
-from legoworld.scene.cache import default_cache_folder
+from legoworld.scene.cache import default_cache_folder, unwritable, why_unwritable
 from legoworld.workers.scratch import scratch_folder
 
 
@@ -25,13 +25,16 @@ def written_at(place: Place, *, last: str, overwrite: bool) -> Iterator[Path]:
 
     The URL's content is fetched first, so that the same command resumes on any machine. The local
     folder is deleted once published; only a kill leaves it behind, and the next command resumes
-    from it.
+    from it. CacheFolderError without a place for it.
     """
     if isinstance(place, Path):
         yield place
         return
     name = hashlib.sha256(place.encode("utf-8")).hexdigest()[:16]
-    folder = default_cache_folder() / "published" / name
+    cache = default_cache_folder()
+    if why := why_unwritable(cache):
+        raise unwritable(cache, why)
+    folder = cache / "published" / name
     if not overwrite and not folder.exists():
         fetch_folder(place, folder)
     try:

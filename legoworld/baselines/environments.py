@@ -16,7 +16,7 @@ from typing import Final, Protocol
 from legoworld import exit_codes
 from legoworld.baselines.cards import PROJECT, BaselineCard
 from legoworld.errors import LegoWorldError, UsageError, one_line
-from legoworld.files import canonical_json, sha256_of_text, write_text
+from legoworld.files import canonical_json, home_folder, sha256_of_text, write_text
 from legoworld.records.base import decode
 
 _STAMP: Final = "legoworld-requirements"
@@ -94,7 +94,11 @@ def environment_folder(card: IsolatedProject) -> Path:
     """The folder of the environment that an `install` command creates."""
     from platformdirs import user_data_path
 
-    return Path(user_data_path("legoworld")) / card.shelf / card.name
+    try:
+        folder = Path(user_data_path("legoworld"))
+    except RuntimeError:  # no home is known
+        folder = home_folder() / ".local" / "share" / "legoworld"
+    return folder / card.shelf / card.name
 
 
 def installed_python(card: IsolatedProject) -> Path | None:

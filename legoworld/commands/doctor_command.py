@@ -169,15 +169,22 @@ def _lvis() -> Finding:
 
 
 def _cache() -> Finding:
-    from legoworld.scene.cache import default_cache_folder
+    from legoworld.scene.cache import default_cache_folder, why_unwritable
 
     folder = default_cache_folder()
+    why = why_unwritable(folder)
+    if why:
+        return Finding(
+            name="snapshot cache",
+            good=False,
+            found=f"{folder} cannot be written: {why}",
+            next_step="set LEGOWORLD_CACHE or pass --cache DIR; commands work without one, as "
+            "with --no-cache, and read each scene again",
+            needed=False,
+        )
     files = [p for p in folder.rglob("*") if p.is_file()] if folder.is_dir() else []
-    place: Path = folder
-    while not place.exists():
-        place = place.parent
     size = sum(p.stat().st_size for p in files) / 1e6
-    free = shutil.disk_usage(place).free / 1e9
+    free = shutil.disk_usage(folder).free / 1e9
     return Finding(
         name="snapshot cache",
         good=free > 1,

@@ -146,8 +146,23 @@ def output_options(command: F) -> F:
 
 
 def cache_choice(cache: Path | None, no_cache: bool) -> bool | Path:
-    """--cache and --no-cache as the Python API's `cache` argument; --no-cache wins."""
-    return False if no_cache else cache or True
+    """--cache and --no-cache as the Python API's `cache` argument; --no-cache wins.
+
+    A cache that nobody chose and that cannot be written is left out, and a notice says so.
+    """
+    if no_cache or cache:
+        return False if no_cache else cache or True
+    from legoworld.scene.cache import default_cache_folder, why_unwritable
+
+    folder = default_cache_folder()
+    why = why_unwritable(folder)
+    if why:
+        click.echo(
+            f"the snapshot cache {folder} cannot be written ({why}): continuing without one; "
+            "--cache DIR or LEGOWORLD_CACHE chooses another place, --no-cache none",
+            err=True,
+        )
+    return not why
 
 
 def refuse_given(names: Sequence[str], why: str) -> None:

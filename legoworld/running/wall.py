@@ -14,8 +14,9 @@ from typing import Final
 
 from legoworld.errors import InstallationError, KernelBuildError, LegoWorldError, SceneInvalidError
 from legoworld.files import refused_by_machine
+from legoworld.scene.cache import CacheFolderError
 
-_BROKEN: Final = (KernelBuildError, InstallationError, ImportError)
+_BROKEN: Final = (KernelBuildError, InstallationError, CacheFolderError, ImportError)
 
 
 class UnforeseenError(LegoWorldError):

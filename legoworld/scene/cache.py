@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Final
 
-from legoworld.files import canonical_json, sha256_of_text, write_text
+from legoworld import exit_codes
+from legoworld.errors import LegoWorldError
+from legoworld.files import canonical_json, home_folder, sha256_of_text, write_text
 from legoworld.scene.freeze import Hashes
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
+
+_UNWRITABLE: Final = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR,
+                      errno.EEXIST)  # fmt: skip
+
+
+class CacheFolderError(LegoWorldError):
+    """The snapshot cache cannot be written."""
+
+    code = "cache_folder"
+    exit_code = exit_codes.BLOCKED
 
 
 @dataclass(frozen=True)
@@ -58,6 +72,16 @@ class SnapshotCache:
         key = [content_sha256, reader_sha256(), bpy_version()]
         return self._entry(sha256_of_text(canonical_json(key)), suffix)
 
+    @contextmanager
+    def written(self) -> Iterator[None]:
+        """A block that writes into the cache: CacheFolderError where that is not possible."""
+        try:
+            yield
+        except OSError as error:
+            if error.errno not in _UNWRITABLE:
+                raise
+            raise unwritable(self.folder, error.strerror or str(error)) from error
+
     def _entry(self, key: str, suffix: str) -> Path:
         return Path(f"{self.folder}/{key[:2]}/{key[2:]}{suffix}")  # joined once, for every image
 
@@ -80,7 +104,30 @@ def default_cache_folder() -> Path:
         return Path(chosen)
     import platformdirs
 
-    return Path(platformdirs.user_cache_dir("legoworld")) / "snapshots"
+    try:
+        folder = Path(platformdirs.user_cache_dir("legoworld"))
+    except RuntimeError:  # no home is known
+        folder = home_folder() / ".cache" / "legoworld"
+    return folder / "snapshots"
+
+
+def unwritable(folder: Path, why: str) -> CacheFolderError:
+    """The error of a cache folder that cannot be written, as an exception to raise."""
+    return CacheFolderError(
+        "the snapshot cache cannot be written",
+        found=f"{folder}: {why}",
+        expected="a folder that this user may write into",
+        next_step="choose one with --cache DIR or LEGOWORLD_CACHE, or pass --no-cache",
+    )
+
+
+def why_unwritable(folder: Path) -> str:
+    """Why nothing can be kept in a cache folder, which is made; "" where it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return error.strerror or type(error).__name__
+    return "" if os.access(folder, os.W_OK | os.X_OK) else "no permission to write there"
 
 
 def scene_file_key(scene_file_sha256: str) -> str:

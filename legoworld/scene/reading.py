@@ -138,8 +138,9 @@ def _from_blend(
     if cache is None:  # each snapshot takes the place of the one before
         workspace = blender.workspace("legoworld-snapshot-")
     else:
-        cache.folder.mkdir(parents=True, exist_ok=True)
-        workspace = blender.workspace(".reading-", cache.folder)
+        with cache.written():
+            cache.folder.mkdir(parents=True, exist_ok=True)
+            workspace = blender.workspace(".reading-", cache.folder)
     output = workspace / "made.snapshot"
     answer = blender.request(
         {
@@ -187,13 +188,14 @@ def _loaded(made: _Made) -> tuple[Snapshot, str]:
 def _kept(made: _Made, hashed: FileHash, cache: SnapshotCache) -> tuple[Snapshot, str]:
     """A snapshot that is put into the cache, and its content hash."""
     stored = cache.snapshot_path(hashed.sha256, made.files.dependencies)
-    if isinstance(made.snapshot, Path):
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        made.snapshot.replace(stored)
-        kept = load(stored)
-    else:
-        kept = made.snapshot, save(made.snapshot, stored)
-    cache.put_dependencies(hashed.sha256, made.names, made.watched)
+    with cache.written():
+        if isinstance(made.snapshot, Path):
+            stored.parent.mkdir(parents=True, exist_ok=True)
+            made.snapshot.replace(stored)
+            kept = load(stored)
+        else:
+            kept = made.snapshot, save(made.snapshot, stored)
+        cache.put_dependencies(hashed.sha256, made.names, made.watched)
     return kept
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.errors import one_line
+from legoworld.files import home_folder
 
 #: Paths of the scratch folder inside the sandbox; the default TMPDIR is in the scratch folder, too.
 INSIDE: Final = Path("/sandbox")
@@ -141,7 +142,7 @@ def _python() -> tuple[Path, ...]:
         link = link.parent / link.readlink()
         folders.add(link)
     # The home and the root are never shown as a whole, whatever is installed there.
-    too_much = {Path("/"), Path.home(), *Path.home().parents}
+    too_much = {Path("/"), home_folder(), *home_folder().parents}
     return tuple(folder for folder in folders if folder.exists() and folder not in too_much)
 
 

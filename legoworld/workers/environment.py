@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
 
+from legoworld.files import home_folder
+
 #: Paths of programs and libraries, the locale, the time zone, and numbers of threads.
 _EVERY_CHILD: Final = (
     "PATH",
@@ -155,7 +157,7 @@ def _model_caches(caller: Mapping[str, str]) -> dict[str, str]:
 
     The hub's cache folder is passed, not its parent, which also holds the hub's token.
     """
-    user = Path(caller.get("HOME") or Path.home())
+    user = Path(caller.get("HOME") or home_folder())
     cache = Path(caller.get("XDG_CACHE_HOME") or user / ".cache")
     hub_home = Path(caller.get("HF_HOME") or cache / "huggingface")
     kept = {
