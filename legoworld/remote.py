@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
-from legoworld import exit_codes
+from legoworld import exit_codes, extras
 from legoworld.errors import LegoWorldError
 from legoworld.files import TEMPORARY_SUFFIX, refused_by_machine
 
@@ -134,7 +134,7 @@ def _reaching(url: str) -> Iterator[tuple[Any, str]]:
             f"{kind}:// needs the package fsspec",
             found="it is not installed",
             expected="legoworld's extra `url`",
-            next_step="pip install 'legoworld[url]'",
+            next_step=extras.install_command("url"),
         ) from error
     try:
         system, top = fsspec.core.url_to_fs(url)

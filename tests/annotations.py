@@ -13,7 +13,9 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGE = Path(__file__).parents[1] / "legoworld"
+import legoworld
+
+PACKAGE = Path(legoworld.__file__).parent
 
 
 def counted() -> tuple[int, Counter[str]]:

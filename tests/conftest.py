@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import CHECKOUT
+from skips import SkipAudit
 
+import legoworld
 from legoworld.workers.processors import usable_cores
 
 #: Real scenes and photos that are not part of the repo; tests of marker `real_data` need them.
-REAL_DATA = Path(
-    os.environ.get("LEGOWORLD_REAL_DATA", Path(__file__).parents[2] / "shared" / "data")
-)
+REAL_DATA = Path(os.environ.get("LEGOWORLD_REAL_DATA", CHECKOUT.parent / "shared" / "data"))
 
 # The laws draw the same examples everywhere: a failure is there again, on any machine. (The
 # environment of the baselines has no hypothesis, and its tests no laws.)
@@ -78,6 +79,22 @@ def save(name):
     folder.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), check_existing=False)
 """
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--fail-on-skip`, for the gate."""
+    parser.addoption(
+        "--fail-on-skip", action="store_true", help="fail when a skip is not one of tests/skips.py"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Audit skips where all workers report to; refuse to test the sources for the wheel."""
+    if config.getoption("--fail-on-skip") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(SkipAudit())
+    package = Path(legoworld.__file__).parent
+    if "LEGOWORLD_CHECKOUT" in os.environ and package.is_relative_to(CHECKOUT / "legoworld"):
+        pytest.exit(f"the tests of the wheel import {package}, not an installation", returncode=3)
 
 
 @pytest.hookimpl(optionalhook=True)

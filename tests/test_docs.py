@@ -7,14 +7,18 @@ import re
 import shlex
 import subprocess
 import sys
+import typing
 from pathlib import Path
 
 import click
 import pytest
+from checkout import CHECKOUT
+from packaging.requirements import Requirement
 
-from legoworld import cli
+import legoworld
+from legoworld import cli, extras
 
-ROOT = Path(__file__).parents[1]
+ROOT = CHECKOUT
 DOCS = ROOT / "docs"
 PAGES = sorted(
     [
@@ -261,3 +265,22 @@ def test_every_example_of_labelling_prints_what_the_page_says(tmp_path, capsys, 
         assert cli.run(shlex.split(command)[2:]) == 2 * output.startswith("legoworld: ")
         printed = capsys.readouterr()
         assert printed.out + printed.err == output, command
+
+
+def test_no_text_tells_anyone_to_install_an_extra_of_a_project_that_is_not_published():
+    """pip knows extras of a checkout or a wheel file; `extras.install_command` says what to type."""
+    package = Path(legoworld.__file__).parent
+    files = [*PAGES, *package.rglob("*.py"), *(ROOT / "baselines").rglob("*.py")]
+    assert len(files) > 500
+    found = [str(f) for f in files if re.search(r"\blegoworld\[", f.read_text(encoding="utf-8"))]
+    assert found == []
+
+
+@pytest.mark.parametrize("extra", typing.get_args(extras.Extra))
+def test_every_extra_has_a_command_that_pip_understands_and_its_row_in_the_docs(extra):
+    wanted = extras.requirements(extra)
+    assert wanted
+    assert shlex.split(extras.install_command(extra)) == ["pip", "install", *wanted]
+    page = (DOCS / "installation.md").read_text(encoding="utf-8")
+    (row,) = re.findall(rf"^\|.*`(pip install .*?)`.*\| `{extra}` \|$", page, re.M)
+    assert {Requirement(r) for r in shlex.split(row)[2:]} == {Requirement(r) for r in wanted}

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+import legoworld
 from legoworld.pluralize import counted, in_another_folder, range_text, share, word_for
 
-PACKAGE = Path(__file__).parents[1] / "legoworld"
+PACKAGE = Path(legoworld.__file__).parent
 #: A number in an f-string with a plural right behind it: wrong for 1.
 PLURAL = re.compile(
     r"^ (more )?(boxes|categories|checks|draws|evaluations|files|images|instances|masks|names|"

@@ -25,7 +25,7 @@ _ARTIFACTS: Final = (_WORKSPACE, f"{_WORKSPACE}.trajectory")
 
 @dataclass(frozen=True, kw_only=True)
 class HarborOptions:
-    """What every task says of its machines. Both images have legoworld with its extra `bpy`."""
+    """What every task says of its machines. Both images have legoworld and bpy."""
 
     agent_image: str
     verifier_image: str

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld import extras
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import MOST_PX, SizeCheck, check_claim
 
@@ -77,5 +78,5 @@ def _openexr(path: Path) -> Any:
             f"{path.name} needs an EXR reader",
             found="the package OpenEXR is not installed",
             expected="OpenEXR 3",
-            next_step='pip install "legoworld[exr]"',
+            next_step=extras.install_command("exr"),
         ) from error

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
+from legoworld import extras
 from legoworld.errors import InstallationError, UsageError
 from legoworld.files import held_alone
 from legoworld.plugin.case import STATES, Case
@@ -30,7 +31,7 @@ def require_server() -> None:
             "the plugin's server needs a package that is not installed",
             found=str(error),
             expected="the extra `plugin`",
-            next_step="pip install 'legoworld[plugin]'",
+            next_step=extras.install_command("plugin"),
         ) from error
 
 

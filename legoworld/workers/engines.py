@@ -14,7 +14,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, Protocol, TypeVar
 
-from legoworld import exit_codes
+from legoworld import exit_codes, extras
 from legoworld.errors import LegoWorldError, WorkerCrashedError
 from legoworld.workers.processors import usable_cores
 
@@ -174,7 +174,7 @@ def _started_ray() -> Any:
             "--engine ray needs the package ray",
             found="it is not installed",
             expected="legoworld's extra `ray`",
-            next_step="pip install 'legoworld[ray]'",
+            next_step=extras.install_command("ray"),
         ) from error
     if not ray.is_initialized():
         address = os.environ.get("RAY_ADDRESS")

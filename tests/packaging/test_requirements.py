@@ -6,12 +6,13 @@ import re
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
+
+from checkout import CHECKOUT
 
 from legoworld.commands.doctor_command import BPY_OF_PYTHON
 from legoworld.system_libraries import NEEDED
 
-ROOT = Path(__file__).parents[2]
+ROOT = CHECKOUT
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 

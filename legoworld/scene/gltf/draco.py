@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld import extras
 from legoworld.errors import one_line
 from legoworld.scene.gltf.verdicts import Budget, UnsupportedGltfError, unreadable
 from legoworld.workers.child_process import ChildProcess
@@ -58,7 +59,7 @@ def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
             "scene.glb is Draco-compressed and no decoder is installed",
             found=EXTENSION,
             expected="the optional package DracoPy",
-            next_step="pip install 'legoworld[draco]', export without Draco, or use --source blend",
+            next_step=f"{extras.install_command('draco')}, export without Draco, or use --source blend",
         )
     request = {
         "limit_bytes": budget.left,

@@ -1,0 +1,27 @@
+"""What the optional extras of the installed package require, and the command that installs it."""
+
+from __future__ import annotations
+
+import shlex
+from importlib import metadata
+from typing import Literal
+
+Extra = Literal["draco", "exr", "ray", "url", "plugin", "examples"]
+
+
+def requirements(extra: Extra) -> list[str]:
+    """The requirements of an extra, in the package's own order.
+
+    Raises importlib.metadata.PackageNotFoundError where legoworld runs without being installed.
+    """
+    lines = metadata.requires("legoworld") or []
+    wanted = f'extra == "{extra}"'
+    return [line.partition(";")[0].strip() for line in lines if wanted in line.replace("'", '"')]
+
+
+def install_command(extra: Extra) -> str:
+    """The `pip` command that adds an extra to any installation, from a checkout or from a wheel.
+
+    It names the packages: no project `legoworld` is published that pip could take an extra from.
+    """
+    return f"pip install {shlex.join(requirements(extra))}"
