@@ -1,7 +1,8 @@
 """The shipped examples from scene to report: python docs/demo.py -o FOLDER.
 
 Reads boxes and masks out of the four scenes, scores them against the hand-made truth and writes one
-page. The photos come from scikit-image (`pip install '.[examples]'`) and are not part of legoworld; no specialist was run on them.
+page. The photos come from scikit-image (`pip install '.[examples]'`) and are not part of
+legoworld; no specialist was run on them.
 """
 
 from __future__ import annotations

@@ -268,7 +268,7 @@ def test_every_example_of_labelling_prints_what_the_page_says(tmp_path, capsys, 
 
 
 def test_no_text_tells_anyone_to_install_an_extra_of_a_project_that_is_not_published():
-    """pip knows extras of a checkout or a wheel file; `extras.install_command` says what to type."""
+    """pip takes extras from a checkout or a wheel file; `extras.install_command` works anywhere."""
     package = Path(legoworld.__file__).parent
     files = [*PAGES, *package.rglob("*.py"), *(ROOT / "baselines").rglob("*.py")]
     assert len(files) > 500

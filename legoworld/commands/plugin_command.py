@@ -74,9 +74,9 @@ def serve(
 ) -> int:
     """Serve the plugin's tools over MCP, on standard input and output.
 
-    Needs the packages of the extra `plugin`; without them the command prints how to install them. The
-    tools read saved copies of the live scene and run no code but saving, reopening it for a
-    rollback, and installing a room when asked to.
+    Needs the packages of the extra `plugin`; without them the command prints how to install
+    them. The tools read saved copies of the live scene and run no code but saving, reopening it
+    for a rollback, and installing a room when asked to.
 
     \b
     Examples:

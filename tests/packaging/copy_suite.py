@@ -1,4 +1,4 @@
-"""Copy the tests and what they read, but not legoworld/, so that they can only run what is installed.
+"""Copy the tests and what they read, but not legoworld/: they can only run what is installed.
 
 python tests/packaging/copy_suite.py FOLDER
 """

@@ -1,7 +1,7 @@
 """The smallest real work of every command group, as command lines of an installation.
 
-python tests/packaging/smallest_work.py LEGOWORLD EXAMPLES DATASETS, in an empty folder: the program,
-and where the installation's catalogue is.
+python tests/packaging/smallest_work.py LEGOWORLD EXAMPLES DATASETS, in an empty folder: the
+program, and where the installation's catalogue is.
 """
 
 from __future__ import annotations

@@ -154,7 +154,7 @@ import legoworld
 count = 0
 for module in pkgutil.walk_packages(legoworld.__path__, "legoworld."):
     parts = module.name.split(".")
-    if "blender" in parts or "_catalog" in parts or parts[-1] == "__main__":
+    if "blender" in parts or "_catalog" in parts or parts[-1] in ("__main__", "_kernel"):
         continue
     try:
         importlib.import_module(module.name)

@@ -59,7 +59,8 @@ def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
             "scene.glb is Draco-compressed and no decoder is installed",
             found=EXTENSION,
             expected="the optional package DracoPy",
-            next_step=f"{extras.install_command('draco')}, export without Draco, or use --source blend",
+            next_step=f"{extras.install_command('draco')}, export without Draco, or use --source "
+            "blend",
         )
     request = {
         "limit_bytes": budget.left,
