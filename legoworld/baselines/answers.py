@@ -45,7 +45,8 @@ def read_line(line: str) -> Message | Unreadable | None:
 
 
 def _refuse_longer(text: str) -> int:
-    if abs(int(text)) > _LARGEST_INTEGER:
+    # Python reads no integer of more than 4,300 digits; the largest has 19, and a sign.
+    if len(text) > 20 or abs(int(text)) > _LARGEST_INTEGER:
         raise RecordError("an integer of more than 64 bits")
     return 0
 
@@ -53,7 +54,7 @@ def _refuse_longer(text: str) -> int:
 def _unreadable(line: str, reason: str) -> Unreadable | None:
     """An unreadable message; None if the line is not JSON either."""
     try:
-        said = json.loads(line)
+        said = json.loads(line, parse_int=lambda text: int(text) if len(text) <= 20 else text)
     except RecursionError:
         return Unreadable(image_id=None, reason=reason)
     except ValueError:

@@ -99,6 +99,7 @@ def run_baseline(
                 label_map=request.labels,
                 # Only names, and not part of the configuration: a run resumes without them.
                 variables=tuple(passed(request.variables)),
+                sandbox=request.confined.record(),
             ),
         )
 

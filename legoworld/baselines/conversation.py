@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -19,6 +20,8 @@ from legoworld.baselines.records import (
 from legoworld.baselines.request import BaselineRequest, child_request
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
+from legoworld.pluralize import counted
+from legoworld.readouts.depth import depth_file
 from legoworld.records.baseline_messages import Message
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.running.image_record import failed_record
@@ -38,12 +41,26 @@ class BaselineRefusedError(UsageError):
     code = "baseline_refused"
 
 
-def first_message(process: BaselineProcess, name: str) -> Message:
+def first_message(
+    process: BaselineProcess,
+    name: str,
+    time_limit_s: float | None,
+    option: str = "--load-time-limit",
+) -> Message:
     """What a process says of its model once it is loaded; its provenance is there.
 
-    BaselineRefusedError with the baseline's own reason; BaselineFailedError where it ends instead.
+    BaselineRefusedError with the baseline's own reason; BaselineFailedError where it ends instead,
+    or has not loaded it within the time limit, which is an option's.
     """
-    message = process.next_message(None)
+    try:
+        message = process.next_message(deadline_of(time_limit_s))
+    except TooSlowError as error:
+        raise BaselineFailedError(
+            f"the baseline {name} did not load its model in time",
+            found=f"nothing after {time_limit_s:g} s; {process.last_words()}",
+            expected="a loaded model within the time limit",
+            next_step=f"raise {option}",
+        ) from error
     if message is None:
         raise BaselineFailedError(
             f"the baseline {name} ended before it was ready",
@@ -71,6 +88,11 @@ def first_message(process: BaselineProcess, name: str) -> Message:
             expected='{"provenance": {...}, "environment": {...}}',
         )
     return message
+
+
+def deadline_of(time_limit_s: float | None) -> float | None:
+    """When a time limit that begins now is over, in time.monotonic() seconds."""
+    return None if time_limit_s is None else time.monotonic() + time_limit_s
 
 
 class Conversation:
@@ -124,27 +146,39 @@ class Conversation:
                 self._request.python,
                 request,
                 self._log,
+                output=self._request.run,
+                confined=self._request.confined,
                 declared=self._request.variables,
             ) as process:
-                yield from self._listen(process)
+                yield from self._listen(process, {image.id: image for image, _, _ in sent})
 
-    def _listen(self, process: BaselineProcess) -> Iterator[ImageRecord]:
-        """One process from its first message to its end."""
+    def _listen(
+        self, process: BaselineProcess, sent: Mapping[int, TrackImage]
+    ) -> Iterator[ImageRecord]:
+        """One process from its first message to its end. sent: the images it was asked for."""
         self._hello(process)
         working: list[int] = []
+        answered: set[int] = set()
+        deadline = deadline_of(self._request.time_limit_s)
         while True:
             try:
-                limit = self._request.time_limit_s if working else None
-                message = process.next_message(limit)
+                message = process.next_message(deadline)
+                if message is not None and message.image_id in sent:
+                    deadline = None  # until its record is kept
+                elif deadline is not None and time.monotonic() > deadline:
+                    raise TooSlowError  # it sends lines, and no answer
             except TooSlowError:
                 process.close()
-                yield from self._fail(working, self._too_slow(process))
+                yield from self._fail(self._suspects(working), self._too_slow(process))
                 return
             if message is None:
                 yield from self._died(process, working)
                 return
-            if isinstance(message, Unreadable):
-                yield from self._unusable(message, working)
+            if message.image_id is not None:
+                yield from self._heard(process, message.image_id, message, sent, answered)
+                deadline = deadline_of(self._request.time_limit_s)
+            elif isinstance(message, Unreadable):
+                yield from self._fail(working, self._unusable(message))
             elif message.done:
                 silent = AnswerInvalidError(
                     "the baseline gave no answer for the image", expected="one line per image"
@@ -153,12 +187,49 @@ class Conversation:
                 return
             elif message.working_on is not None:
                 working = self._waited_for(message.working_on)
-            elif message.image_id in self._pending:
-                yield self._answered(message.image_id, message)
             working = [i for i in working if i in self._pending]
 
+    def _heard(
+        self,
+        process: BaselineProcess,
+        image_id: int,
+        answer: Message | Unreadable,
+        sent: Mapping[int, TrackImage],
+        answered: set[int],
+    ) -> Iterator[ImageRecord]:
+        """The record of an answer.
+
+        One that was not asked for ends the run; a second one of an image fails it, because nothing
+        tells which of the two is right.
+        """
+        if image_id not in sent:
+            raise BaselineFailedError(
+                f"the baseline {self._request.card.name} answered for image {image_id}",
+                found="an image that it was not asked for",
+                expected=f"the image_id of one of {counted(len(sent), 'image', 'images')}, such as "
+                f"{min(sent)}",
+                next_step="answer with the image_id of the request",
+            )
+        image = sent[image_id]
+        if image_id in answered:
+            twice = AnswerInvalidError(
+                "the baseline answered twice for the image",
+                found=f"two answers of image {image_id}, {image.file_name}",
+                expected="one line per image",
+                next_step="correct the baseline's program: neither answer is kept",
+            )
+            yield failed_record(image, twice)
+        answered.add(image_id)
+        if image_id in self._pending:
+            del self._pending[image_id]
+            if isinstance(answer, Unreadable):
+                yield failed_record(image, self._unusable(answer))
+            else:
+                yield self._answered(process, image, answer)
+
     def _hello(self, process: BaselineProcess) -> None:
-        message = first_message(process, self._request.card.name)
+        limit = self._request.load_time_limit_s
+        message = first_message(process, self._request.card.name, limit)
         environment = message.environment
         self._environment = environment
         if self._request.device == "cpu" and "gpu" in environment and not self._told:
@@ -168,13 +239,15 @@ class Conversation:
                 "--device cuda or --device auto"
             )
         self._begin(message.provenance or {})
+        process.begin()
 
     def _waited_for(self, image_ids: Sequence[int]) -> list[int]:
         """The ids that a process noted and that still have no record."""
         return list(dict.fromkeys(i for i in image_ids if i in self._pending))
 
-    def _answered(self, image_id: int, message: Message) -> ImageRecord:
-        image = self._pending.pop(image_id)
+    def _answered(
+        self, process: BaselineProcess, image: TrackImage, message: Message
+    ) -> ImageRecord:
         path = self._photos[image.id]
         try:
             photo_sha256 = sha256_of_file(path)
@@ -185,25 +258,32 @@ class Conversation:
                 expected="photos that stay for as long as the run",
             )
             return failed_record(image, gone)
+        try:
+            if message.depth is not None and not process.take(depth_file(image.scene)):
+                raise AnswerInvalidError(
+                    "the depth file was not written", expected=depth_file(image.scene)
+                )
+        except LegoWorldError as error:
+            return failed_record(image, error)
         source = ImageSource(photo_sha256=photo_sha256, environment=self._environment)
         return answered_record(image, message, self._request.rules, source)
 
-    def _unusable(self, line: Unreadable, working: list[int]) -> Iterator[ImageRecord]:
-        """Fail the image that an unreadable message names, or those in progress."""
-        failed = working if line.image_id is None else self._waited_for([line.image_id])
+    def _unusable(self, line: Unreadable) -> AnswerInvalidError:
         self._log(f"legoworld: a line of the baseline cannot be used: {line.reason}")
-        error = AnswerInvalidError(
+        return AnswerInvalidError(
             "the baseline's answer cannot be used", found=line.reason, expected="one line of JSON"
         )
-        yield from self._fail(failed, error)
+
+    def _suspects(self, working: list[int]) -> list[int]:
+        """The images it worked on; between images the next one is as good a suspect as any."""
+        return working or [*self._pending][:1]
 
     def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[ImageRecord]:
         """Record a crash: images that crashed before fail, the others are retried."""
         ended = process.how_it_ended()
         if not self._pending:  # it had answered for all of them
             return
-        if not working:  # between images: the next one is as good a suspect as any
-            working = [next(iter(self._pending))]
+        working = self._suspects(working)
         names = ", ".join(self._pending[i].file_name for i in working)
         self._log(f"legoworld: the baseline's process ended ({ended}) while it had {names}")
         self._deaths.update(working)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -10,7 +11,8 @@ from typing import Any, Final
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.cards import BaselineCard, baseline_cards
 from legoworld.baselines.child import BaselineProcess, TooSlowError
-from legoworld.baselines.conversation import first_message
+from legoworld.baselines.confinement import Confined
+from legoworld.baselines.conversation import deadline_of, first_message
 from legoworld.baselines.request import weights_name, weights_place
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, UsageError
@@ -37,7 +39,10 @@ class ProviderFailedError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class ProviderRequest:
-    """How a provider is asked. As in `BaselineRequest`; time_limit_s: for the photo."""
+    """How a provider is asked. As in `BaselineRequest`.
+
+    time_limit_s: for its model, and again for the photo.
+    """
 
     card: BaselineCard
     python: Path
@@ -47,6 +52,7 @@ class ProviderRequest:
     options: Mapping[str, OptionValue | None]
     offline: bool
     time_limit_s: float | None
+    confined: Confined
 
     @property
     def source(self) -> str:
@@ -81,9 +87,15 @@ def ask_provider(
     )  # fmt: skip
     child = _child_request(request, image, output)
     variables = request.card.about.variables
-    with BaselineProcess(request.card, request.python, child, log, declared=variables) as process:
-        hello = first_message(process, request.card.name)
+    with BaselineProcess(
+        request.card, request.python, child, log,
+        output=output, confined=request.confined, declared=variables,
+    ) as process:  # fmt: skip
+        hello = first_message(process, request.card.name, request.time_limit_s, "--time-limit")
+        process.begin()
         answer = _answer(process, request)
+        if answer.depth is not None:
+            process.take(_depth_name(photo))
     if answer.camera is None:
         raise _failed(request, "no camera in its answer", "a camera")
     depth = None if answer.depth is None else _depth(request, answer.depth, photo, output)
@@ -104,9 +116,13 @@ def ask_provider(
 
 def _answer(process: BaselineProcess, request: ProviderRequest) -> Message:
     """The line about the photo; what comes before it is skipped."""
+    deadline = deadline_of(request.time_limit_s)
     while True:
         try:
-            message = process.next_message(request.time_limit_s)
+            message = process.next_message(deadline)
+            late = deadline is not None and time.monotonic() > deadline
+            if late and message is not None and message.image_id != _IMAGE_ID:
+                raise TooSlowError
         except TooSlowError as error:
             words = f"no answer after {request.time_limit_s:g} s; {process.last_words()}"
             raise _failed(request, words, "an answer within --time-limit") from error
@@ -137,7 +153,7 @@ def _failed(
 
 
 def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path) -> GivenDepth:
-    path = output / depth_file(PurePosixPath(photo.name).with_suffix("").as_posix())
+    path = output / _depth_name(photo)
     if not path.is_file() or sha256_of_file(path) != said.sha256:
         raise _failed(
             request,
@@ -147,6 +163,10 @@ def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path)
     if said.space not in _SPACES:
         raise _failed(request, f"depth of space {said.space}", " or ".join(_SPACES))
     return GivenDepth(path=path, space=_SPACES[said.space], source=request.source, of_photo=True)
+
+
+def _depth_name(photo: Path) -> str:
+    return depth_file(PurePosixPath(photo.name).with_suffix("").as_posix())
 
 
 def _child_request(request: ProviderRequest, image: RequestedImage, output: Path) -> ChildRequest:

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from legoworld import __version__
 from legoworld.baselines.cards import BaselineCard
+from legoworld.baselines.confinement import Confined
 from legoworld.baselines.labels import LabelMap
 from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
@@ -33,9 +34,10 @@ from legoworld.tracks.track import Track, TrackImage
 class BaselineRequest:
     """All parameters of a baseline's run.
 
-    python, offline, overwrite and time_limit_s never change its results. device: such as "cpu" or
-    "cuda:1"; time_limit_s: for one image or batch, None for no limit; pass_variables: further
-    variables of the caller's environment besides those the card names.
+    python, offline, overwrite, confined and time limits never change its results. device: such as
+    "cpu" or "cuda:1"; load_time_limit_s: for the model, None for no limit; time_limit_s: from one
+    answer to the next; pass_variables: further variables of the caller's environment besides those
+    the card names.
     """
 
     card: BaselineCard
@@ -55,7 +57,9 @@ class BaselineRequest:
     overwrite: bool
     limit: int | None
     image_ids: tuple[int, ...]
+    load_time_limit_s: float | None
     time_limit_s: float | None
+    confined: Confined
     pass_variables: tuple[str, ...] = ()
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,11 +13,19 @@ from legoworld.pluralize import counted, share
 from legoworld.records.base import UNSET
 
 if TYPE_CHECKING:
+    from legoworld.baselines.confinement import Confined
     from legoworld.readouts.tasks import Protocol
     from legoworld.records.run_rows import RunRow
     from legoworld.running.readout_run import RunResult
     from legoworld.tracks.track import Track
 
+sandbox_option = click.option(
+    "--sandbox",
+    type=options.Choice(["auto", "bubblewrap", "limits"]),
+    default="auto",
+    show_default=True,
+    help="auto: bubblewrap where it works; bubblewrap: fail without it; limits: never.",
+)
 TASKS = options.Choice(["coco", "coco-masks", "lvis", "eth3d"])
 
 
@@ -43,6 +52,16 @@ def labels(path: Path | None, protocol: Protocol) -> dict[str, str | None]:
             raise click.UsageError("--label-map is for boxes and masks: depth has no labels")
         return {}
     return label_map(path, protocol.vocabulary, protocol.task.name)
+
+
+def warn_unconfined(confined: Confined, notice: Callable[[str], None]) -> None:
+    """Say what a baseline's process is not kept from where there is no bubblewrap."""
+    if confined.held.bubblewrap is None:
+        missing = ", ".join(confined.record().does_not_hold)
+        notice(
+            f"warning: without bubblewrap ({confined.held.why_not}) the baseline runs with your "
+            f"permissions; not kept from it: {missing}"
+        )
 
 
 def show(result: RunResult, output: Path, *, as_json: bool, verbose: bool) -> int:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import baseline_output, options
 from legoworld.commands.progress import shown_progress
+
+if TYPE_CHECKING:
+    from legoworld.workers.protections import Confinement
 
 
 @click.command("run", context_settings={"help_option_names": ["-h", "--help"]})
@@ -69,8 +73,18 @@ from legoworld.commands.progress import shown_progress
     "--image-id", "image_ids", multiple=True, type=int, help="Run this image only; repeatable."
 )
 @click.option(
-    "--time-limit", type=click.FloatRange(min=0.1), help="Seconds per image [default: none]."
-)
+    "--time-limit", type=click.FloatRange(min=0.1),
+    help="Seconds from one answer to the next, and for loading the model [default: none].",
+)  # fmt: skip
+@click.option(
+    "--load-time-limit", type=click.FloatRange(min=0.1),
+    help="Seconds for loading the model [default: --time-limit].",
+)  # fmt: skip
+@click.option(
+    "--input", "inputs", multiple=True, type=click.Path(path_type=Path, exists=True),
+    help="File or folder the baseline may read besides its weights and photos; repeatable.",
+)  # fmt: skip
+@baseline_output.sandbox_option
 @click.option("--resume", is_flag=True, help="Resume an interrupted run (the default).")
 @click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
 @options.output_options
@@ -93,6 +107,9 @@ def run_command(
     limit: int | None,
     image_ids: tuple[int, ...],
     time_limit: float | None,
+    load_time_limit: float | None,
+    inputs: tuple[Path, ...],
+    sandbox: Confinement,
     resume: bool,
     overwrite: bool,
     as_json: bool,
@@ -104,6 +121,9 @@ def run_command(
     Predictions are saved as they are made: re-run the same command to resume, with the same
     weights, options, code and versions. An image that the baseline cannot process, or that crashes
     it twice, is recorded as failed; the exit code is then 1. -v shows the baseline's output.
+
+    With bubblewrap the baseline reads its own files, WEIGHTS, the photos and each --input, writes
+    to none of your files, and has the network only to download WEIGHTS that are no path.
 
     \b
     Examples:
@@ -117,6 +137,7 @@ def run_command(
     from legoworld.baselines.accelerators import chosen_device, chosen_dtype
     from legoworld.baselines.baseline_run import run_baseline
     from legoworld.baselines.cards import chosen_options, load_baseline
+    from legoworld.baselines.confinement import confined
     from legoworld.baselines.environments import chosen_python
     from legoworld.baselines.request import BaselineRequest, selected_images
     from legoworld.baselines.truth_prompts import read_truth_prompts
@@ -159,12 +180,15 @@ def run_command(
         overwrite=overwrite,
         limit=limit,
         image_ids=image_ids,
+        load_time_limit_s=load_time_limit or time_limit,
         time_limit_s=time_limit,
+        confined=confined(card, weights, sandbox, offline=offline, inputs=inputs),
         pass_variables=variables,
     )
     total = len(selected_images(images, image_ids, limit))
     with shown_progress("image", quiet=quiet, lines=True) as shown:
         shown.total(total)
+        baseline_output.warn_unconfined(request.confined, shown.notice)
         result = run_baseline(
             request,
             progress=shown.row,

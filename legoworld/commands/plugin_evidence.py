@@ -11,14 +11,18 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from legoworld.commands import options
+from legoworld.commands.baseline_output import sandbox_option, warn_unconfined
 
 if TYPE_CHECKING:
     from legoworld.baselines.photo_provider import ProviderRequest
     from legoworld.plugin.evidence_making import Provided
+    from legoworld.workers.protections import Confinement
 
 _CONTEXT = {"help_option_names": ["-h", "--help"]}
 #: Parameters that say how a provider is run.
-_OF_PROVIDER = ("weights", "python", "device", "dtype", "chosen", "offline", "time_limit")
+_OF_PROVIDER = (
+    "weights", "python", "device", "dtype", "chosen", "offline", "time_limit", "sandbox",
+)  # fmt: skip
 
 
 @click.command("evidence", context_settings=_CONTEXT)
@@ -69,8 +73,9 @@ _OF_PROVIDER = ("weights", "python", "device", "dtype", "chosen", "offline", "ti
 @click.option("--offline", is_flag=True, help="The provider uses local files only.")
 @click.option(
     "--time-limit", type=click.FloatRange(min=0.1),
-    help="Seconds the provider has for the photo once it is loaded [default: none].",
+    help="Seconds the provider has to load its model, then for the photo [default: none].",
 )  # fmt: skip
+@sandbox_option
 @click.option("-v", "--verbose", is_flag=True, help="Show the provider's output.")
 @click.option("-o", "--output", required=True, type=options.FOLDER, help="Folder to write.")
 def evidence(
@@ -91,6 +96,7 @@ def evidence(
     chosen: tuple[str, ...],
     offline: bool,
     time_limit: float | None,
+    sandbox: Confinement,
     verbose: bool,
     output: Path,
 ) -> int:
@@ -128,7 +134,9 @@ def evidence(
     )
     with scratch_folder("legoworld-provider-") as scratch:
         if provider is not None:
-            asked = _request(provider, weights, python, device, dtype, chosen, offline, time_limit)
+            asked = _request(
+                provider, weights, python, device, dtype, chosen, offline, time_limit, sandbox
+            )
             given = replace(given, provided=_ask(asked, photo, scratch, verbose=verbose))
         else:
             options.refuse_given(_OF_PROVIDER, "needs a --provider")
@@ -151,9 +159,11 @@ def _request(
     chosen: Sequence[str],
     offline: bool,
     time_limit_s: float | None,
+    sandbox: Confinement,
 ) -> ProviderRequest:
     from legoworld.baselines.accelerators import chosen_device, chosen_dtype
     from legoworld.baselines.cards import chosen_options, load_baseline
+    from legoworld.baselines.confinement import confined
     from legoworld.baselines.environments import chosen_python
     from legoworld.baselines.photo_provider import ProviderRequest, refuse_without_camera
 
@@ -172,6 +182,7 @@ def _request(
         options=chosen_options(card, chosen),
         offline=offline,
         time_limit_s=time_limit_s,
+        confined=confined(card, weights, sandbox, offline=offline),
     )
 
 
@@ -183,6 +194,7 @@ def _ask(request: ProviderRequest, photo: Path, scratch: Path, *, verbose: bool)
         if verbose:
             click.echo(line, err=True)
 
+    warn_unconfined(request.confined, lambda text: click.echo(text, err=True))
     provided = ask_provider(request, photo, scratch, log)
     seen = provided.camera
     degrees = [

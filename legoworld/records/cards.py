@@ -69,7 +69,8 @@ class BaselineCardFile(LicensedHead, frozen=True, kw_only=True):
     prompts_from_truth: whether it can be given them; variables: names of the caller's environment
     variables that its process needs to see; label_map: whether it matches labels by name;
     dtype_on_cuda: what the original computes in on a GPU, `--dtype auto`; camera: whether it
-    recovers a photo's camera, for `plugin evidence --provider`.
+    recovers a photo's camera, for `plugin evidence --provider`; network: whether it downloads
+    weights that are no file or folder here.
     """
 
     options: dict[str, BaselineOption] = field(default_factory=dict)
@@ -78,3 +79,4 @@ class BaselineCardFile(LicensedHead, frozen=True, kw_only=True):
     label_map: bool = True
     dtype_on_cuda: Dtype = "float32"
     camera: bool = False
+    network: bool = False

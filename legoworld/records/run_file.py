@@ -9,6 +9,7 @@ from msgspec import field
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.bench_dataset import RenderCard
 from legoworld.records.cards import OptionValue
+from legoworld.records.execution import Protected
 from legoworld.records.predictions import Number, Prediction
 from legoworld.records.run_rows import RunRow
 
@@ -193,13 +194,17 @@ class ImageSource(Record, frozen=True, kw_only=True):
 
 
 class BaselineAbout(Record, frozen=True, kw_only=True):
-    """What run.json says of a baseline. variables: names that were passed to its process."""
+    """What run.json says of a baseline.
+
+    variables: names that were passed to its process; sandbox: what its process was kept from.
+    """
 
     name: str | UnsetType = UNSET
     title: str | UnsetType = UNSET
     licence: str | UnsetType = UNSET
     label_map: dict[str, str | None] | UnsetType = UNSET
     variables: tuple[str, ...] | UnsetType = UNSET
+    sandbox: Protected | UnsetType = UNSET
     imported: Imported | UnsetType = UNSET
 
 

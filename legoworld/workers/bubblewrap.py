@@ -11,7 +11,7 @@ import shutil
 import site
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -36,6 +36,10 @@ _SYSTEM: Final = (
 _NETWORK: Final = (
     "/etc/ca-certificates", "/etc/hosts", "/etc/nsswitch.conf", "/etc/pki", "/etc/resolv.conf",
     "/etc/ssl",
+)  # fmt: skip
+#: What drivers and their libraries look up about GPUs and processors.
+_ABOUT_DEVICES: Final = (
+    "/proc/driver/nvidia", "/sys/bus", "/sys/class", "/sys/dev", "/sys/devices", "/sys/module",
 )  # fmt: skip
 _PROBE_WITHIN_S: Final = 20.0
 _PACKAGE: Final = Path(__file__).parents[1]
@@ -73,15 +77,20 @@ def confined(
     read_only: Sequence[Path],
     workspace: Path | None = None,
     network: bool = False,
+    writable: Sequence[Path] = (),
+    accelerators: bool = False,
 ) -> list[str]:
     """The command that runs `argv` confined.
 
     scratch: a folder it can write to, seen as INSIDE; its `temporary` is TEMPORARY_INSIDE and its
     `shared` /dev/shm. workspace: the other one, seen under its own name, where it starts; without
     one it starts in an empty folder. read_only: files and folders it can read besides Python,
-    Blender and the system's libraries. network: shared with the machine. How `argv` ends is said on
-    descriptor 3 (witness.py).
+    Blender and the system's libraries. network: shared with the machine. writable: further folders
+    it can write to, under their own names. accelerators: it has the machine's GPUs. How `argv` ends
+    is said on descriptor 3 (witness.py).
     """
+    devices = _there(_accelerators()) if accelerators else []
+    about_devices = _there(_ABOUT_DEVICES) if accelerators else []
     return [
         bubblewrap.program,
         *_namespaces(),
@@ -89,7 +98,9 @@ def confined(
         "--bind", str(scratch), str(INSIDE),
         "--bind", str(scratch / "temporary"), str(TEMPORARY_INSIDE),
         "--bind", str(scratch / "shared"), str(_SHARED_MEMORY_INSIDE),
-        *_shown([*read_only, *(_there(_NETWORK) if network else ())]),
+        *_shown([*read_only, *about_devices, *(_there(_NETWORK) if network else ())]),
+        *(word for path in devices for word in ("--dev-bind", str(path), str(path))),
+        *(word for path in writable for word in ("--bind", str(path), str(path))),
         *(["--bind", str(workspace), str(workspace)] if workspace else []),
         "--remount-ro", "/",
         "--remount-ro", "/dev",
@@ -104,6 +115,11 @@ def _namespaces() -> list[str]:
         "--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL",
         "--proc", "/proc", "--dev", "/dev",
     ]  # fmt: skip
+
+
+def _accelerators() -> list[str]:
+    """The devices of NVIDIA's, AMD's and Intel's GPUs, and of those that Windows lends."""
+    return [*map(str, Path("/dev").glob("nvidia*")), "/dev/dri", "/dev/kfd", "/dev/dxg"]
 
 
 def _there(names: Sequence[str]) -> list[Path]:
@@ -137,13 +153,20 @@ def _python() -> tuple[Path, ...]:
         spec = importlib.util.find_spec(name)
         if spec is not None and spec.origin is not None:
             folders.add(Path(spec.origin).parents[1])
-    link = Path(sys.executable)
-    while link.is_symlink():  # a virtual environment's python leads to another's
-        link = link.parent / link.readlink()
-        folders.add(link)
-    # The home and the root are never shown as a whole, whatever is installed there.
+    return showable({*folders, *links_of(Path(sys.executable))})
+
+
+def links_of(python: Path) -> Iterator[Path]:
+    """What a virtual environment's python leads to, link by link."""
+    while python.is_symlink():
+        python = python.parent / python.readlink()
+        yield python
+
+
+def showable(paths: Iterable[Path]) -> tuple[Path, ...]:
+    """Those that exist; never the home or the root as a whole, whatever is installed there."""
     too_much = {Path("/"), home_folder(), *home_folder().parents}
-    return tuple(folder for folder in folders if folder.exists() and folder not in too_much)
+    return tuple(path for path in paths if path.exists() and path not in too_much)
 
 
 def _output(command: list[str]) -> str:

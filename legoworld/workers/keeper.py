@@ -31,8 +31,9 @@ _ENDING: Final = 3  # witness.py's word for it: that file is run, not imported
 
 
 def main() -> int:
-    """Run sys.argv[1], a JSON object: argv, cwd, file_bytes, output (a descriptor), scratch.
+    """Run sys.argv[1], a JSON object: argv, cwd, file_bytes, scratch.
 
+    input, output, errors: descriptors for the program's own; input null: it has nothing to read.
     group: the folder of the control group that the program joins, or null. witnessed: whether argv
     is bubblewrap with a witness, which says on a pipe how its program ended.
     """
@@ -47,7 +48,8 @@ def main() -> int:
     child = os.fork()
     if child == 0:
         _become(order, keeper, write_ending if order["witnessed"] else None)
-    os.close(order["output"])
+    for given in {order["input"], order["output"], order["errors"]} - {None}:
+        os.close(given)
     os.close(write_ending)
     code = _wait(child, waking)
     with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -109,9 +111,10 @@ def _become(order: dict[str, Any], keeper: int, ending: int | None) -> None:
         _limit(order["file_bytes"])
         if order["group"] is not None:
             TaskGroup(folder=Path(order["group"])).join_file.write_text("0", encoding="ascii")
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        given = order["input"]
+        os.dup2(os.open(os.devnull, os.O_RDONLY) if given is None else given, 0)
         os.dup2(order["output"], 1)
-        os.dup2(order["output"], 2)
+        os.dup2(order["errors"], 2)
         if ending is not None:
             os.dup2(ending, _ENDING)
             os.set_inheritable(_ENDING, True)  # also where it was there already

@@ -16,7 +16,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Final, Literal, Self
+from typing import IO, Any, Final, Literal, Self
 
 from legoworld.workers.bubblewrap import (
     INSIDE,
@@ -131,6 +131,17 @@ class Sandbox:
         """Start a program. read_only: files it can read besides Python, Blender and libraries."""
         read_output, write_output = os.pipe()
         self._printed = open(read_output, "rb", buffering=0)  # noqa: SIM115, PTH123
+        ends = (None, write_output, write_output)
+        self._begin(argv, self._environment(), ends, read_only=read_only)
+
+    def _begin(
+        self,
+        argv: Sequence[str],
+        environment: Mapping[str, str],
+        ends: tuple[int | None, int, int],
+        **shown: Any,
+    ) -> None:
+        """Start the keeper. ends: the program's ends of its pipes; shown: as in `confined`."""
         command = list(argv)
         if self._confined:
             bubblewrap = find_bubblewrap()
@@ -139,9 +150,9 @@ class Sandbox:
                 bubblewrap,
                 argv,
                 scratch=self.scratch,
-                read_only=read_only,
                 workspace=self._workspace,
                 network=self._network,
+                **shown,
             )
         else:
             hide_process()
@@ -149,19 +160,21 @@ class Sandbox:
             "argv": command,
             "cwd": str(self._workspace or self.scratch / "empty"),
             "file_bytes": self._limits.disk_bytes,
-            "output": write_output,
+            **dict(zip(("input", "output", "errors"), ends, strict=True)),
             "witnessed": self._confined,
             "scratch": str(self._owner),
             "group": str(self._group.folder) if self._group else None,
         }
+        given = {end for end in ends if end is not None}
         try:
             self._keeper = ChildProcess(
                 [sys.executable, "-I", "-S", str(_KEEPER), json.dumps(order)],
-                self._environment(),
-                kept=(write_output, *(() if self._lease is None else (self._lease,))),
+                environment,
+                kept=(*given, *(() if self._lease is None else (self._lease,))),
             )
         finally:
-            os.close(write_output)
+            for end in given:
+                os.close(end)
 
     def wait(self) -> Ending:
         """Wait until the program ends or exceeds a limit; afterwards none of its processes runs."""
@@ -215,10 +228,14 @@ class Sandbox:
             self._printed.close()
             self._printed = None
 
+    @property
+    def temporary(self) -> Path:
+        """The folder for temporary files as the program sees it."""
+        return TEMPORARY_INSIDE if self._confined else self.seen("temporary")
+
     def _environment(self) -> dict[str, str]:
         home = self.seen("home")
-        temporary = TEMPORARY_INSIDE if self._confined else self.seen("temporary")
-        return blender_environment(home=home, temporary=temporary) | self._variables
+        return blender_environment(home=home, temporary=self.temporary) | self._variables
 
     def _read_output(self) -> bool:
         """Read the printed output and keep its end; False at the end of the stream."""
@@ -251,10 +268,9 @@ class Sandbox:
 
     def _ended(self, line: bytes) -> Ending:
         self._read_what_is_left()
-        if not line:  # the keeper was killed: by the program, or by the system for memory
+        if not line:
             self.close()
-            return self._ending(-signal.SIGKILL, None)
-        return self._ending(json.loads(line)["code"], None)
+        return self._ending(code_of(line), None)
 
     def _ending(self, code: int | None, over: Limit | None) -> Ending:
         return Ending(
@@ -271,6 +287,11 @@ class Sandbox:
         with contextlib.suppress(BlockingIOError, TypeError):
             while self._printed_bytes <= self._limits.output_bytes and self._read_output():
                 pass
+
+
+def code_of(line: bytes) -> int:
+    """The exit code that a keeper says; without a word the program or the system has killed it."""
+    return int(json.loads(line)["code"]) if line else -signal.SIGKILL
 
 
 def workspace_bytes(folder: Path) -> int:

@@ -125,7 +125,7 @@ def ask(name: str | Path, request: dict[str, Any], *packages: Path) -> Said:
         assert process.stdin is not None
         assert process.stdout is not None
         with process:
-            process.stdin.write(json.dumps(request) + "\n")
+            process.stdin.write(json.dumps(request) + '\n{"begin": true}\n')
             process.stdin.flush()
             lines = [json.loads(line) for line in process.stdout if line.strip()]
             code = process.wait()

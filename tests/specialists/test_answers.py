@@ -17,6 +17,7 @@ from legoworld.baselines.answers import MOST_LEVELS, Unreadable, read_line
 from legoworld.baselines.baseline_run import summarise
 from legoworld.baselines.cards import chosen_options, load_baseline
 from legoworld.baselines.child import BaselineFailedError
+from legoworld.baselines.confinement import confined
 from legoworld.baselines.conversation import BaselineRefusedError, Conversation
 from legoworld.baselines.request import BaselineRequest, configuration_of
 from legoworld.files import canonical_json, readable_json
@@ -64,7 +65,9 @@ def request_of(tmp_path_factory: pytest.TempPathFactory):
             overwrite=False,
             limit=None,
             image_ids=(),
+            load_time_limit_s=None,
             time_limit_s=None,
+            confined=confined(card, "weights.bin", "limits", offline=True),
         )
 
     return made
@@ -84,7 +87,13 @@ class Scripted:
     def __exit__(self, *_how: object) -> None:
         pass
 
-    def next_message(self, _limit: float | None) -> Any:
+    def begin(self) -> None:
+        pass
+
+    def take(self, _name: str) -> bool:
+        return False
+
+    def next_message(self, _deadline: float | None) -> Any:
         return self.left.pop(0) if self.left else None
 
     def how_it_ended(self) -> str:
@@ -113,7 +122,7 @@ def records_of(
         canonical(record).encode("utf-8")
     for provenance in began:
         readable_json({"configuration": provenance}).encode("utf-8")
-    rows = [record.row for record in records]
+    rows = [*{record.row.image_id: record.row for record in records}.values()]
     summary = summarise(configuration_of(request, images), rows)
     readable(summary).encode("utf-8")
     assert sorted(row.image_id for row in rows) == [1, 2]
@@ -129,6 +138,9 @@ def records_of(
         (line(image_id=1, predictions=[], counts={"\udfff": 1}), "half of a surrogate pair"),
         (f'{{"image_id": 1, "predictions": {nested(200)}}}\n', "nested beyond 32 levels"),
         (f'{{"image_id": 1, "predictions": [{10**30}]}}\n', "more than 64 bits"),
+        (f'{{"image_id": 1, "predictions": [{"9" * 5000}]}}\n', "more than 64 bits"),
+        (f'{{"image_id": {"9" * 5000}, "predictions": []}}\n', "more than 64 bits"),
+        (f'{{"image_id": 1, "predictions": [-{"9" * 5000}.5]}}\n', "number out of range"),
         (f'{{"image_id": 1, "predictions": {nested(100_000)}}}\n', "nested too deeply"),
         (line(image_id=1, predictions=[], counts=["a"]), "got array at $.counts"),
         (
@@ -147,6 +159,25 @@ def test_an_unusable_answer_is_one_row(request_of, bad, words):
     assert words in found[1]["reason"]
     assert len(found[1]["reason"].splitlines()) == 1
     assert found[2]["status"] == "ok"
+
+
+def test_two_answers_for_an_image_are_none(request_of):
+    """Whatever the second is, nothing tells which is right: the row names the image."""
+    good = [line(image_id=i, predictions=[]) for i in (1, 2)]
+    for second in (good[0], line(image_id=1, failed="no"), line(image_id=1, predictions=3)):
+        found = records_of(request_of("coco"), HELLO, *good, second, DONE)
+        assert (found[1]["status"], found[1]["code"]) == ("failed", "baseline_answer")
+        assert "two answers of image 1, 001.jpg" in found[1]["reason"]
+        assert "neither answer is kept" in found[1]["reason"]
+        assert found[2]["status"] == "ok"
+
+
+def test_an_answer_that_was_not_asked_for_ends_the_run(request_of):
+    for stranger in (line(image_id=3, predictions=[]), line(image_id=3, predictions=3)):
+        with pytest.raises(BaselineFailedError) as error:
+            records_of(request_of("coco"), HELLO, line(image_id=1, predictions=[]), stranger)
+        assert "answered for image 3" in str(error.value)
+        assert "one of 2 images, such as 1" in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -247,7 +278,11 @@ LINES = st.lists((ANSWERS | VALUES).map(lambda v: json.dumps(v) + "\n"), max_siz
 @example(task="coco", lines=[line(image_id=True, predictions=[])])
 @example(task="lvis", lines=[line(working_on=[1, 2]), f'{{"a": {nested(5000)}}}\n'])
 def test_any_answers_end_in_rows(request_of, task, lines):
-    records_of(request_of(task), HELLO, *lines, DONE)
+    """Or in an error about an image that was not asked for."""
+    try:
+        records_of(request_of(task), HELLO, *lines, DONE)
+    except BaselineFailedError as error:
+        assert "that it was not asked for" in str(error)  # noqa: PT017
 
 
 @settings(max_examples=100, deadline=None)

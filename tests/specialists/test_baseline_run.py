@@ -125,6 +125,8 @@ def test_what_it_prints_is_shown_when_asked_for(run):
         ("extent", "failed", "box_format", "at least 0"),
         ("crash", "failed", "baseline_crashed", "SIGKILL; going down"),
         ("child", "failed", "baseline_crashed", "SIGKILL"),
+        ("huge", "failed", "baseline_answer", "an integer of more than 64 bits"),
+        ("twice", "failed", "baseline_answer", "two answers of image 3, 003.jpg"),
     ],
 )
 def test_one_bad_image_is_one_bad_row(run, how, status, code, words):
@@ -157,13 +159,13 @@ def is_running(pid: str) -> bool:
 
 
 def test_a_process_that_dies_takes_what_it_started_with_it(run, weights):
-    run(*options("child"))
+    run(*options("child"), "--sandbox", "limits")
     assert len(wait_for_the_end_of(weights)) == 2  # it was tried twice
 
 
 def test_a_crash_that_does_not_come_again_costs_nothing(run):
     _, clean, _ = run(name="clean")
-    code, folder, said = run(*options("crash_once"), "-v", name="crashed")
+    code, folder, said = run(*options("crash_once"), "-v", "--sandbox", "limits", name="crashed")
     assert code == 0
     assert "SIGKILL" in said
     assert "003.jpg" in said
@@ -181,6 +183,35 @@ def test_an_image_that_hangs_is_a_timeout(run):
         if [row["status"] for row in found.values()].count("timeout") == 1:
             break
     assert [found[i]["status"] for i in (1, 2, 4, 5, 6)] == ["ok"] * 5
+
+
+def test_a_limit_holds_while_it_loads(run):
+    code, folder, said = run(*options("hang_loading"), "--time-limit", "1")
+    assert code == 4
+    assert "did not load its model in time; found: nothing after 1 s" in said
+    assert "next: raise --load-time-limit" in said
+    assert [p.name for p in folder.iterdir()] == [".lock"]
+
+
+@pytest.mark.parametrize(("how", "late"), [("silent", {1, 2, 3, 4, 5, 6}), ("chatter", {3})])
+def test_a_limit_is_over_whatever_is_said_instead_of_an_answer(run, how, late):
+    """The fake is silent before its first photo, or says each moment that it works on the third."""
+    for seconds in (2, 30):
+        limits = ["--load-time-limit", "300", "--time-limit", str(seconds)]
+        code, folder, _ = run(*options(how), *limits, name=f"{seconds} s")
+        assert code == 1
+        found = {i for i, row in rows(folder).items() if row["status"] == "timeout"}
+        if found == late:
+            break
+    assert found == late
+    assert f"no answer after {seconds} s" in rows(folder)[3]["reason"]
+
+
+def test_an_answer_that_was_not_asked_for_names_the_image(run):
+    code, folder, said = run(*options("stranger"))
+    assert code == 4
+    assert "answered for image 99; found: an image that it was not asked for" in said
+    assert (folder / "journal.jsonl").read_bytes().count(b"\n") == 2  # nothing is lost
 
 
 def test_a_failed_image_is_tried_again_and_the_others_are_not(run, photos, tmp_path):
@@ -347,7 +378,8 @@ def test_kill_9_and_the_same_command_again_lose_nothing(track, photos, weights, 
 
 
 def test_no_model_outlives_a_killed_legoworld(track, photos, weights, tmp_path):
-    arguments = run_arguments(track, photos, weights, tmp_path / "run", *options("hang", at=2))
+    how = [*options("hang", at=2), "--sandbox", "limits"]
+    arguments = run_arguments(track, photos, weights, tmp_path / "run", *how)
     process = start_and_kill(arguments, after=1, there=weights.with_suffix(".pids"))
     assert not is_running(str(process.pid))
     assert len(wait_for_the_end_of(weights)) == 1

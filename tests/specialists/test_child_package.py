@@ -191,7 +191,7 @@ def speak(tmp_path: Path, program: str, document: dict) -> tuple[list[str], str,
     assert process.stdin is not None
     assert process.stdout is not None
     assert process.stderr is not None
-    process.stdin.write(json.dumps(document) + "\n")
+    process.stdin.write(json.dumps(document) + '\n{"begin": true}\n')
     process.stdin.flush()  # and not closed: the end of standard input would end the process
     with process, process.stdin, process.stdout as said, process.stderr as log:
         return said.read().splitlines(), log.read(), process.wait()
@@ -217,6 +217,21 @@ def test_only_messages_reach_the_channel(tmp_path):
     assert log.startswith("loading")
     assert log.count("predicting") == 3
     assert "Traceback" in log
+
+
+def test_no_image_is_answered_before_its_run_begins(tmp_path):
+    """Until then --overwrite may delete the results of an earlier run."""
+    (tmp_path / "run.py").write_text(CHATTY)
+    request = {"schema_version": 1, "images": [{"image_id": 1, "batch": 0}], "batch_size": 1}
+    done = subprocess.run(
+        [sys.executable, tmp_path / "run.py"],
+        input=json.dumps(request) + "\n", capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(SHARED)},
+    )  # fmt: skip
+    messages = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    assert [*messages[0]] == ["provenance", "environment"]
+    assert len(messages) == 1
+    assert done.returncode == 1  # the end of its input is legoworld's
 
 
 def test_a_request_of_another_version_is_not_served(tmp_path):

@@ -10,6 +10,7 @@ import pytest
 
 from legoworld.baselines.cards import read_card
 from legoworld.baselines.child import BaselineProcess
+from legoworld.baselines.confinement import confined
 from legoworld.errors import CatalogError
 from legoworld.records.baseline_messages import ChildRequest
 from legoworld.scene.blender_process import BlenderProcess, Limits
@@ -91,9 +92,11 @@ def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypa
         device="cpu", batch_size=1, offline=True, options={}, prompts=None, output=str(tmp_path),
     )  # fmt: skip
     with BaselineProcess(
-        card, Path(sys.executable), request, print, declared=card.about.variables
-    ) as process:
-        message = process.next_message(300.0)
+        card, Path(sys.executable), request, print,
+        output=tmp_path, confined=confined(card, "", "limits", offline=True),
+        declared=card.about.variables,
+    ) as process:  # fmt: skip
+        message = process.next_message(None)
     seen = message.provenance
     assert seen["HF_TOKEN"] == "hidden-2"
     assert not (set(SECRETS) - {"HF_TOKEN"}) & set(seen)

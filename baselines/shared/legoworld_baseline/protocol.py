@@ -2,8 +2,11 @@
 
 The request is the first line of standard input: {"schema_version": 1, "task", "images",
 "categories", "label_map", "weights", "device", "dtype", "batch_size", "offline", "options",
-"prompts", "output"}. Standard input then stays open for as long as legoworld lives; when it is
-closed, the process ends, so that a killed legoworld leaves no model behind.
+"prompts", "output"}. Its second line, {"begin": true}, comes once the provenance was read and
+taken; no image is answered before it. Standard input then stays open for as long as legoworld
+lives; when it is closed, the process ends, so that a killed legoworld leaves no model behind.
+
+Files go below "output" alone, the one folder that can be written to besides HOME and TMPDIR.
 
 Lines, in this order:
 {"provenance": {...}, "environment": {...}}                       once, when the model is loaded
@@ -76,8 +79,9 @@ def serve(
     if (predict is None) == (predict_batch is None):
         raise TypeError("serve takes predict or predict_batch")
     channel = _channel()
-    request = _read_request()
-    _end_with_the_parent()
+    begun = threading.Event()
+    request = _read_request(begun)
+    _listen_to_the_parent(begun)
     try:
         if predict is not None:
             _refuse_batches(request)
@@ -86,6 +90,7 @@ def serve(
         _say(channel, {"refused": refusal.reason})
         _end(REFUSED_EXIT_CODE)
     _say(channel, {"provenance": provenance, "environment": _environment()})
+    begun.wait()
     for batch in _batches(request["images"], alone=predict is not None):
         _say(channel, {"working_on": [image["image_id"] for image in batch]})
         results = _results(model, batch, predict, predict_batch)
@@ -168,21 +173,33 @@ def _say(channel: TextIO, line: dict[str, Any]) -> None:
     channel.flush()
 
 
-def _read_request() -> Request:
-    request: Request = json.loads(sys.stdin.readline())
+def _read_request(begun: threading.Event) -> Request:
+    """The first line; `begun` is set where more than that was read.
+
+    Not by sys.stdin: Python ends in an abort while a thread waits in it.
+    """
+    text = b""
+    while b"\n" not in text and (read := os.read(0, 1 << 16)):
+        text += read
+    line, _, more = text.partition(b"\n")
+    if more:
+        begun.set()
+    request: Request = json.loads(line)
     if request.get("schema_version") != 1:
         raise SystemExit(f"request of schema_version {request.get('schema_version')!r}, not 1")
     return request
 
 
-def _end_with_the_parent() -> None:
-    def wait() -> None:
+def _listen_to_the_parent(begun: threading.Event) -> None:
+    """Hear its second line; end when it has ended."""
+
+    def listen() -> None:
         with contextlib.suppress(OSError, ValueError):
             while os.read(0, 1024):
-                pass
+                begun.set()
         os._exit(1)
 
-    threading.Thread(target=wait, daemon=True, name="end-with-the-parent").start()
+    threading.Thread(target=listen, daemon=True, name="listen-to-the-parent").start()
 
 
 def _end(code: int) -> NoReturn:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -47,6 +48,8 @@ from legoworld.records.folders.run_reading import (
 from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary
 
 _LOCK: Final = ".lock"
+#: Begins the name of the folder in which a baseline's process writes, while it runs.
+BASELINE_SCRATCH: Final = ".legoworld-baseline-"
 _RESULTS: Final = (RUN, ROWS, SUMMARY, JOURNAL)
 #: All that a run writes into its folder, and what of it only a run has.
 _OF_A_RUN: Final = {*_RESULTS, CONFIGURATION, _LOCK, PREDICTIONS, FOLDER, *FOLDERS}
@@ -91,13 +94,14 @@ def refuse_strangers(folder: Path) -> None:
 
 
 def _is_of_a_run(name: str) -> bool:
-    return name in _OF_A_RUN or (name.startswith(".") and name.endswith(TEMPORARY_SUFFIX))
+    unfinished = name.startswith(".") and name.endswith(TEMPORARY_SUFFIX)
+    return name in _OF_A_RUN or unfinished or name.startswith(BASELINE_SCRATCH)
 
 
 def _is_of_a_beginning(name: str) -> bool:
     """Whether a run that was killed before its configuration was on record left the file."""
     unfinished = name.startswith(f".{CONFIGURATION}.") and name.endswith(TEMPORARY_SUFFIX)
-    return name == _LOCK or unfinished
+    return name == _LOCK or unfinished or name.startswith(BASELINE_SCRATCH)
 
 
 def prepare(folder: Path, configuration: Configuration, *, overwrite: bool) -> list[ImageRecord]:
@@ -138,9 +142,12 @@ def damage_notice(folder: Path) -> str | None:
 
 def delete_leftovers(folder: Path) -> None:
     """Delete the unfinished files of a killed run, before anything writes to the folder again."""
-    for leftover in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
-        if leftover.is_file():
-            leftover.unlink()
+    for parent, folders, files in os.walk(folder):
+        # What a killed run's baseline wrote is its keeper's to remove, which may be at it.
+        folders[:] = [name for name in folders if not name.startswith(BASELINE_SCRATCH)]
+        for name in files:
+            if name.startswith(".") and name.endswith(TEMPORARY_SUFFIX):
+                Path(parent, name).unlink()
 
 
 def begin(folder: Path, configuration: Configuration, *, overwrite: bool) -> None:

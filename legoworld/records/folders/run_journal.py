@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Final
 
-from legoworld.errors import SceneInvalidError
+from legoworld.errors import LegoWorldError, SceneInvalidError
 from legoworld.files import canonical_json, sync_folder
 from legoworld.records.base import RecordError, as_json, canonical, decode
 from legoworld.records.run_file import ImageRecord, ImageSource
@@ -48,6 +48,12 @@ class UnwritableRecordError(SceneInvalidError):
     """A record holds a text or a number that no JSON file can hold."""
 
     code = "unwritable_record"
+
+
+class JournalChangedError(LegoWorldError):
+    """Something else than the run has written into its journal."""
+
+    code = "journal_changed"
 
 
 @contextmanager
@@ -98,7 +104,12 @@ def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]
             stream.seek(place.line)
             data = _data_of(stream.readline())
             if data is None:
-                raise OSError(f"{JOURNAL} was changed while the run was writing it")
+                raise JournalChangedError(
+                    f"{JOURNAL} was changed while the run was writing it",
+                    found=f"another text at byte {place.line} of {folder.name}/{JOURNAL}",
+                    expected="what the run wrote there",
+                    next_step="let nothing else write into the run folder, and run the same again",
+                )
             at, texts = len(_BEFORE_PREDICTIONS), []
             for size in place.sizes:
                 texts.append(data[at : at + size].decode("utf-8"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -31,6 +32,10 @@ def load(request: Request) -> tuple[Request, dict[str, Any]]:
         raise Refused("the checkpoint is another model's", found="resnet", expected="fake")
     if how == "die_loading":
         sys.exit("no module named nothing")
+    if how == "hang_loading":
+        time.sleep(600)
+    if how in ("chatter", "silent", "twice", "stranger", "huge"):
+        say_otherwise(how, request["options"]["at"])
     if how == "die_at_the_end":
         die_instead_of_ending()
     labels = match_labels(request, ["Dog", "cat", "N/A"], every_category=False)
@@ -53,14 +58,18 @@ def misbehave(request: Request, image: dict[str, Any]) -> None:
         time.sleep(600)
     if how in ("crash", "child") or (how == "crash_once" and not marker.exists()):
         print("going down", file=sys.stderr, flush=True)
-        marker.touch()
+        with contextlib.suppress(OSError):  # the weights' folder is not there to write to
+            marker.touch()
         os.kill(os.getpid(), 9)
     if how == "raise":
         raise RuntimeError("out of\nmemory")
 
 
 def note_process(request: Request, pid: int) -> None:
-    with Path(request["weights"]).with_suffix(".pids").open("a") as stream:
+    with (
+        contextlib.suppress(OSError),
+        Path(request["weights"]).with_suffix(".pids").open("a") as stream,
+    ):
         stream.write(f"{pid}\n")
 
 
@@ -117,6 +126,28 @@ def entry(
 def wrong(request: Request, image: dict[str, Any], how: str) -> bool:
     options = request["options"]
     return bool(options["how"] == how and image["image_id"] == options["at"])
+
+
+def say_otherwise(how: str, at: int) -> None:
+    """Lines that `serve` does not say, or not when it does."""
+    say = protocol._say
+
+    def otherwise(channel: Any, line: dict[str, Any]) -> None:
+        if how == "silent" and "working_on" in line:
+            time.sleep(600)
+        while how == "chatter" and line.get("working_on") == [at]:
+            say(channel, line)
+            time.sleep(0.01)
+        if how == "stranger" and line.get("image_id") == at:
+            line = {**line, "image_id": 99}
+        if how == "huge" and line.get("image_id") == at:
+            channel.write(f'{{"image_id": {at}, "predictions": [{"9" * 5000}]}}\n')
+            return channel.flush()
+        for _ in range(2 if how == "twice" and line.get("image_id") == at else 1):
+            say(channel, line)
+        return None
+
+    protocol._say = otherwise
 
 
 def die_instead_of_ending() -> None:
