@@ -1,6 +1,6 @@
 """Category ids of results without names: the dataset's own, or positions in its category list.
 
-A results file does not say which, and on few photos both fit, so the assumption is reported.
+A results file does not say which. Where several fit, the user is asked, and shown what each means.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ _CONTIGUOUS: Final[Mapping[CategoryIds, tuple[str, int]]] = {
     "lvis-0": ("lvis", 0),
 }
 _SHOWN_CATEGORIES: Final = 8
+_SHOWN_IN_A_READING: Final = 3
 
 
 def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int, int]]:
@@ -56,10 +57,26 @@ def numbering(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[
     return known[declared]
 
 
-def fitting(ids: Iterable[int], vocabulary: Vocabulary, task: str) -> list[CategoryIds]:
-    """The numberings that contain all of these ids."""
-    wanted = set(ids)
-    return [n for n, known in numberings(vocabulary, task).items() if wanted <= known.keys()]
+def readings(ids: Counter[int], vocabulary: Vocabulary, task: str) -> dict[CategoryIds, str]:
+    """The numberings that have all of these ids, and the most frequent categories under each.
+
+    ids: with their counts. Of numberings that mean the same, the first.
+    """
+    known = numberings(vocabulary, task)
+    fits = {n: ours for n, ours in known.items() if ids.keys() <= ours.keys()}
+    meant = {name: tuple(ours[i] for i in ids) for name, ours in fits.items()}
+    return {
+        name: _named({ours[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
+        for name, ours in fits.items()
+        if next(other for other, what in meant.items() if what == meant[name]) == name
+    }
+
+
+def as_options(meant: Mapping[CategoryIds, str]) -> str:
+    """Options that declare these readings, each with what it means."""
+    return " or ".join(
+        f"--category-ids {name} ({categories})" for name, categories in meant.items()
+    )
 
 
 def check_numbering(by_id: Counter[int], known: Mapping[int, int], declared: str) -> None:
@@ -75,41 +92,59 @@ def check_numbering(by_id: Counter[int], known: Mapping[int, int], declared: str
         )
 
 
-def doubt(ids: Counter[int], vocabulary: Vocabulary, task: str) -> str | None:
-    """Why ids of the dataset may still be positions in its list; None if nothing suggests it.
+def refuse_doubtful(ids: Counter[int], vocabulary: Vocabulary, task: str) -> None:
+    """Raise PredictionsInvalidError where undeclared ids may mean two things, and ask which.
 
-    ids: undeclared category ids with their counts.
+    ids: all of the file's, with their counts: each narrows down what they can be.
     """
-    fits = fitting(ids, vocabulary, task)
-    if "dataset" not in fits:
+    meant = readings(ids, vocabulary, task)
+    # The first of COCO's list is the person, in most photos the most frequent of all. (LVIS's ids
+    # have no gaps that tell; its frequent categories do.)
+    person = bool(ids) and ids[1] == max(ids.values())
+    for name, unlikely in (
+        ("coco80-0", 0 not in ids and person),
+        ("lvis-0", not _fits_better_shifted(ids, vocabulary)),
+    ):
+        if name in meant and unlikely:
+            del meant[name]
+    if meant and [*meant] != ["dataset"]:
+        raise PredictionsInvalidError(
+            "the file does not say what numbering its category ids are of",
+            found=" or ".join(f"{name} ({what})" for name, what in meant.items()),
+            expected="one numbering, declared",
+            next_step="pass " + " or ".join(f"--category-ids {name}" for name in meant),
+        )
+
+
+def other_readings(
+    declared: CategoryIds, ids: Counter[int], vocabulary: Vocabulary, task: str
+) -> str | None:
+    """What declared ids would be in other numberings that have them; None if in no other."""
+    own = numberings(vocabulary, task)[declared]
+    others = readings(ids, vocabulary, task)
+    mine = _named({own[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
+    others = {name: what for name, what in others.items() if what != mine}
+    if not others:
         return None
-    if "coco80-1" in fits and any(numberings(vocabulary, task)["coco80-1"][i] != i for i in ids):
-        return (
-            "the category ids fit the dataset's own and the contiguous 1..80 alike, and were taken "
-            "for the dataset's: if the names above are wrong, pass --category-ids coco80-1; "
-            "if they are right, --category-ids dataset"
-        )
-    if "lvis-0" in fits and _fits_better_shifted(ids, vocabulary):
-        return (
-            "the category ids name rarer categories than they would as places from 0, and were "
-            "taken for the dataset's: if the names above are wrong, pass --category-ids lvis-0; "
-            "if they are right, --category-ids dataset"
-        )
-    return None
+    return f"category ids as {declared}: {mine}; they would fit {as_options(others)} as well"
 
 
 def most_frequent(category_ids: Iterable[int], vocabulary: Vocabulary) -> str:
     """The most frequent category names with their counts, as text."""
     counts = Counter(category_ids)
-    shown = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:_SHOWN_CATEGORIES]
-    names = ", ".join(f"{vocabulary.name_of(i)} {count:,}" for i, count in shown)
     in_all = counted(len(counts), "category", "categories")
-    return f"{in_all}: {names}" + (", ..." if len(counts) > len(shown) else "")
+    return f"{in_all}: {_named(counts, vocabulary, _SHOWN_CATEGORIES)}"
 
 
-def plain_ids(entries: Iterable[Entry]) -> set[int]:
-    """The category ids among entries."""
-    return {e["category_id"] for e in entries if type(e.get("category_id")) is int}
+def _named(counts: Mapping[int, int], vocabulary: Vocabulary, most: int) -> str:
+    shown = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]
+    names = ", ".join(f"{vocabulary.name_of(i)} {count:,}" for i, count in shown)
+    return names + (", ..." if len(counts) > len(shown) else "")
+
+
+def plain_ids(entries: Iterable[Entry]) -> Counter[int]:
+    """The category ids among entries, with their counts."""
+    return Counter(e["category_id"] for e in entries if type(e.get("category_id")) is int)
 
 
 def _fits_better_shifted(ids: Counter[int], vocabulary: Vocabulary) -> bool:

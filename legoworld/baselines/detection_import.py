@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,12 +21,14 @@ from legoworld.baselines.box_formats import (
 )
 from legoworld.baselines.category_ids import (
     CategoryIds,
+    as_options,
     check_numbering,
-    doubt,
-    fitting,
     most_frequent,
     numbering,
+    other_readings,
     plain_ids,
+    readings,
+    refuse_doubtful,
 )
 from legoworld.baselines.foreign_results import Entry
 from legoworld.baselines.labels import LabelMap, Matcher
@@ -55,6 +57,7 @@ from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import TrackImage
+from legoworld.tracks.vocabulary import Vocabulary
 
 Say = Callable[[str], None]
 
@@ -81,6 +84,10 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
     _say_placed(placed, len(results.entries), notice)
     named = _named(request, source, results, placed)
     checked = _checked(request, box_format, named.entries, notice)
+    if source.category_ids is None and named.by_id and not results.of_torchvision:
+        all_ids = named.by_id.total() == len(placed.entries)
+        ids = plain_ids(results.entries) if all_ids else named.by_id
+        refuse_doubtful(ids, *_of_dataset(request))
     _say_categories(request, source, named, checked, notice)
     groups = by_image(checked.entries)
     imported = Imported(
@@ -147,11 +154,16 @@ def _say_categories(
     if checked.entries:
         notice(most_frequent(checked.entries.category_id.tolist(), vocabulary))
     if source.category_ids is None:
-        doubtful = doubt(named.by_id, vocabulary, request.protocol.task.name)
-        if doubtful:
-            notice(doubtful)
-    elif not named.by_id:
+        return
+    if not named.by_id:
         notice(f"the file names its categories: --category-ids {source.category_ids} is not used")
+    elif others := other_readings(source.category_ids, named.by_id, *_of_dataset(request)):
+        notice(others)
+
+
+def _of_dataset(request: ImportRequest) -> tuple[Vocabulary, str]:
+    assert request.protocol.vocabulary is not None
+    return request.protocol.vocabulary, request.protocol.task.name
 
 
 def _checked(
@@ -188,7 +200,8 @@ def _checked(
     except PredictionsInvalidError as error:
         if not error.next_step.endswith("map categories by name"):
             raise
-        raise _with_options(error, fitting(plain_ids(as_given), vocabulary, task)) from error
+        meant = readings(plain_ids(as_given), vocabulary, task)
+        raise _with_options(error, meant) from error
     if _of_boxes(request):
         check_declared(as_given, sizes_wh, box_format)
     for warning in checked.warnings:
@@ -197,10 +210,10 @@ def _checked(
 
 
 def _with_options(
-    error: PredictionsInvalidError, numberings: Sequence[CategoryIds]
+    error: PredictionsInvalidError, meant: Mapping[CategoryIds, str]
 ) -> PredictionsInvalidError:
     """An error about category ids, extended by the options that declare them."""
-    declare = f", or pass --category-ids {' or '.join(numberings)}" if numberings else ""
+    declare = f", or pass {as_options(meant)}" if meant else ""
     return PredictionsInvalidError(
         error.what,
         found=error.found,

@@ -44,6 +44,11 @@ class ResultsFile:
     images: Mapping[Any, Entry]
     box_format: BoxFormat | None = None
 
+    @property
+    def of_torchvision(self) -> bool:
+        """Whether it is torchvision's outputs: their labels are COCO's own ids."""
+        return self.box_format is not None
+
 
 @dataclass(frozen=True, kw_only=True)
 class Named:

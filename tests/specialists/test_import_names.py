@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -224,23 +225,54 @@ def test_refused_ids_are_told_only_what_fits(bring, given, hint, options):
     code, _, said = bring([box(139, k) for k in given])
     assert code == 2
     assert hint in said
-    assert said.rstrip().endswith(f"with --label-map FILE, or pass --category-ids {options}")
+    assert "with --label-map FILE, or pass --category-ids" in said
+    assert re.findall(r"--category-ids (\S+) \(", said) == options.split(" or ")
 
 
-def test_ids_that_fit_both_ways_are_named_and_doubted(bring, tmp_path):
+def test_ids_that_fit_two_numberings_are_asked_about(bring, tmp_path):
     given = [box(139, k) for k in (1, 1, 1, 3, 18, 62)]
-    code, found, said = bring(given)
+    code, _, said = bring(given)
+    assert code == 2
+    assert "the file does not say what numbering its category ids are of" in said
+    assert "found: dataset (person 3, car 1, dog 1, ...) or coco80-1 (person 3, car 1," in said
+    assert "next: pass --category-ids dataset or --category-ids coco80-1" in said
+    assert not (tmp_path / "run").exists()
+    code, found, said = bring(given, "--category-ids", "dataset")
     assert code == 0
     assert [p["category_id"] for p in found] == [1, 1, 1, 3, 18, 62]
-    assert "4 categories: person 3, car 1, dog 1, chair 1" in said
-    assert "fit the dataset's own and the contiguous 1..80 alike" in said
-    assert "pass --category-ids coco80-1; if they are right, --category-ids dataset" in said
+    assert "as dataset: person 3, car 1, dog 1, ...; they would fit --category-ids" in said
     assert imported(tmp_path)["category_ids"] == "dataset"
-    assert "alike" not in bring(given, "--category-ids", "dataset")[2]
-    assert "alike" not in bring([*given, box(139, 90)])[2], "90 is the dataset's alone"
-    assert "alike" not in bring([box(139, k) for k in range(1, 12)])[2], (
-        "1..11 are the same in both"
-    )
+
+
+@pytest.mark.parametrize(
+    "ids",
+    [
+        [1, 1, 1, 3, 18, 62, 90],  # 90 is the dataset's alone
+        [1, *range(1, 12)],  # 1 to 11 are the same from 1 on, and the person is the most frequent
+        [k for k in range(1, 91) if k not in (12, 26, 29, 30, 45, 66, 68, 69, 71, 83)],
+    ],
+)
+def test_ids_that_are_the_datasets_are_taken_for_those(bring, ids):
+    code, found, said = bring([box(139, k) for k in ids])
+    assert code == 0
+    assert [p["category_id"] for p in found] == ids
+    assert "--category-ids" not in said
+
+
+def test_positions_without_a_person_are_not_taken_for_ids(bring):
+    """0 to 79 without the 0, all of them ids of the dataset."""
+    code, _, said = bring([box(139, k) for k in (2, 2, 3)])
+    assert code == 2
+    assert "found: dataset (bicycle 2, car 1) or coco80-0 (car 2, motorcycle 1)" in said
+
+
+def test_what_other_photos_have_tells_too(bring):
+    """Of the track's photo every id is the dataset's; of another it is none."""
+    given = [box(139, k) for k in (1, 1, 3)] + [box(999, 12)]
+    code, _, said = bring(given, "--subset")
+    assert code == 2
+    assert "found: coco80-1 (person 2, car 1, stop sign 1)" in said
+    assert "next: pass --category-ids coco80-1" in said
 
 
 def test_lvis_ids_that_name_rarer_things_are_doubted(bring):
@@ -254,8 +286,12 @@ def test_lvis_ids_that_name_rarer_things_are_doubted(bring):
             for k in frequent
         ]
 
-    assert "pass --category-ids lvis-0" in bring(masks(-1), task="lvis")[2]
-    assert "--category-ids" not in bring(masks(0), task="lvis")[2]
+    code, _, said = bring(masks(-1), task="lvis")
+    assert code == 2
+    assert "pass --category-ids dataset or --category-ids lvis-0" in said
+    code, _, said = bring(masks(0), task="lvis")
+    assert code == 0
+    assert "--category-ids" not in said
 
 
 def test_a_numbering_that_does_not_go_with_the_task_or_the_ids(bring):
@@ -393,7 +429,7 @@ def test_a_photo_in_another_folder_is_named_with_the_remedy(bring):
 def test_polygons_are_filled_as_pycocotools_fills_them(bring):
     triangle, square = [1, 1, 40.5, 3, 20, 30], [50, 30, 60, 30, 60, 40, 50, 40]
     given = [{**box("139", 18), "segmentation": [triangle, square]}]
-    code, found, said = bring(given, task="lvis")
+    code, found, said = bring(given, "--category-ids", "dataset", task="lvis")
     assert code == 0
     expected = coco_mask.merge(coco_mask.frPyObjects([triangle, square], 48, 64))
     assert found[0]["segmentation"]["counts"] == expected["counts"].decode()

@@ -41,6 +41,48 @@ def test_yolox_nano_on_188_photos_of_val2017(real_data, tmp_path):
     assert summary["coverage"]["attempted"] == 188
 
 
+@pytest.mark.parametrize(
+    ("truth", "results", "task"),
+    [
+        ("coco/instances_val2017_188.json", "coco/yolox_nano_val2017_188_results.json", "coco"),
+        ("evaluators/instances_val2014_100.json",
+         "evaluators/instances_val2014_fakebbox100_results.json", "coco"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("only", [range(80), range(79), range(1, 79), range(1, 11)])
+def test_real_files_in_each_numbering(real_data, tmp_path, capfd, truth, results, task, only):
+    """Ids of the dataset pass where more than a few say so; any other is named or asked about.
+
+    only: the places in COCO's list of the categories that are kept.
+    """
+    truth, entries = real_data / truth, json.loads((real_data / results).read_text())
+    track = tmp_path / "track.json"
+    assert call(["track", "make", "--task", task, "--truth", truth, "-o", track]) == 0
+    own = sorted(c["id"] for c in json.loads(track.read_text())["categories"])
+    place = {i: own.index(i) for i in own}
+    kept = [e for e in entries if place[e["category_id"]] in only]
+    ids = {"dataset": own, "coco80-0": range(80), "coco80-1": range(1, 81)}
+    for name, written in ids.items():
+        path = tmp_path / f"{name}.json"
+        path.write_text(
+            json.dumps([{**e, "category_id": written[place[e["category_id"]]]} for e in kept])
+        )
+        run = tmp_path / f"run-{name}"
+        words = ["baseline", "import", path, "--task", task, "--track", track, "-o", run]
+        capfd.readouterr()
+        code, said = call(words), capfd.readouterr().err
+        # Places 0 to 10 are numbered alike from 1 on: as coco80-1 they are the dataset's own.
+        alike = name == "coco80-1" and only == range(1, 11)
+        if code == 0:
+            assert name == "dataset" or alike, "other categories than the detector's"
+        else:
+            assert f"--category-ids {name}" in said or alike
+            assert not run.exists()
+            assert call([*words, "--category-ids", name]) == 0
+        if name == "dataset" and only in (range(80), range(79), range(1, 79)):
+            assert code == 0, "real ids of the dataset need no word"
+
+
 def test_its_boxes_written_as_corners_are_the_same_run(real_data, tmp_path):
     truth = real_data / "coco/instances_val2017_188.json"
     entries = json.loads((real_data / "coco/yolox_nano_val2017_188_results.json").read_text())
