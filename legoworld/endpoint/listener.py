@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+import traceback
 from collections.abc import Callable
 from typing import Final
 
@@ -12,6 +13,7 @@ from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 
 HOST: Final = "127.0.0.1"
+_AGAIN_S: Final = 0.05
 
 
 class PortTakenError(LegoWorldError):
@@ -22,13 +24,16 @@ class PortTakenError(LegoWorldError):
 
 
 class Listener:
-    """Hands each client to `accepted`, one after the other; what comes of it is the callee's.
+    """Hands each client to `accepted`, one after the other, which owns it unless it raises.
 
-    port: 0 for any that is free. PortTakenError where it cannot be used.
+    It ends with `stop` alone: while the machine has no descriptor or thread left, clients wait or
+    are closed, and errors of `accepted` are printed. port: 0 for any that is free. PortTakenError
+    where it cannot be used.
     """
 
     def __init__(self, port: int, accepted: Callable[[socket.socket], None]) -> None:
         self._accepted = accepted
+        self._over = threading.Event()
         try:
             self._socket = socket.create_server((HOST, port))
         except OSError as error:
@@ -44,6 +49,7 @@ class Listener:
 
     def stop(self) -> None:
         """Accept no more clients; `join` waits for the one that is being handed over."""
+        self._over.set()
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
@@ -53,9 +59,14 @@ class Listener:
         self._thread.join()
 
     def _accept(self) -> None:
-        while True:
+        while not self._over.is_set():
             try:
                 client, _ = self._socket.accept()
-            except OSError:
-                return
-            self._accepted(client)
+            except OSError:  # stopped; or a client that left, or no descriptor is free
+                self._over.wait(_AGAIN_S)
+                continue
+            try:
+                self._accepted(client)
+            except Exception:  # noqa: BLE001  such as no free thread: the next client is another
+                traceback.print_exc()
+                client.close()

@@ -5,23 +5,31 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+import traceback
 from typing import Final, Self
 
 from legoworld.endpoint.framing import FramingError, MessageSplitter
 from legoworld.endpoint.listener import Listener
 from legoworld.endpoint.session import Session
+from legoworld.errors import one_line
 from legoworld.records.base import RecordError, canonical, decode
 from legoworld.records.endpoint import Answer, Caller, Command, Failure
 
 #: Blender MCP's own.
 PORT: Final = 9876
+#: Each has a thread and a descriptor; the session answers one command at a time anyway.
+MOST_CLIENTS: Final = 64
+#: How long the words of a client that is refused are waited for, so that it reads the answer.
+_REFUSED_WITHIN_S: Final = 0.2
 
 
 class EndpointServer:
     """Listens on a port of this machine alone from its making to its closing.
 
-    port: 0 for any that is free; by: whose calls come through it. A client that vanishes takes
-    nothing with it: the call it made comes to its end, and its answer is dropped.
+    port: 0 for any that is free; by: whose calls come through it. Every command has one answer,
+    whatever it holds and whatever becomes of it. A client that vanishes takes nothing with it: the
+    call it made comes to its end, and its answer is dropped. A client beyond MOST_CLIENTS is told
+    so and left.
     """
 
     def __init__(self, session: Session, port: int, by: Caller = "agent") -> None:
@@ -48,28 +56,48 @@ class EndpointServer:
         self._listener.join()
 
     def _accepted(self, client: socket.socket) -> None:
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         with self._owning:
-            self._clients.add(client)
-        threading.Thread(target=self._serve, args=(client,), daemon=True).start()
+            room = len(self._clients) < MOST_CLIENTS
+            if room:
+                self._clients.add(client)
+        if not room:
+            _refuse(client)
+            return
+        try:
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            threading.Thread(target=self._serve, args=(client,), daemon=True).start()
+        except BaseException:
+            self._left(client)
+            raise
+
+    def _left(self, client: socket.socket) -> None:
+        with self._owning:
+            self._clients.discard(client)
+        client.close()
 
     def _serve(self, client: socket.socket) -> None:
         splitter = MessageSplitter()
         try:
             while data := client.recv(1 << 16):
                 for message in splitter.feed(data):
-                    _send(client, self._answer(message), splitter)
+                    client.sendall(_framed(self._answer(message), splitter))
         except FramingError as error:  # where the next message begins cannot be told
             with contextlib.suppress(OSError):
-                _send(client, Failure(message=str(error)), splitter)
+                client.sendall(_framed(_encoded(Failure(message=str(error))), splitter))
         except OSError:
             pass  # the client is gone
         finally:
-            with self._owning:
-                self._clients.discard(client)
-            client.close()
+            self._left(client)
 
-    def _answer(self, message: bytes) -> Answer:
+    def _answer(self, message: bytes) -> bytes:
+        try:
+            return _encoded(self._answered(message))
+        except Exception as error:  # noqa: BLE001  a mistake of ours is an answer, too
+            traceback.print_exc()
+            said = one_line(f"{type(error).__name__}: {error}")
+            return _encoded(Failure(message=f"internal error, not caused by the command: {said}"))
+
+    def _answered(self, message: bytes) -> Answer:
         try:
             command = decode(Command, message)
         except RecordError as error:
@@ -77,6 +105,18 @@ class EndpointServer:
         return self._session.answer(command, self._by)
 
 
-def _send(client: socket.socket, answer: Answer, splitter: MessageSplitter) -> None:
-    data = canonical(answer).encode("utf-8", "backslashreplace")
-    client.sendall(data + b"\n" if splitter.newlines else data)
+def _encoded(answer: Answer) -> bytes:
+    return canonical(answer).encode("utf-8", "backslashreplace")
+
+
+def _framed(data: bytes, splitter: MessageSplitter) -> bytes:
+    return data + b"\n" if splitter.newlines else data
+
+
+def _refuse(client: socket.socket) -> None:
+    """Answer a client that there is no room for, after its first words: else it may not read it."""
+    with client, contextlib.suppress(OSError):
+        client.settimeout(_REFUSED_WITHIN_S)
+        with contextlib.suppress(TimeoutError):
+            client.recv(1 << 16)
+        client.sendall(_encoded(Failure(message=f"{MOST_CLIENTS} clients are connected already")))
