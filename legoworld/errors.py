@@ -22,6 +22,11 @@ def printable(text: str) -> str:
     return _UNPRINTABLE.sub("\ufffd", text)
 
 
+def name_on_line(name: str) -> str:
+    """A name as part of a line of output: printable, no newlines or tabs, which forge lines."""
+    return printable(name.replace("\n", "\0").replace("\t", "\0"))
+
+
 def escaped(json_text: str) -> str:
     r"""JSON with what `printable` replaces as \u escapes: the same value, and nothing is lost."""
     return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", json_text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import fcntl
 import hashlib
@@ -25,6 +26,15 @@ _KINDS: Final = (
     (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a FIFO"), (stat.S_ISSOCK, "a socket"),
     (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"), (stat.S_ISLNK, "a link"),
 )  # fmt: skip
+
+
+#: The longer one first: it begins with the other.
+_OTHER_MARKS: Final = (
+    (codecs.BOM_UTF32_LE, "UTF-32"),
+    (codecs.BOM_UTF32_BE, "UTF-32"),
+    (codecs.BOM_UTF16_LE, "UTF-16"),
+    (codecs.BOM_UTF16_BE, "UTF-16"),
+)
 
 
 def sha256_of_file(path: Path) -> str:
@@ -100,6 +110,24 @@ def open_regular(path: Path) -> Iterator[BufferedReader]:
 
 class NotRegularError(OSError):
     """The path is not a regular file; strerror says what it is."""
+
+
+class EncodingError(ValueError):
+    """Bytes are not UTF-8 text; the message says what they are."""
+
+
+def utf8_text(data: bytes) -> str:
+    """Bytes of a text file as text, a UTF-8 byte order mark left out. EncodingError."""
+    for mark, name in _OTHER_MARKS:
+        if data.startswith(mark):
+            raise EncodingError(f"it is {name} text, not UTF-8: save it again as UTF-8")
+    if b"\0" in data[:4]:
+        raise EncodingError("it is UTF-16 text or no text, not UTF-8: save it again as UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        found = f"byte 0x{data[error.start]:02x} at position {error.start}"
+        raise EncodingError(f"it is not UTF-8: {error.reason}, {found}") from error
 
 
 def as_unicode(text: str) -> str:

@@ -60,3 +60,8 @@ def test_a_file_name_in_a_message_is_printable(tmp_path, capsys):
     assert code == 2
     assert "owned" in said.out + said.err
     assert not OBEYED & set(said.out + said.err)
+
+
+def test_a_name_with_a_newline_forges_no_line():
+    text = options.table(("photo", "status"), [("a\nb\tc", "ok"), ("\x1b[2J", "ok")])
+    assert text.splitlines()[2:] == ["a\ufffdb\ufffdc  ok", "\ufffd[2J   ok"]

@@ -13,7 +13,7 @@ from legoworld.baselines.baseline_run import write_run
 from legoworld.baselines.records import ResultMissingError
 from legoworld.baselines.request import common_configuration
 from legoworld.errors import UsageError, one_line
-from legoworld.files import canonical_json, sha256_of_text
+from legoworld.files import EncodingError, canonical_json, sha256_of_text, utf8_text
 from legoworld.pluralize import in_another_folder
 from legoworld.readouts.tasks import Protocol
 from legoworld.records.folders.run_journal import JournalledImage
@@ -50,8 +50,8 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
     UsageError for a name or id that the track does not have.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
+        text = utf8_text(path.read_bytes())
+    except EncodingError as error:
         raise UsageError(
             f"{path.name} is not a list of images", found=str(error), expected="text or JSON"
         ) from error

@@ -22,7 +22,9 @@ from legoworld.baselines.labels import Matcher
 from legoworld.errors import one_line
 from legoworld.evaluation.detection.inputs.masks import MOST_COORDINATE_PX, compressed
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
+from legoworld.files import utf8_text
 from legoworld.pluralize import share, word_for
+from legoworld.records.base import RecordError, read_json
 from legoworld.records.predictions import Prediction
 
 _LISTS: Final = ("annotations", "predictions", "results")
@@ -107,17 +109,17 @@ def _objects(values: list[Any]) -> tuple[Entry, ...]:
 def _read(path: Path) -> Any:
     """The file's JSON; for JSON lines, their list."""
     try:
-        text = path.read_text(encoding="utf-8")
+        data = path.read_bytes()
         try:
-            return json.loads(text)
-        except ValueError:
-            lines = [line for line in text.split("\n") if line.strip()]
-            if len(lines) < 2 or not lines[0].lstrip().startswith("{"):
+            return read_json(data)
+        except RecordError:
+            lines = [line for line in utf8_text(data).encode().split(b"\n") if line.strip()]
+            if len(lines) < 2 or not lines[0].lstrip().startswith(b"{"):
                 raise
-            return [json.loads(line) for line in lines]
-    except (OSError, ValueError, RecursionError) as error:
+            return [read_json(line) for line in lines]
+    except (OSError, ValueError) as error:
         raise PredictionsInvalidError(
-            f"{path.name} cannot be read",
+            f"{path} cannot be read",
             found=str(error),
             expected="results as JSON",
             next_step=next_step_for(path),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from legoworld.commands import options
+from legoworld.errors import name_on_line
 from legoworld.pluralize import share
 
 if TYPE_CHECKING:
@@ -67,14 +68,15 @@ def command(
 def _print(rows: list[FrozenRow], bad: list[FrozenRow], *, quiet: bool, verbose: bool) -> None:
     for row in () if quiet else rows:
         for warning in row.warnings:
-            click.echo(f"warning: {row.scene}: {warning}")
+            click.echo(f"warning: {name_on_line(row.scene)}: {warning}")
     for row in rows:
+        scene = name_on_line(row.scene)
         if row.status == "ok" and (not verbose or quiet):
             continue
         if row.status == "ok":
-            click.echo(f"ok: {row.scene}")
+            click.echo(f"ok: {scene}")
         for name, check in row.checks.items():
             if check.status != "ok":
-                click.echo(f"{check.status}: {row.scene}/{name}: {check.reason}")
+                click.echo(f"{check.status}: {scene}/{name}: {check.reason}")
     frozen = share(len(rows) - len(bad), len(rows), "scene", "scenes")
     click.echo(f"{frozen} frozen, all checks passed")

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import click
 
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import escaped
+from legoworld.errors import escaped, name_on_line
 from legoworld.pluralize import did_you_mean
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -193,7 +193,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
     The widest column is wrapped where the table would exceed TABLE_WIDTH.
     """
-    cells = _wrapped(header, [[str(c) for c in row] for row in rows])
+    cells = _wrapped(header, [[name_on_line(str(c)) for c in row] for row in rows])
     widths = [
         max(len(header[i]), *(len(row[i]) for row in cells)) if cells else len(header[i])
         for i in range(len(header))

@@ -10,6 +10,7 @@ import click
 
 from legoworld.commands import options
 from legoworld.commands.sentences import outside_the_vocabulary
+from legoworld.errors import name_on_line
 from legoworld.pluralize import counted, share
 from legoworld.records.base import UNSET
 from legoworld.tracks.scene_names import Stranger, lower_top
@@ -64,7 +65,7 @@ def warning_lines(rows: Sequence[RunRow], *, verbose: bool) -> list[str]:
     """
     warned = [(row, text) for row in rows for text in row.warnings]
     if verbose:
-        return [f"warning: {row.file_name}: {text}" for row, text in warned]
+        return [f"warning: {name_on_line(row.file_name)}: {text}" for row, text in warned]
     kinds: dict[str, list[tuple[RunRow, str]]] = {}
     for row, text in warned:
         kinds.setdefault(re.sub(r"'[^']*'|\"[^\"]*\"|\d+(\.\d+)?", "*", text), []).append(
@@ -77,7 +78,7 @@ def warning_lines(rows: Sequence[RunRow], *, verbose: bool) -> list[str]:
         more = (
             f" ({len(alike)} like it in {counted(images, 'image', 'images')})" if alike[1:] else ""
         )
-        lines.append(f"warning: {row.file_name}: {text}{more}")
+        lines.append(f"warning: {name_on_line(row.file_name)}: {text}{more}")
     return lines
 
 
@@ -116,9 +117,10 @@ def unlabelled_lines(result: Run) -> list[str]:
     if not bare:
         return []
     have = counted(len(bare), "scene has", "scenes have")
+    first = name_on_line(bare[0].scene)
     task = result.summary.task
     return [
-        f"{have} no label, such as {bare[0].scene}: give objects the custom property `category` "
+        f"{have} no label, such as {first}: give objects the custom property `category` "
         f"(`legoworld list schema --task {task}`)"
     ]
 
@@ -142,7 +144,8 @@ def _table(rows: Sequence[RunRow]) -> None:
 
 def _failure(row: RunRow, more: int = 0) -> str:
     others = f" and {more} more" if more else ""
-    return f"{row.status}: {row.file_name} (image {row.image_id}){others}: {row.reason}"
+    name = name_on_line(row.file_name)
+    return f"{row.status}: {name} (image {row.image_id}){others}: {row.reason}"
 
 
 def _label_lines(result: Run) -> list[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from legoworld.commands import options
+from legoworld.files import EncodingError, utf8_text
 from legoworld.pluralize import counted, share
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ def _show(made: MadeTrack, output: Path, seed: int, *, as_json: bool) -> int:
 def _lines(path: Path) -> list[str]:
     """The non-empty lines of a list."""
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
-    except UnicodeDecodeError as error:
-        raise click.UsageError(f"--images {path.name} is not a text file") from error
+        lines = utf8_text(path.read_bytes()).split("\n")
+    except EncodingError as error:
+        raise click.UsageError(f"--images {path}: {error}") from error
     return [line.strip() for line in lines if line.strip()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import math
 import re
@@ -10,7 +11,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from legoworld.files import canonical_json, readable_json
+from legoworld.files import canonical_json, readable_json, utf8_text
 
 __all__ = [
     "UNSET",
@@ -23,6 +24,7 @@ __all__ = [
     "decode_foreign",
     "decode_lines",
     "number",
+    "read_json",
     "readable",
     "short_json",
     "to_record",
@@ -33,6 +35,8 @@ _T = TypeVar("_T")
 _DECODERS: Final[dict[Any, msgspec.json.Decoder[Any]]] = {}
 _ANYTHING: Final[msgspec.json.Decoder[Any]] = msgspec.json.Decoder()
 _CONTAINERS: Final = frozenset((dict, list))
+_MAY_BE_HALF: Final = re.compile(r"\\u[dD][89a-fA-F]")
+_ESCAPE: Final = re.compile(r"\\(?:u([0-9a-fA-F]{4})|.)")
 _AT: Final = re.compile(r" - at `(?:key in )?([^`]*)`$")
 
 
@@ -72,7 +76,25 @@ def decode_foreign(kind: type[_T], data: bytes | str, *, levels: int) -> _T:
     return to_record(kind, document)
 
 
+def read_json(data: bytes) -> Any:
+    """A stranger's JSON by Python's reader, which takes NaN; a UTF-8 byte order mark is left out.
+
+    RecordError for another encoding, for what is not JSON, and for halves of surrogate pairs, which
+    no result could hold.
+    """
+    try:
+        text = utf8_text(data)
+        value = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordError(str(error)) from error
+    if half := _half_pair(text):
+        raise RecordError(half)
+    return value
+
+
 def _decoded(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
+    if isinstance(data, bytes):
+        data = data.removeprefix(codecs.BOM_UTF8)
     try:
         return decoder.decode(data)
     except msgspec.ValidationError as error:
@@ -89,6 +111,7 @@ def decode_lines(kind: type[_T], data: bytes, *, first: int = 1) -> list[_T]:
     first: the number of the first line.
     """
     decoder = _decoder(kind)
+    data = data.removeprefix(codecs.BOM_UTF8)
     try:
         return decoder.decode_lines(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -165,7 +188,33 @@ def _sentence(text: str) -> str:
 def _malformed(data: bytes | str) -> str:
     """Why a text is not JSON, by line and column where Python's reader can tell."""
     try:
-        json.loads(data)
+        text = data if isinstance(data, str) else utf8_text(data)
+        json.loads(text)
     except (ValueError, RecursionError) as error:
         return f"not JSON: {error}"
-    return "not JSON: NaN, infinity or half of a surrogate pair"  # which Python's reader takes
+    # What Python's reader takes:
+    return f"not JSON: {_half_pair(text) or 'NaN, infinity or -infinity'}"
+
+
+def _half_pair(text: str) -> str:
+    """Where a JSON text escapes half of a surrogate pair; "" where it does not."""
+    if not _MAY_BE_HALF.search(text):
+        return ""
+    high = None
+    for escape in _ESCAPE.finditer(text):
+        code = int(escape[1] or "0", 16)
+        if high is not None:
+            if escape.start() == high.end() and 0xDC00 <= code <= 0xDFFF:
+                high = None
+                continue
+            return _half_at(text, high)
+        if 0xDC00 <= code <= 0xDFFF:
+            return _half_at(text, escape)
+        high = escape if 0xD800 <= code <= 0xDBFF else None
+    return "" if high is None else _half_at(text, high)
+
+
+def _half_at(text: str, escape: re.Match[str]) -> str:
+    line = text.count("\n", 0, escape.start()) + 1
+    column = escape.start() - text.rfind("\n", 0, escape.start())
+    return f"half of a surrogate pair, {escape[0]}: line {line} column {column}"

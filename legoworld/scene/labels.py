@@ -9,10 +9,11 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from legoworld.conventions import CATEGORY_KEY
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError, one_line
+from legoworld.pluralize import did_you_mean
 from legoworld.records.labels import LabelsFile
 from legoworld.scene.folder import LABELS
 from legoworld.scene.side_files import SideFile, invalid, read_side_file
@@ -20,15 +21,21 @@ from legoworld.scene.snapshot import Snapshot
 from legoworld.tracks.vocabulary import Category, Vocabulary
 
 Kind = Literal["object", "collection"]
+#: Any `<vocabulary>_category` is read; these are the ones that a misspelt key may mean.
+_KEYS: Final = ("object", "collection", CATEGORY_KEY, "coco_category", "lvis_category")
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutsideLabel:
-    """One entry of labels.json: categories for all objects or collections of a name."""
+    """One entry of labels.json: categories for all objects or collections of a name.
+
+    unread: keys that are none of the format's.
+    """
 
     kind: Kind
     name: str
     categories: dict[str, str]  # by property: "category", "lvis_category", ...
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +97,7 @@ def resolve_labels(
     for kind, entries in by_kind.items() if outside else ():
         for i, (name, _) in enumerate(entries):
             owners_of.setdefault((kind, name), []).append(i)
-    warnings = []
+    warnings = _unread_keys(outside)
     for label in _merged(outside):
         owners = owners_of.get((label.kind, label.name), [])
         if not owners:
@@ -103,6 +110,15 @@ def resolve_labels(
         collections=_matched(by_kind["collection"], vocabulary, override_property),
         warnings=tuple(warnings),
     )
+
+
+def _unread_keys(outside: Sequence[OutsideLabel]) -> list[str]:
+    """A warning for each key that no entry of labels.json has a meaning for."""
+    unread = sorted({key for label in outside for key in label.unread})
+    return [
+        f"{LABELS} has the key {key!r}, which is not read.{did_you_mean(key, _KEYS)}"
+        for key in unread
+    ]
 
 
 def _merged(outside: Sequence[OutsideLabel]) -> list[OutsideLabel]:
@@ -153,7 +169,8 @@ def _outside_label(entry: Mapping[str, Any], place: int) -> OutsideLabel:
     texts = [entry[kind], *categories.values()]
     if not categories or not all(isinstance(t, str) and t.strip() for t in texts):
         raise _invalid(f"entry {place} is {one_line(json.dumps(entry), 80)}")
-    return OutsideLabel(kind=kind, name=entry[kind], categories=categories)
+    unread = tuple(key for key in entry if key != kind and key not in categories)
+    return OutsideLabel(kind=kind, name=entry[kind], categories=categories, unread=unread)
 
 
 def _invalid(found: str) -> LabelsInvalidError | SideFileInvalidError:

@@ -5,7 +5,6 @@ Ground truth is read but never written: the output is built from a list of allow
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from legoworld.evaluation.detection.inputs.truth_checks import (
 )
 from legoworld.files import atomic_path, names_a_file, sha256_of_file
 from legoworld.pluralize import in_another_folder
-from legoworld.records.base import RecordError, canonical, readable, to_record
+from legoworld.records.base import RecordError, canonical, read_json, readable, to_record
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, MadeTrack, TrackInfo
 from legoworld.track_making.depth_folders import depth_folder_source
 from legoworld.track_making.eth3d import eth3d_source
@@ -170,12 +169,14 @@ def annotation_source(task: str, path: Path) -> Source:
             expected="a COCO or LVIS annotation file",
         )
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path.read_bytes())
         entries, _ = document["images"], document["categories"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, RecordError, KeyError, TypeError) as error:
         raise CatalogError(
-            f"{path.name} cannot be read",
-            found=f"{type(error).__name__}: {error}",
+            f"{path} cannot be read",
+            found=str(error)
+            if isinstance(error, RecordError)
+            else f"{type(error).__name__}: {error}",
             expected="COCO or LVIS JSON with images and categories",
         ) from error
     categories = categories_in(document["categories"], path.name)

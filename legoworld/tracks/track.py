@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from legoworld.errors import CatalogError
+from legoworld.errors import CatalogError, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
 from legoworld.records.repeats import repeated
@@ -143,11 +143,12 @@ def scene_name(file_name: str) -> str:
 def _image(info: ImageInfo, source: str) -> TrackImage:
     name = _file_name(info)
     parts = PurePosixPath(name).parts
-    if ".." in parts or name.startswith("/") or not parts:
+    if ".." in parts or name.startswith("/") or not parts or name_on_line(name) != name:
         raise CatalogError(
             f"the track {source} has an image that cannot be used",
             found=f"id {info.id}, file_name {name!r}",
-            expected="a path below the photos' folder, as file_name or at the end of coco_url",
+            expected="a path below the photos' folder, as file_name or at the end of coco_url, "
+            "without control characters",
         )
     return TrackImage(
         id=info.id,

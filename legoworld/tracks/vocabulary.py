@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +10,7 @@ from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import canonical_json, sha256_of_text
-from legoworld.records.base import RecordError, to_record
+from legoworld.records.base import RecordError, read_json, to_record
 from legoworld.records.repeats import repeated
 from legoworld.records.track import CategoryInfo
 
@@ -186,5 +185,8 @@ def categories_in(entries: object, source: str) -> tuple[CategoryInfo, ...]:
 
 
 def load(path: Path) -> Vocabulary:
-    """A vocabulary file: a JSON list of categories."""
-    return from_json(json.loads(path.read_text(encoding="utf-8")), path.name)
+    """A vocabulary file: a JSON list of categories. CatalogError."""
+    try:
+        return from_json(read_json(path.read_bytes()), path.name)
+    except RecordError as error:
+        raise CatalogError(f"{path} cannot be read", found=str(error)) from error

@@ -8,7 +8,7 @@ import pytest
 from scene.by_hand import HandScene, categories, outside
 
 from legoworld.errors import LabelsInvalidError
-from legoworld.scene.labels import read_labels_file
+from legoworld.scene.labels import read_labels_file, resolve_labels
 from legoworld.tracks.vocabulary import from_json
 
 LVIS = from_json(
@@ -43,6 +43,22 @@ def one(**labels):
 )
 def test_names_match_without_case_and_with_underscores_as_spaces(written, expected):
     assert categories(one(category=written).grouped()) == [expected]
+
+
+def test_a_key_that_labels_json_does_not_have_is_a_warning(tmp_path):
+    entries = [
+        {"object": "Sofa", "category": "couch", "lvis_categry": "sofa", "note": "by hand"},
+        {"object": "Chair", "category": "chair", "kitti_category": "seat", "note": "by hand"},
+    ]
+    path = tmp_path / "labels.json"
+    path.write_text(json.dumps({"version": 1, "labels": entries}))
+    scene = one()
+    scene.object("Chair")
+    warnings = resolve_labels(scene.snapshot(), read_labels_file(path), None, None).warnings
+    assert warnings == (
+        "labels.json has the key 'lvis_categry', which is not read. Did you mean 'lvis_category'?",
+        "labels.json has the key 'note', which is not read.",
+    )
 
 
 def test_blank_labels_are_no_labels():

@@ -10,7 +10,7 @@ from typing import Final
 
 from legoworld.evaluation.depth.arrays import SPACES, Intrinsics
 from legoworld.evaluation.depth.errors import DepthTruthError
-from legoworld.files import write_text
+from legoworld.files import utf8_text, write_text
 
 DECLARATION: Final = "depth.toml"
 
@@ -42,7 +42,7 @@ def read_declaration(folder: Path) -> Declaration:
     if not path.is_file():
         return Declaration()
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = tomllib.loads(utf8_text(path.read_bytes()))
     except (OSError, ValueError, RecursionError) as error:
         raise DepthTruthError(f"{DECLARATION} cannot be read", found=str(error)) from error
     known = {f.name for f in fields(Declaration)}

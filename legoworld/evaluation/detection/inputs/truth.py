@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.detection.inputs.truth_checks import (
@@ -21,12 +19,10 @@ from legoworld.evaluation.detection.inputs.truth_checks import (
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.pluralize import counted, share, word_for
-from legoworld.records.base import decode
+from legoworld.records.base import RecordError, read_json
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.dataset_versions import dataset_version
 from legoworld.tracks.vocabulary import Vocabulary, from_json
-
-_MAY_BE_HALF: Final = re.compile(r"\\u[dD][89a-fA-F]")
 
 
 class TruthMismatchError(LegoWorldError):
@@ -99,13 +95,10 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8")
-        document: Any = json.loads(text)
-        if _MAY_BE_HALF.search(text):  # Python's reader takes halves of surrogate pairs
-            decode(object, text)
-    except (OSError, ValueError, RecursionError) as error:
+        document = read_json(path.read_bytes())
+    except (OSError, RecordError) as error:
         raise TruthInvalidError(
-            f"the truth {path.name} cannot be read",
+            f"the truth {path} cannot be read",
             found=str(error),
             expected="COCO instances or LVIS JSON",
         ) from error

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, name_on_line
 from legoworld.evaluation.detection.inputs.box_formats import (
     BoxFormatError,
     check_box_format,
@@ -51,6 +51,7 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
     """
     _refuse(name, "images", entries, _object_fault)
     _refuse(name, "images", entries, _key_fault("id"), "an integer id")
+    _refuse(name, "images", entries, _name_fault, "a file name without control characters")
     by_id: dict[int, Foreign] = {}
     twice: list[int] = []
     for entry in entries:
@@ -279,6 +280,11 @@ def _whole(value: float, what: str, repairs: Counter[str]) -> int:
     if type(value) is float:
         repairs[f"{what} written as decimals, taken as integers"] += 1
     return int(value)
+
+
+def _name_fault(entry: Foreign) -> str | None:
+    name = str(entry.get("file_name", ""))
+    return None if name_on_line(name) == name else f"file_name {name!r}"
 
 
 def _size_fault(entry: Foreign) -> str | None:
