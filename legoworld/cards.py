@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from legoworld.conventions import ALPHA_THRESHOLD, EQUAL_CONFIDENCE, NO_DEPTH, NO_INSTANCE
-from legoworld.errors import CatalogError, InstallationError
+from legoworld.errors import CatalogError, InstallationError, cause
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
@@ -167,5 +167,5 @@ def read_toml(kind: type[T], path: Path, *, what: str, expected: str, next_step:
         return to_record(kind, tomllib.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError) as error:
         raise CatalogError(
-            f"{what} cannot be used", found=str(error), expected=expected, next_step=next_step
+            f"{what} cannot be used", found=cause(error), expected=expected, next_step=next_step
         ) from error

@@ -38,6 +38,12 @@ def one_line(text: str, limit: int = 400) -> str:
     return flat if len(flat) <= limit else flat[: limit - 1] + "…"
 
 
+def cause(error: Exception) -> str:
+    """An error's own words for `found`: of an OSError, without its number and without the path."""
+    words = error.strerror if isinstance(error, OSError) else None
+    return words or str(error) or type(error).__name__
+
+
 class LegoWorldError(Exception):
     """The base of all errors: what went wrong, what was found and expected, what to do next.
 
@@ -100,6 +106,13 @@ class UsageError(LegoWorldError):
     """A command was called with unusable arguments; nothing was written."""
 
     code = "usage"
+
+
+class NotAssessedError(LegoWorldError):
+    """There is nothing to certify or score, or it cannot be read: neither a yes nor a no."""
+
+    code = "not_assessed"
+    exit_code = exit_codes.NOT_ASSESSED
 
 
 class ConfigurationMismatchError(LegoWorldError):

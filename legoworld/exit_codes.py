@@ -15,6 +15,8 @@ UNUSABLE: Final = 2
 BELOW: Final = 3
 #: Not finished for a reason outside the input: the same call can succeed elsewhere or later.
 BLOCKED: Final = 4
+#: Nothing to certify or score, or it cannot be read: neither yes nor no, and no number.
+NOT_ASSESSED: Final = 5
 #: Ctrl-C.
 INTERRUPTED: Final = 130
 
@@ -26,6 +28,8 @@ MEANING: Final = {
     BELOW: "finished, but a `--fail-below` threshold is not met",
     BLOCKED: "not finished for a reason outside the input: a full or read-only disk, a broken "
     "installation, an unreachable store, a lost cluster, a bug in legoworld",
+    NOT_ASSESSED: "not assessed: there is nothing to certify or score, or it cannot be read; no "
+    "verdict and no number",
     INTERRUPTED: "stopped with Ctrl-C",
 }
 

@@ -20,7 +20,7 @@ from legoworld.agents.unfinished import (
     remove_finished,
     unfinished_trial,
 )
-from legoworld.errors import LegoWorldError, UsageError
+from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.records.agents import BegunTrial, Outcome, ReconstructionFile, Usage
 from legoworld.records.base import Record, RecordError, decode
 from legoworld.records.plugin_modules import PluginUsed
@@ -116,7 +116,7 @@ class _Trials:
             status: Outcome = "no_photo" if error.code == "no_photo" else "failed"
             return _row(item, status, str(error))
         except OSError as error:
-            return _row(item, "failed", str(error))
+            return _row(item, "failed", cause(error))
 
     def _made(self, item: TrialItem) -> TrialRow:
         target = item.scenes / item.image.scene
@@ -177,7 +177,7 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
     except (OSError, RecordError) as error:
         raise UsageError(
             f"{target} is there and is no trial's",
-            found=str(error),
+            found=cause(error),
             expected=f"a new folder of scenes, or one with a {RECONSTRUCTION} in each",
             next_step="pass another -o",
         ) from error

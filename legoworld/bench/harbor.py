@@ -193,7 +193,8 @@ Things that may be in the picture: {categories}.
 """
 
 _TEST: Final = """#!/bin/sh
-# Scores what the agent left and writes /logs/verifier/reward.json; never fails without a reward.
+# Scores what the agent left and writes /logs/verifier/reward.json. Nothing left is a reward of 0;
+# a scoring that failed is exit code 5 and no reward, which Harbor reports as the verifier's error.
 set -u
 mkdir -p /logs/verifier /tmp/submissions {workspace}
 legoworld blender finalise {workspace} -o /tmp/submissions/{stem}

@@ -5,34 +5,48 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from legoworld.errors import NotAssessedError, cause
 from legoworld.files import readable_json, write_text
 from legoworld.records.base import RecordError, decode_lines
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction_rows import EVALUATOR_ERROR, ReconstructionRow
 
 _ROWS: Final = "per_image.jsonl"
 
 
-def reward_of(evaluation: Path) -> dict[str, float]:
-    """`reward` (S, or R where nothing was rendered) with V, R, A and S; zeros without a row.
+def read_reward(evaluation: Path) -> dict[str, float]:
+    """`reward` (S, or R where nothing was rendered) with V, R, A and S of the only case.
 
-    An evaluation that could not be made is a submission of no worth, never a missing reward.
+    Zeros are the protocol's answer to a submission that is missing or invalid. Raises
+    NotAssessedError where no submission was scored: no evaluation of the bench, an unreadable row,
+    another number of cases than one, or an evaluator that failed.
     """
     try:
         rows = decode_lines(ReconstructionRow, (evaluation / _ROWS).read_bytes())
-    except (OSError, RecordError):
-        rows = []
+    except (OSError, RecordError) as error:
+        raise _not_assessed(evaluation, f"{_ROWS}: {cause(error)}") from error
     if len(rows) != 1:
-        return {"reward": 0.0, "V": 0.0, "R": 0.0, "A": 0.0, "S": 0.0}
+        raise _not_assessed(evaluation, f"{len(rows)} cases")
     (row,) = rows
-    r = row.R or 0.0
-    scores = {"V": float(row.valid), "R": r}
+    if row.status == EVALUATOR_ERROR or row.R is None:
+        raise _not_assessed(evaluation, f"{row.file_name}: {row.reason or 'R was not computed'}")
+    scores = {"V": float(row.valid), "R": row.R}
     if row.A is not None and row.S is not None:
         scores |= {"A": row.A, "S": row.S}
-    return {"reward": scores.get("S", r), **scores}
+    return {"reward": scores.get("S", row.R), **scores}
+
+
+def _not_assessed(evaluation: Path, found: str) -> NotAssessedError:
+    return NotAssessedError(
+        f"{evaluation} gives no reward",
+        found=found,
+        expected="an evaluation of one case of the bench",
+        next_step="read what `legoworld evaluate` printed; a trainer repeats the case or drops it",
+    )
 
 
 def write_reward(evaluation: Path, output: Path) -> dict[str, float]:
-    """Write reward.json; what is in it."""
-    reward = reward_of(evaluation)
+    """Write reward.json; what is in it. NotAssessedError: an earlier reward.json is removed."""
+    output.unlink(missing_ok=True)
+    reward = read_reward(evaluation)
     write_text(output, readable_json(reward))
     return reward

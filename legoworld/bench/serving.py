@@ -13,7 +13,7 @@ from typing import Self
 
 import msgspec
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchDataset
@@ -64,7 +64,7 @@ class ScoreWorker:
         try:
             return _answer(request, self._scored(request))
         except (LegoWorldError, OSError) as error:
-            return msgspec.structs.replace(_refused(request, str(error)), status=EVALUATOR_ERROR)
+            return msgspec.structs.replace(_refused(request, cause(error)), status=EVALUATOR_ERROR)
 
     def abort(self) -> None:
         """End the Blender process under a running `answer`."""

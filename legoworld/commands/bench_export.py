@@ -100,7 +100,8 @@ def export_command(
 def reward_command(evaluation: Path, output: Path) -> int:
     """Write reward.json of an evaluation of one case: finite numbers with the key `reward`.
 
-    reward is S, or R of a run without a render; 0 where the evaluation is not there.
+    reward is S, or R of a run without a render; 0 for a submission that is missing or invalid.
+    Where nothing was scored no file is written, and the exit code is 5.
 
     \b
     Examples:

@@ -9,7 +9,7 @@ import click
 
 from legoworld.commands import options
 from legoworld.errors import name_on_line
-from legoworld.pluralize import share
+from legoworld.pluralize import counted, share
 
 if TYPE_CHECKING:
     from legoworld.records.frozen import FrozenRow
@@ -79,4 +79,5 @@ def _print(rows: list[FrozenRow], bad: list[FrozenRow], *, quiet: bool, verbose:
             if check.status != "ok":
                 click.echo(f"{check.status}: {scene}/{name}: {check.reason}")
     frozen = share(len(rows) - len(bad), len(rows), "scene", "scenes")
-    click.echo(f"{frozen} frozen, all checks passed")
+    failed = counted(len(bad), "scene fails a check", "scenes fail a check")
+    click.echo(f"{frozen} frozen, {failed if bad else 'all checks passed'}")

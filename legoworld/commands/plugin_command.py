@@ -106,9 +106,9 @@ def replay(ledger: Path) -> int:
       legoworld plugin replay case-1
       legoworld plugin replay legoworld-ledger
     """
-    from legoworld.plugin.ledger import read_ledger
+    from legoworld.plugin.ledger import check_ledger
 
-    entries = read_ledger(ledger)
+    entries = check_ledger(ledger)
     rows = [
         (e.seq, e.tool, e.transaction or "", "failed" if e.error else e.phase,
          (e.scene_signature or "")[:12])

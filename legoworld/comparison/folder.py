@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from legoworld.comparison.formats import FORMATS
 from legoworld.comparison.tables import coverage_table, csv_table, headline_table
-from legoworld.errors import ConfigurationMismatchError, LegoWorldError
+from legoworld.errors import ConfigurationMismatchError, LegoWorldError, cause
 from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import READ, Evaluated
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file, write_text
@@ -147,7 +147,7 @@ def read_comparison(path: Path) -> Comparison | JoinedComparison:
     except (OSError, RecordError) as error:
         raise ComparisonFolderError(
             f"{path.parent.name}/{path.name} cannot be read",
-            found=getattr(error, "strerror", None) or str(error),
+            found=cause(error),
             expected="a file written by `legoworld compare`",
             next_step="compare again with --overwrite",
         ) from error

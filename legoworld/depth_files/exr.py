@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from legoworld import extras
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import MOST_PX, SizeCheck, check_claim
+from legoworld.errors import cause
 
 #: Last parts of the names of depth channels, the most specific first; `<layer>.Z` counts as Z.
 _DEPTH_NAMES: Final = (("Z",), ("DEPTH",), ("Y", "V"))
@@ -40,7 +41,7 @@ def read_exr(
         with openexr.File(str(path), separate_channels=True) as file:
             channels = {name: c.pixels for name, c in file.channels().items()}
     except (RuntimeError, ValueError, TypeError, KeyError, OSError) as error:
-        raise DepthFileError(f"{path.name} cannot be read", found=str(error)) from error
+        raise DepthFileError(f"{path.name} cannot be read", found=cause(error)) from error
     if n_parts != 1:
         raise DepthFileError(
             f"{path.name} is not one depth image", found=f"{n_parts} parts", expected="one part"

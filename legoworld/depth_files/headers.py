@@ -12,6 +12,7 @@ from typing import IO, Any, Final
 import numpy as np
 
 from legoworld.depth_files.errors import DepthFileError
+from legoworld.errors import cause
 
 #: Called with (width, height) before the array is read; raises if the size is unusable.
 SizeCheck = Callable[[tuple[int, int]], None]
@@ -179,7 +180,7 @@ def tiff_claim(path: Path) -> tuple[int, ...]:
             fields, following = _first_directory(stream)
     except (OSError, struct.error, KeyError, ValueError, OverflowError) as error:
         raise DepthFileError(
-            f"{path.name} cannot be read", found=str(error), expected="a TIFF of one channel"
+            f"{path.name} cannot be read", found=cause(error), expected="a TIFF of one channel"
         ) from error
     if following:
         raise DepthFileError(

@@ -24,6 +24,7 @@ from legoworld.depth_files.headers import (
     png_claim,
     tiff_claim,
 )
+from legoworld.errors import cause
 from legoworld.files import names_a_file
 
 #: Suffixes in lookup order.
@@ -203,7 +204,7 @@ def _read_npy(path: Path, check_size: SizeCheck | None) -> NDArray[Any]:
             values = _plain_numbers(stream)
     except (OSError, ValueError, EOFError) as error:
         raise DepthFileError(
-            f"{path.name} cannot be read", found=str(error), expected="an .npy of plain numbers"
+            f"{path.name} cannot be read", found=cause(error), expected="an .npy of plain numbers"
         ) from error
     return values
 
@@ -275,6 +276,6 @@ def _npz_errors(path: Path) -> Iterator[None]:
     ) as error:
         raise DepthFileError(
             f"{path.name} cannot be read",
-            found=str(error) or type(error).__name__,
+            found=cause(error),
             expected="an .npz of plain arrays",
         ) from error

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from legoworld.errors import LegoWorldError, UsageError
+from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.pluralize import counted
 from legoworld.records.base import RecordError, decode, decode_lines
 from legoworld.records.folders.prediction_files import prediction_files, stored_batches
@@ -158,6 +158,6 @@ def run_view(run: Run) -> dict[str, Any]:
 def _unreadable(folder: Path, name: str, error: OSError | RecordError) -> RunUnusableError:
     return RunUnusableError(
         f"{folder.name}/{name} cannot be read",
-        found=getattr(error, "strerror", None) or str(error),
+        found=cause(error),
         expected=f"{RUN} and {ROWS} as a run writes them; make a run with readout",
     )

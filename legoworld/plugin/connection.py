@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from legoworld.endpoint.framing import FramingError, MessageSplitter
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.records.base import Record, RecordError, canonical, decode
 from legoworld.records.endpoint import Answer, Command, Failure, Success
 
@@ -88,7 +88,7 @@ class BlenderConnection:
                     for answer in splitter.feed(data):
                         return _read(answer)
         except (OSError, FramingError, RecordError) as error:
-            raise self._unreachable(str(error)) from error
+            raise self._unreachable(cause(error)) from error
         raise self._unreachable("the connection ended without an answer")
 
     def _unreachable(self, found: str) -> BlenderUnreachableError:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import picture_shape
 from legoworld.depth_files.reading import npz_contents, read_npz_array, read_picture
+from legoworld.errors import cause
 from legoworld.files import sha256_of_file, write_npz
 from legoworld.plugin.evidence import DEPTH, EvidenceInvalidError
 from legoworld.records.plugin_evidence import DepthEvidence, DepthSpace
@@ -70,7 +71,7 @@ def _array(path: Path) -> NDArray[np.float32]:
     except (OSError, ValueError, MemoryError, DepthFileError) as error:
         raise EvidenceInvalidError(
             f"{path} cannot be read as depth",
-            found=str(error),
+            found=cause(error),
             expected="one (H, W) array, in any depth format or the only one of a .npz",
         ) from error
 

@@ -12,6 +12,7 @@ from typing import Final
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.reading import npz_contents
+from legoworld.errors import cause
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.readouts.tasks import protocol
@@ -60,7 +61,7 @@ def usable_run(folder: Path) -> Configuration:
     try:
         configuration = finished_run(folder).configuration
     except (RunDamagedError, OSError) as error:
-        raise _refused(f"{folder.name} is no finished run of a baseline", str(error)) from error
+        raise _refused(f"{folder.name} is no finished run of a baseline", cause(error)) from error
     if configuration.used_truth:
         raise _refused(f"{folder.name} was prompted with ground truth", "used_truth in run.json")
     return configuration
@@ -126,7 +127,7 @@ def _records(folder: Path) -> list[ImageRecord]:
     try:
         return list(finished_records(folder))
     except (RunDamagedError, OSError) as error:
-        raise _refused(f"{folder.name} is no finished run of a baseline", str(error)) from error
+        raise _refused(f"{folder.name} is no finished run of a baseline", cause(error)) from error
 
 
 def _of_photo(records: Sequence[ImageRecord], photo_sha256: str) -> ImageRecord | None:

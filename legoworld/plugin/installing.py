@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.files import write_text
 from legoworld.plugin.hooks import EDITING, EDITING_STARTS, MOST_BLOCKS, Dialect
 from legoworld.plugin.json_text import added, removed
@@ -231,7 +231,7 @@ def _text(path: Path) -> str | None:
     except FileNotFoundError:
         return None
     except (UnicodeDecodeError, OSError) as error:
-        raise _broken(path.name, str(error)) from error
+        raise _broken(path.name, cause(error)) from error
 
 
 def _written(project: Path, path: str, after: str | None) -> Written:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import msgspec
 
-from legoworld.errors import LegoWorldError, UsageError
+from legoworld.errors import LegoWorldError, NotAssessedError, UsageError
 from legoworld.files import sha256_of_text
 from legoworld.records.base import RecordError, canonical, decode
 from legoworld.records.plugin_ledger import Entry, Phase
@@ -110,6 +110,18 @@ def read_ledger(folder: Path) -> list[Entry]:
     A last line without its end was being written when the process was killed, and is left out.
     """
     return _read(folder / LEDGER)[0]
+
+
+def check_ledger(folder: Path) -> list[Entry]:
+    """`read_ledger`; NotAssessedError where there is no ledger, or no entry in it."""
+    entries = read_ledger(folder)
+    if not entries:
+        raise NotAssessedError(
+            f"{folder} holds no ledger to check",
+            found="no entry" if (folder / LEDGER).exists() else f"no {LEDGER}",
+            expected="the folder that `legoworld plugin serve --ledger` wrote",
+        )
+    return entries
 
 
 def _read(path: Path) -> tuple[list[Entry], int]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.plugin.ledger import Ledger, LedgerBrokenError
 from legoworld.plugin.state import LiveScene, signature_of
 from legoworld.records.base import RecordError, as_json, decode, readable
@@ -89,7 +89,7 @@ class Recorded:
         try:
             state = decode(SceneState, path.read_bytes())
         except (OSError, RecordError) as error:
-            raise _changed(path, str(error)) from error
+            raise _changed(path, cause(error)) from error
         if signature_of(state) != settled.scene_signature:
             raise _changed(path, "a state of another signature")
         return state

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.reconstruction.appearance import PictureError, agreement
 from legoworld.evaluation.reconstruction.correspondence import on_one_raster
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
@@ -110,7 +110,7 @@ def differences(inputs: BenchInputs, run_row: RunRow, row: ReconstructionRow) ->
         data = inputs.dataset.folders.reference(case).read_bytes()
         picture = resized_reference(data, case.truth.sha256.reference, run_row.render.size_wh)
     except (OSError, PictureError) as error:
-        raise NoPictureError(f"the reference picture cannot be read: {error}") from error
+        raise NoPictureError(f"the reference picture cannot be read: {cause(error)}") from error
     largest: Codes = agreement(render, picture).largest
     if row.appearance is not None and row.appearance.n_px != largest.size:
         raise NoPictureError(_OTHER)

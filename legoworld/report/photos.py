@@ -9,7 +9,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.files import names_a_file
 from legoworld.readouts.pictures import read_photo
 from legoworld.scene.pictures import MOST_PHOTO_PX
@@ -65,7 +65,7 @@ def page_picture(
     try:
         picture = read_photo(path, most_px=most_px, name=path.name)
     except (LegoWorldError, OSError) as error:
-        return Photo(webp=None, said=f"{name} could not be read: {error}")
+        return Photo(webp=None, said=f"{name} could not be read: {cause(error)}")
     height, width = picture.shape[:2]
     if size_wh is not None and (width, height) != size_wh:
         said = f"{name} is {width}x{height}, its truth {size_wh[0]}x{size_wh[1]}"

@@ -14,6 +14,7 @@ from legoworld.errors import (
     WorkerCrashedError,
     WorkerMemoryError,
     WorkerTimeoutError,
+    cause,
 )
 from legoworld.files import TEMPORARY_SUFFIX
 from legoworld.records.frozen import FrozenRow
@@ -170,7 +171,7 @@ def _check(check: Callable[[], None]) -> Verdict:
     except OSError as error:
         return _complaint(
             SceneInvalidError(
-                "the file cannot be read", found=str(error.strerror), expected="a readable file"
+                "the file cannot be read", found=cause(error), expected="a readable file"
             )
         )
     return OK

@@ -10,7 +10,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from legoworld.errors import ConfigurationMismatchError, UsageError
+from legoworld.errors import ConfigurationMismatchError, UsageError, cause
 from legoworld.files import atomic_path
 from legoworld.readouts.tasks import TASKS
 from legoworld.records.base import RecordError, as_json, decode
@@ -134,7 +134,7 @@ def _finished_document(folder: Path) -> RunFile:
     except (OSError, RecordError) as error:
         raise UsageError(
             f"{folder.name} is not a finished shard",
-            found=getattr(error, "strerror", None) or str(error),
+            found=cause(error),
             expected="the output of `legoworld readout --shard i/n`, or one undivided run alone",
             next_step="run its command again to resume",
         ) from error

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.cards import Card
-from legoworld.errors import LegoWorldError, SceneInvalidError
+from legoworld.errors import LegoWorldError, SceneInvalidError, cause
 from legoworld.files import as_unicode, atomic_path, sha256_of_file, sha256_of_text
 from legoworld.readouts.camera_planes import facing_planes
 from legoworld.readouts.joints import scene_joints
@@ -151,9 +151,7 @@ def _checked(folder: SceneFolder, name: str, check: Callable[[Path], None]) -> C
     except LegoWorldError as error:
         return failed_check(error)
     except OSError as error:
-        return Check(
-            ok=False, found=error.strerror or type(error).__name__, expected=f"a readable {name}"
-        )
+        return Check(ok=False, found=cause(error), expected=f"a readable {name}")
     return OK
 
 

@@ -12,7 +12,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from legoworld.errors import InstallationError, KernelBuildError, LegoWorldError, SceneInvalidError
+from legoworld.errors import (
+    InstallationError,
+    KernelBuildError,
+    LegoWorldError,
+    SceneInvalidError,
+    cause,
+)
 from legoworld.files import refused_by_machine
 from legoworld.scene.cache import CacheFolderError
 
@@ -42,7 +48,7 @@ def judged(error: Exception, written: Iterable[Path]) -> LegoWorldError:
             raise error
         return SceneInvalidError(
             "a file of the scene cannot be used",
-            found=error.strerror or type(error).__name__,
+            found=cause(error),
             expected="files that may be read, with names the file system takes",
             next_step="correct the file or its name",
         )

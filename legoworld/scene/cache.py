@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld import exit_codes
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.files import canonical_json, home_folder, sha256_of_text, write_text
 from legoworld.scene.freeze import Hashes
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
@@ -80,7 +80,7 @@ class SnapshotCache:
         except OSError as error:
             if error.errno not in _UNWRITABLE:
                 raise
-            raise unwritable(self.folder, error.strerror or str(error)) from error
+            raise unwritable(self.folder, cause(error)) from error
 
     def _entry(self, key: str, suffix: str) -> Path:
         return Path(f"{self.folder}/{key[:2]}/{key[2:]}{suffix}")  # joined once, for every image
@@ -126,7 +126,7 @@ def why_unwritable(folder: Path) -> str:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        return error.strerror or type(error).__name__
+        return cause(error)
     return "" if os.access(folder, os.W_OK | os.X_OK) else "no permission to write there"
 
 

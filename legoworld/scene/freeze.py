@@ -12,7 +12,7 @@ from typing import Final, Literal
 
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
+from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError, cause
 from legoworld.files import (
     NotRegularError,
     open_regular,
@@ -109,11 +109,11 @@ def _file_hash(folder: Path, name: str) -> FileHash | None:
     except NotRegularError as error:
         if name not in ARTEFACTS and (folder / name).is_dir():
             return None  # a folder of caches: the files in it are dependencies of their own
-        raise _unusable(name, str(error.strerror)) from error
+        raise _unusable(name, cause(error)) from error
     except OSError as error:
         if refused_by_machine(error):
             raise
-        raise _unusable(name, error.strerror or type(error).__name__) from error
+        raise _unusable(name, cause(error)) from error
     except ValueError as error:  # a name with a null character
         raise _unusable(name, str(error)) from error
 

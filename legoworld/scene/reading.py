@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from legoworld.errors import SceneInvalidError
+from legoworld.errors import SceneInvalidError, cause
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source, find_scene
@@ -61,7 +61,7 @@ def checked_scene(
     except OSError as error:
         raise SceneInvalidError(
             f"the scene folder {name!r} cannot be looked at",
-            found=error.strerror or type(error).__name__,
+            found=cause(error),
             expected="a folder and files that may be read",
             next_step="correct its name or its permissions",
         ) from error

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final, Generic, TypeVar
 
-from legoworld.errors import LabelsInvalidError, SideFileInvalidError, one_line
+from legoworld.errors import LabelsInvalidError, SideFileInvalidError, cause, one_line
 from legoworld.files import kind_of_file, refused_by_machine
 from legoworld.records.base import RecordError, decode_foreign
 from legoworld.records.execution import ExecutionFile
@@ -136,7 +136,7 @@ def bytes_beside(folder: Path, name: str, limit: int) -> bytes | None:
     except OSError as error:
         if refused_by_machine(error):
             raise
-        raise invalid(name, f"it cannot be opened: {error.strerror}") from error
+        raise invalid(name, f"it cannot be opened: {cause(error)}") from error
     if len(data) > limit:
         raise invalid(name, f"it has more than {limit:,} bytes, the most that are read")
     return data

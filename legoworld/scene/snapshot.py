@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.errors import SceneInvalidError
+from legoworld.errors import SceneInvalidError, cause
 from legoworld.files import canonical_json
 from legoworld.scene.array_file import read_arrays, write_arrays
 
@@ -241,7 +241,7 @@ def load(path: Path, *, passing: bool = False) -> tuple[Snapshot, str]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SceneInvalidError(
             "a cached snapshot cannot be read",
-            found=f"{path.name}: {error}",
+            found=f"{path.name}: {cause(error)}",
             expected="a snapshot written by this version",
             next_step="run again with --no-cache, or delete the cache folder",
         ) from error

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from msgspec.structs import asdict
 
-from legoworld.errors import CatalogError, LegoWorldError, UsageError
+from legoworld.errors import CatalogError, LegoWorldError, UsageError, cause
 from legoworld.evaluation.detection.inputs.truth_checks import (
     check_annotations,
     check_image_values,
@@ -174,7 +174,7 @@ def annotation_source(task: str, path: Path) -> Source:
     except (OSError, RecordError, KeyError, TypeError) as error:
         raise CatalogError(
             f"{path} cannot be read",
-            found=str(error)
+            found=cause(error)
             if isinstance(error, RecordError)
             else f"{type(error).__name__}: {error}",
             expected="COCO or LVIS JSON with images and categories",
@@ -235,7 +235,7 @@ def check_photos(
         try:
             found = size_of(path)
         except (LegoWorldError, OSError) as error:
-            problems.append(PhotoProblem("unreadable", image, str(error)))
+            problems.append(PhotoProblem("unreadable", image, cause(error)))
             continue
         if image.size_wh is not None and found != image.size_wh:
             text = f"{found[0]}x{found[1]}, the track says {image.size_wh[0]}x{image.size_wh[1]}"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 
 #: Model number of cameras.bin -> name and number of parameters (COLMAP, sensor/models.h).
 BINARY_MODELS: Final = {
@@ -237,7 +237,7 @@ def _unreadable_file(
 ) -> CalibrationError:
     return CalibrationError(
         f"{path.parent.name}/{path.name} cannot be read",
-        found=getattr(error, "strerror", None) or str(error),
+        found=cause(error),
         expected=expected,
     )
 

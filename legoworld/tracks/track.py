@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from legoworld.errors import CatalogError, name_on_line
+from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
 from legoworld.records.repeats import repeated
@@ -59,7 +59,7 @@ def load_track(path: Path, called: str | None = None) -> Track:
     except (OSError, RecordError) as error:
         raise CatalogError(
             f"the track {source} cannot be read",
-            found=str(error),
+            found=cause(error),
             expected='COCO image-info JSON: {"info", "images": [{"id", "file_name" or "coco_url", '
             '"width", "height"}], "categories": [{"id", "name"}]}',
             next_step="make one with `legoworld track make`",

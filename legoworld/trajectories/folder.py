@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.endpoint.trial_record import CALLS, CHECKPOINTS, STORE, read_rows
-from legoworld.errors import CatalogError
+from legoworld.errors import CatalogError, cause
 from legoworld.records.agents import ReconstructionFile
 from legoworld.records.atif import AtifTrajectory
 from legoworld.records.base import RecordError, decode
@@ -58,7 +58,7 @@ def read_trial(folder: Path) -> RecordedTrial:
     except (OSError, RecordError) as error:
         raise CatalogError(
             f"the trial of {folder.name} cannot be read",
-            found=str(error),
+            found=cause(error),
             expected=f"{RECONSTRUCTION} and {TRAJECTORY} as `legoworld reconstruct` wrote them",
         ) from error
     return RecordedTrial(

@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from legoworld.endpoint.blender import BlenderEndedError
 from legoworld.endpoint.finalisation import export_submission
-from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError
+from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError, cause
 from legoworld.files import write_text
 from legoworld.plugin.evidence import read_evidence
 from legoworld.plugin.measure import measure
@@ -92,7 +92,7 @@ def _chosen(
     except (OSError, RecordError) as error:
         raise UsageError(
             f"the requirements of {trial.about.scene} cannot be read",
-            found=str(error),
+            found=cause(error),
             expected=f"{REQUIREMENTS}: a list of the plugin's requirements",
         ) from error
     evidence = read_evidence(folder) if (folder / "evidence.json").is_file() else None

@@ -7,7 +7,7 @@ import functools
 from pathlib import Path
 from typing import ClassVar
 
-from legoworld.errors import KernelBuildError
+from legoworld.errors import KernelBuildError, cause
 from legoworld.visibility.compilation import LIBRARY_NAME, source_hash, sources
 
 REBUILD = "in a checkout: pip install -e . ; otherwise install legoworld again"
@@ -94,7 +94,7 @@ def open_library(folder: Path, what: str) -> ctypes.CDLL:
         loaded = ctypes.CDLL(str(path))
     except OSError as error:
         raise KernelBuildError(
-            f"the {what} cannot be loaded", found=str(error), next_step=REBUILD
+            f"the {what} cannot be loaded", found=cause(error), next_step=REBUILD
         ) from error
     loaded.lw_source_hash.restype = ctypes.c_char_p
     built_from = loaded.lw_source_hash().decode()

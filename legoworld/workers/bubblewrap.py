@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld.errors import one_line
+from legoworld.errors import cause, one_line
 from legoworld.files import home_folder
 
 #: Paths of the scratch folder inside the sandbox; the default TMPDIR is in the scratch folder, too.
@@ -64,7 +64,7 @@ def find_bubblewrap() -> Bubblewrap | str:
         version = _output([program, "--version"]).split()[-1]
         _output([program, *_namespaces(), *_shown([]), "--", sys.executable, "-I", "-S", "-c", ""])
     except (OSError, subprocess.SubprocessError, IndexError) as error:
-        words = getattr(error, "stderr", None) or str(error)
+        words = getattr(error, "stderr", None) or cause(error)
         return one_line(f"bubblewrap cannot make namespaces here: {words}", 200)
     return Bubblewrap(program=program, version=version)
 

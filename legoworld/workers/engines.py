@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, Protocol, TypeVar
 
 from legoworld import exit_codes, extras
-from legoworld.errors import LegoWorldError, WorkerCrashedError
+from legoworld.errors import LegoWorldError, WorkerCrashedError, cause
 from legoworld.workers.processors import usable_cores
 
 Item = TypeVar("Item")
@@ -186,7 +186,7 @@ def _started_ray() -> Any:
         except (OSError, ValueError, RuntimeError) as error:
             raise ClusterUnreachableError(
                 "the Ray cluster cannot be reached",
-                found=f"RAY_ADDRESS={address}: {error}" if address else str(error),
+                found=f"RAY_ADDRESS={address}: {cause(error)}" if address else cause(error),
                 expected="a running cluster, or no RAY_ADDRESS to start one here",
                 next_step="start one with `ray start --head`, or correct RAY_ADDRESS",
             ) from error

@@ -20,6 +20,7 @@ from typing import Any, Final
 
 sys.path.append(str(Path(__file__).parents[2]))
 
+from legoworld.errors import cause
 from legoworld.workers.descendants import end_all
 from legoworld.workers.removal import remove_folder
 from legoworld.workers.task_group import TaskGroup, remove_group
@@ -122,7 +123,7 @@ def _become(order: dict[str, Any], keeper: int, ending: int | None) -> None:
         os.chdir(order["cwd"])
         os.execv(order["argv"][0], order["argv"])
     except (OSError, ValueError) as error:
-        os.write(2, f"{order['argv'][0]}: {error}\n".encode())
+        os.write(2, f"{order['argv'][0]}: {cause(error)}\n".encode())
     finally:
         os._exit(127)
 

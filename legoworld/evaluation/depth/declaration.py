@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
+from legoworld.errors import cause
 from legoworld.evaluation.depth.arrays import SPACES, Intrinsics
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.files import utf8_text, write_text
@@ -44,7 +45,7 @@ def read_declaration(folder: Path) -> Declaration:
     try:
         values = tomllib.loads(utf8_text(path.read_bytes()))
     except (OSError, ValueError, RecursionError) as error:
-        raise DepthTruthError(f"{DECLARATION} cannot be read", found=str(error)) from error
+        raise DepthTruthError(f"{DECLARATION} cannot be read", found=cause(error)) from error
     known = {f.name for f in fields(Declaration)}
     wrong = [key for key in values if key not in known]
     wrong += [key for key, value in values.items() if key in known and not _fits(key, value)]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
+from legoworld.errors import cause
 from legoworld.evaluation.reconstruction.points import Flags
 from legoworld.scene.pictures import MOST_PHOTO_PX, claimed_size_wh
 
@@ -48,7 +49,7 @@ def decoded(data: bytes) -> Picture:
         with Image.open(io.BytesIO(data), formats=_FORMATS) as opened:
             return np.asarray(opened.convert("RGB"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
-        raise PictureError(str(error)) from error
+        raise PictureError(cause(error)) from error
 
 
 def resized(picture: Picture, size_wh: tuple[int, int]) -> Picture:

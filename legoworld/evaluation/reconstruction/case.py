@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
+from legoworld.errors import cause
 from legoworld.evaluation.reconstruction import appearance, integrity
 from legoworld.evaluation.reconstruction.appearance import Agreement, Picture
 from legoworld.evaluation.reconstruction.camera_error import camera_error
@@ -154,7 +155,7 @@ def _reference_picture(task: CaseTask, size_wh: tuple[int, int]) -> Picture:
             return resized_reference(data, recorded, size_wh)
         found = found[:12]
     except (OSError, appearance.PictureError) as error:
-        found = str(error)
+        found = cause(error)
     raise BenchTruthError(
         f"the reference picture {path.name} is not the one truth.json has on record",
         found=found,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final, TypeVar
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode
@@ -126,7 +126,7 @@ def _record(kind: type[T], path: Path, expected: str) -> T:
     except (OSError, RecordError, LegoWorldError) as error:
         raise BenchTruthError(
             f"{path.parent.name}/{path.name} cannot be read",
-            found=getattr(error, "strerror", None) or str(error),
+            found=cause(error),
             expected=expected,
             next_step="pass the folder that `legoworld bench make` wrote as DATASET/private, with "
             "DATASET/public beside it",

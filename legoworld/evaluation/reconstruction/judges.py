@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode_lines
 from legoworld.records.reconstruction_judges import (
@@ -30,7 +30,7 @@ def judge_agreement(path: Path) -> JudgesFile:
     try:
         judgements = decode_lines(Judgement, path.read_bytes())
     except (OSError, RecordError) as error:
-        raise _refusal(path, getattr(error, "strerror", None) or str(error)) from error
+        raise _refusal(path, cause(error)) from error
     if not judgements:
         raise _refusal(path, "no judgement")
     for number, one in enumerate(judgements, start=1):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.reading import npz_arrays
-from legoworld.errors import UsageError
+from legoworld.errors import UsageError, cause
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.evaluation.reconstruction.points import (
@@ -158,7 +158,7 @@ def _checked(path: Path, sha256: str, names: tuple[str, ...]) -> dict[str, NDArr
     except (OSError, KeyError, DepthFileError) as error:
         raise BenchTruthError(
             f"{path.name} of the private half cannot be read",
-            found=f"{type(error).__name__}: {error}",
+            found=f"{type(error).__name__}: {cause(error)}",
             expected=f"an .npz with {' and '.join(names)}",
         ) from error
     raise BenchTruthError(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.reading import npz_arrays
+from legoworld.errors import cause
 from legoworld.evaluation.reconstruction.appearance import Picture, PictureError, decoded
 from legoworld.evaluation.reconstruction.errors import SubmissionFileError
 from legoworld.evaluation.reconstruction.points import Depth, Raster
@@ -62,7 +63,7 @@ def read_bench_run(folder: Path) -> BenchRun:
     except (OSError, RecordError) as error:
         raise RunUnusableError(
             f"the run in {folder.name} cannot be read",
-            found=str(error),
+            found=cause(error),
             expected=f"{ROWS} as `legoworld readout --task bench` writes it",
         ) from error
     return BenchRun(run=run, rows=tuple(sorted(rows, key=lambda row: row.image_id)))
@@ -121,7 +122,7 @@ def _bytes(folder: Path, file: WrittenFile) -> bytes:
     except OSError as error:
         raise SubmissionFileError(
             f"{file.file} cannot be read",
-            found=error.strerror or str(error),
+            found=cause(error),
             expected="the file that the run wrote",
             next_step="run the readout again",
         ) from error

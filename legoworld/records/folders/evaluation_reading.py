@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.records.base import RecordError, decode, decode_lines
 from legoworld.records.evaluation_kinds import TaskRow, TaskSummary, rows_of, summary_of
 from legoworld.records.evaluation_rows import CategoryRow
@@ -75,7 +75,7 @@ def _evidence_bytes(folder: Path) -> bytes:
     except OSError as error:
         raise EvaluationFolderError(
             f"{folder.name or folder} has no readable {EVIDENCE}",
-            found=error.strerror or str(error),
+            found=cause(error),
             expected="a folder that `legoworld evaluate` or `legoworld compare` wrote",
         ) from error
 
@@ -113,7 +113,7 @@ def reading(folder: Path, name: str) -> Iterator[Path]:
     except (OSError, RecordError) as error:
         raise EvaluationFolderError(
             f"{folder.name or folder}/{name} cannot be read",
-            found=getattr(error, "strerror", None) or str(error),
+            found=cause(error),
             expected="what `legoworld evaluate` wrote",
             next_step="evaluate the run again with --overwrite",
         ) from error

@@ -12,7 +12,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import IO, Final, TypeVar
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.files import atomic_path, canonical_json, sha256_of_file, sha256_of_text
 from legoworld.records.base import RecordError, as_json, decode, decode_lines
 from legoworld.records.predictions import Prediction, Scored
@@ -65,7 +65,7 @@ def stored_batches(files: Iterable[Path], kind: type[_P]) -> Iterator[list[_P]]:
         except (OSError, RecordError) as error:
             raise PredictionsUnreadableError(
                 f"{path.parent.name}/{path.name} cannot be read",
-                found=getattr(error, "strerror", None) or str(error),
+                found=cause(error),
                 expected=f"the predictions of a finished run of boxes or masks: {LIKE}",
                 next_step="delete what is there of it and run the run's command again",
             ) from error

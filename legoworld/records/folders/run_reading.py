@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from legoworld.errors import ConfigurationMismatchError
+from legoworld.errors import ConfigurationMismatchError, cause
 from legoworld.files import refused_by_machine, sha256_of_file
 from legoworld.records.base import RecordError, decode, decode_lines
 from legoworld.records.folders.prediction_files import prediction_files, predictions_of
@@ -49,7 +49,7 @@ def _configuration_in(path: Path) -> Configuration:
             raise
         raise RunDamagedError(
             f"{path.name} in the output folder is not of a run",
-            found=getattr(error, "strerror", None) or str(error),
+            found=cause(error),
             expected="an empty folder or an earlier run",
             next_step="choose another -o, or pass --overwrite where it is a damaged run",
         ) from error
@@ -101,7 +101,7 @@ def damaged(folder: Path, name: str, error: OSError | RecordError) -> RunDamaged
     """What to raise for a file that cannot be read as a run writes it."""
     return RunDamagedError(
         f"{folder.name}/{name} cannot be read",
-        found=getattr(error, "strerror", None) or str(error),
+        found=cause(error),
         expected="what a finished run writes",
         next_step="run its command again with --overwrite",
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import unquote, urlsplit
 
-from legoworld.errors import SceneInvalidError
+from legoworld.errors import SceneInvalidError, cause
 from legoworld.scene.gltf.container import Glb
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.verdicts import Budget, UnsupportedGltfError, unreadable
@@ -69,7 +69,7 @@ class Buffers:
         try:
             return memoryview(path.read_bytes())
         except OSError as error:
-            raise unreadable(f"{owner.place}: {uri!r} cannot be read: {error.strerror}") from error
+            raise unreadable(f"{owner.place}: {uri!r} cannot be read: {cause(error)}") from error
 
     def _refuse_meshopt(self, view: Fields, number: int) -> None:
         packed = view.extension(MESHOPT)

@@ -19,6 +19,7 @@ from legoworld.errors import (
     SceneInvalidError,
     UnreadableBlendError,
     WorkerMemoryError,
+    cause,
     from_reason,
 )
 from legoworld.files import atomic_path, sha256_of_file, write_text
@@ -211,7 +212,7 @@ def final_picture(blender: BlenderProcess, made: Path) -> list[str]:
         return [str(error)]
     except (LegoWorldError, OSError) as error:
         (made / PICTURE).unlink(missing_ok=True)
-        return [f"no {PICTURE}: {error}"]
+        return [f"no {PICTURE}: {cause(error)}"]
     return []
 
 

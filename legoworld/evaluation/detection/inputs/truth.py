@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.detection.inputs.truth_checks import (
     TruthInvalidError,
     check_annotations,
@@ -99,7 +99,7 @@ def _document(path: Path) -> dict[str, Any]:
     except (OSError, RecordError) as error:
         raise TruthInvalidError(
             f"the truth {path} cannot be read",
-            found=str(error),
+            found=cause(error),
             expected="COCO instances or LVIS JSON",
         ) from error
     for key in ("images", "annotations", "categories"):
