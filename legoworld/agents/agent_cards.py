@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import os
 import shutil
-import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +12,13 @@ from typing import Final
 
 from legoworld.agents.mcp_server import server_problems
 from legoworld.cards import read_toml
-from legoworld.errors import CatalogError, UsageError, one_line
+from legoworld.errors import CatalogError, UsageError
 from legoworld.files import home_folder, sha256_of_file
 from legoworld.records.agents import AgentCardFile
 
 _CARDS: Final = Path(__file__).with_name("cards")
-_VERSION_WITHIN_S: Final = 20.0
 #: Replaced in the command before it is started: these are of the MCP server's environment.
-_OF_THE_SERVER: Final = ("{mcp_python}",)
+OF_THE_SERVER: Final = ("{mcp_python}",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +86,7 @@ def agent_problems(card: AgentCard, caller: Mapping[str, str] | None = None) -> 
     caller = os.environ if caller is None else caller
     problems = server_problems()
     needs = card.about.needs
-    if card.program not in _OF_THE_SERVER and shutil.which(card.program) is None:
+    if card.program not in OF_THE_SERVER and shutil.which(card.program) is None:
         problems.append(f"{card.program} is not installed: {needs.install}")
     logins = [f"${name}" for name in needs.variables if caller.get(name)]
     logins += [f"~/{name}" for name in needs.credentials if (home_folder() / name).is_file()]
@@ -96,22 +94,3 @@ def agent_problems(card: AgentCard, caller: Mapping[str, str] | None = None) -> 
         wanted = [*(f"${name}" for name in needs.variables), *(f"~/{n}" for n in needs.credentials)]
         problems.append(f"no login: none of {', '.join(wanted)}")
     return problems
-
-
-def agent_version(card: AgentCard) -> str | None:
-    """What the agent says of its version; None where it does not."""
-    command = card.about.version_command
-    program = shutil.which(command[0]) if command else None
-    if program is None:
-        return None
-    try:
-        done = subprocess.run(
-            [program, *command[1:]],
-            capture_output=True,
-            text=True,
-            timeout=_VERSION_WITHIN_S,
-            check=True,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return one_line(done.stdout, 100) or None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,10 @@ from legoworld.agents.mcp_server import (
     PLAYER,
     blender_server,
     plugin_relay,
-    server_folder,
     server_python,
     write_configuration,
 )
+from legoworld.agents.shown import shown_to
 from legoworld.agents.stopping import Stop
 from legoworld.agents.unfinished import Unfinished
 from legoworld.agents.workspaces import PROMPT, Workspace
@@ -94,9 +93,8 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         _open_session(order, home, str(sandbox.seen("output")))
         command = command_of(order.card, words, order.model, continues=order.continues)
         program = shutil.which(command[0]) or command[0]
-        shown = [server_folder(), PLAYER.parent, *_installed(program)]
         kept = str(sandbox.seen("output") / _STDOUT)
-        sandbox.start([*_KEEPING, kept, program, *command[1:]], shown)
+        sandbox.start([*_KEEPING, kept, program, *command[1:]], shown_to(order.card))
         with stop.ends(sandbox.stop):
             ending = sandbox.wait()
         order.unfinished.take_transcript(output_name(order.card))
@@ -155,12 +153,3 @@ def _given(order: Order) -> dict[str, str]:
     """The caller's variables that the card names."""
     wanted = order.card.about.needs.variables
     return {name: os.environ[name] for name in wanted if name in os.environ}
-
-
-def _installed(program: str) -> list[Path]:
-    """The folder that a command is installed in, with what lies beside it; none of Python's."""
-    path = Path(program)
-    if not path.is_absolute() or path.is_relative_to(sys.prefix):
-        return []
-    real = path.resolve()
-    return [place for place in (path, real.parent) if place.exists()]

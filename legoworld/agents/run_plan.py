@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from legoworld.agents.agent_cards import agent_problems, agent_version, load_agent
+from legoworld.agents.agent_cards import agent_problems, load_agent
 from legoworld.agents.prices import read_prices
+from legoworld.agents.shown import refuse_shown, version_in_sandbox
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import commission
@@ -27,8 +28,12 @@ def plan_run(
     sandbox: Confinement,
     plugin: PluginOptions | None = None,
     prices: Path | None = None,
+    output: Path | None = None,
 ) -> TrialPlan:
-    """The plan of a run. UsageError for an agent that cannot run here, and what it lacks."""
+    """The plan of a run. UsageError for an agent that cannot run here, and what it lacks.
+
+    output: the scenes' folder, of which the agent is shown nothing but its workspace.
+    """
     card = load_agent(agent)
     if problems := agent_problems(card):
         raise UsageError(
@@ -50,17 +55,19 @@ def plan_run(
             found=model,
             expected="none, or an agent whose card has model_arguments",
         )
+    refuse_shown(card, [path for path in (track, photos, output) if path is not None])
+    agent_held = protections(sandbox, network=about.network)
     work = commission(track, photos, task, plugin.modules if plugin else ())
     return TrialPlan(
         card=card,
-        agent_version=agent_version(card),
+        agent_version=version_in_sandbox(card, agent_held),
         work=work,
         limits=SandboxLimits(
             time_s=time_limit_s or about.time_limit_s,
             memory_bytes=memory_bytes,
             output_bytes=256 << 20,
         ),
-        agent_held=protections(sandbox, network=about.network),
+        agent_held=agent_held,
         blender_held=protections(sandbox, network=about.blender_network),
         programs=None if programs is None else programs.resolve(),
         model=model,

@@ -50,19 +50,25 @@ def list_agents(as_json: bool, quiet: bool, verbose: bool) -> int:
 def check(name: str, as_json: bool, quiet: bool, verbose: bool) -> int:
     """Say what the agent NAME lacks on this machine. Exit code 1 when it cannot run.
 
-    Nothing is started but the agent's own --version; whether a login is still valid is not asked.
+    Nothing is started but the agent's own --version, in the sandbox that its trials have; whether a
+    login is still valid is not asked.
 
     \b
     Examples:
       legoworld agent check program
       legoworld agent check my-agent.toml
     """
-    from legoworld.agents.agent_cards import agent_problems, agent_version, load_agent
+    from legoworld.agents.agent_cards import agent_problems, load_agent
+    from legoworld.agents.shown import AgentNotStartedError, version_in_sandbox
     from legoworld.workers.protections import protections
 
     card = load_agent(name)
-    problems, version = agent_problems(card), agent_version(card)
+    problems, version = agent_problems(card), None
     held = protections("auto", network=card.about.network)
+    try:
+        version = version_in_sandbox(card, held)
+    except AgentNotStartedError as error:
+        problems.append(str(error))
     if as_json:
         options.print_json(
             {"name": card.name, "problems": problems, "version": version, "sandbox": held.record()}

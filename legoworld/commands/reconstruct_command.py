@@ -92,7 +92,7 @@ def command(
     plan = plan_run(
         track, photos=photos, agent=agent, task=task, programs=programs, model=model,
         time_limit_s=time_limit, memory_bytes=int(memory_limit * 2**30), sandbox=sandbox,
-        plugin=_plugin(plugin, without, regions, depth), prices=prices,
+        plugin=_plugin(plugin, without, regions, depth), prices=prices, output=output,
     )  # fmt: skip
     notice = options.notifier(quiet)
     for held, who in ((plan.agent_held, plan.card.name), (plan.blender_held, "Blender")):

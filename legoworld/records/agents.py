@@ -53,6 +53,9 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     that stand for the word {model_arguments} of a command when a model is asked for, without which
     none can be.
 
+    shown: files and folders that its sandbox shows besides its program, the npm package that is in
+    and its interpreter; relative to the card, or to the home with ~.
+
     resume: what becomes of a trial that legoworld was killed in; continue_command: what continues
     it, without one `command`; session_folders: below the agent's home, where it keeps what it
     continues from.
@@ -66,6 +69,7 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     checked: str
     command: Annotated[tuple[str, ...], Meta(min_length=1)]
     version_command: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()
     network: bool
     blender_network: bool = False
     model_arguments: tuple[str, ...] = ()

@@ -126,6 +126,11 @@ def _there(names: Sequence[str]) -> list[Path]:
     return [path for name in names if (path := Path(name)).exists()]
 
 
+def always_shown() -> list[Path]:
+    """What every program sees of the machine: the system, this Python, this package, bpy."""
+    return [*_there(_SYSTEM), *_python()]
+
+
 def _shown(read_only: Sequence[Path]) -> list[str]:
     """Options that expose folders and files under their own names, without their neighbours."""
     options: list[str] = []
@@ -138,7 +143,10 @@ def _shown(read_only: Sequence[Path]) -> list[str]:
     shown = [Path(name) for name in _SYSTEM]
     for path in sorted({*_python(), *read_only}, key=lambda p: len(p.parts)):
         if not any(path.is_relative_to(other) for other in shown):
-            options += ["--ro-bind", str(path), str(path)]
+            # A program that is bound under its link's name does not find what lies beside it.
+            link = path.is_symlink()
+            options += ["--symlink" if link else "--ro-bind", str(path.resolve() if link else path)]
+            options.append(str(path))
             shown.append(path)
     return options
 
