@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from legoworld.api.arguments import checked
 from legoworld.api.evaluation import Evaluation
 from legoworld.api.listening import SILENT, Listener
 from legoworld.comparison.making import make_comparison
@@ -67,6 +68,7 @@ class Comparison:
         return comparison_html(self.document)
 
 
+@checked
 def compare(
     evaluations: Sequence[Evaluation | str | Path],
     output: str | Path,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from legoworld.api.arguments import checked
 from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
 from legoworld.errors import UsageError
@@ -37,6 +38,7 @@ class Evaluation:
     summary: TaskSummary
 
     @classmethod
+    @checked
     def open(cls, folder: str | Path) -> Evaluation:
         """Open an existing evaluation. EvaluationFolderError for any other folder."""
         place = place_of(folder)
@@ -111,6 +113,7 @@ class Evaluation:
                 yield name, None, value, summary.intervals.get(name)
 
 
+@checked
 def evaluate(
     run: str | Path,
     output: str | Path,

@@ -10,6 +10,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final, Self
 
+from legoworld.api.arguments import check_argument, checked
 from legoworld.api.scenes import Scene, SceneView
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
@@ -61,6 +62,7 @@ class Reader:
     reader for all scenes. Only one thread at a time may call `read`.
     """
 
+    @checked
     def __init__(
         self,
         *,
@@ -80,8 +82,6 @@ class Reader:
         """
         library()  # a broken installation is not the scene's fault
         n = usable_cores() if workers is None else workers
-        if n < 1:
-            raise UsageError("a reader needs a worker", found=f"workers={n}", expected="1 or more")
         self._protocol = protocol_of(task, track)
         self._source: Source = source
         self._cache = snapshot_cache(cache)
@@ -105,13 +105,18 @@ class Reader:
         """
         if self._pool is None:
             raise UsageError("the reader is closed", next_step="create a new Reader")
+        check_argument("size_wh", size_wh)
+        if isinstance(scenes, str | Path) or not isinstance(scenes, Iterable):
+            raise UsageError(
+                "a reader reads several scenes", found=repr(scenes)[:100], expected="their folders"
+            )
         pool, folders = self._pool, iter(scenes)
         pending: set[Future[Reading]] = set()
         try:
             while True:
                 free = _AHEAD * len(self._made) - len(pending)
                 pending |= {
-                    pool.submit(self._read, Path(f), size_wh) for f in islice(folders, free)
+                    pool.submit(self._read, _folder(f), size_wh) for f in islice(folders, free)
                 }
                 if not pending:
                     return
@@ -157,3 +162,8 @@ class Reader:
 
     def __exit__(self, *_error: object) -> None:
         self.close()
+
+
+def _folder(scene: str | Path) -> Path:
+    check_argument("folder", scene)
+    return Path(scene)

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
+from legoworld.api.arguments import checked
 from legoworld.api.folders import place_of, written_at
 from legoworld.api.listening import SILENT, Listener
 from legoworld.api.settings import (
@@ -79,6 +80,7 @@ class Run:
         }
 
 
+@checked
 def readout(
     scenes: str | Path,
     output: str | Path,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.api.arguments import check_argument, checked
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
@@ -36,6 +37,7 @@ from legoworld.visibility.projection import Projection
 Photo = str | Path | NDArray[np.uint8]
 
 
+@checked
 def open_scene(
     folder: str | Path,
     *,
@@ -89,6 +91,7 @@ class Scene:
         """Hash of the snapshot: equal scenes have equal hashes."""
         return self._opened.scene.snapshot_sha256
 
+    @checked
     def view(
         self,
         *,
@@ -196,6 +199,7 @@ class SceneView:
         """The instances with a category and at least one visible pixel: those a task exports."""
         return tuple(i for i in self.instances if i.labelled and i.area_px)
 
+    @checked
     def mask(self, instance_id: int) -> NDArray[np.bool_]:
         """(H, W) bool: the visible pixels of an instance. UsageError for an unknown id."""
         if not 0 <= instance_id < len(self.instances):
@@ -215,6 +219,7 @@ class SceneView:
         """(N, 4) int64: x, y, width, height of the masks of `labelled`, at pixel edges."""
         return np.array([i.bbox_xywh_px for i in self.labelled], np.int64).reshape(-1, 4)
 
+    @checked
     def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
         """The task's export of this view: COCO or LVIS results of one image.
 
@@ -234,6 +239,7 @@ class SceneView:
         )
         return entries
 
+    @checked
     def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB: outlines, boxes and names over a photo of the same size.
 
@@ -280,11 +286,14 @@ class SceneView:
             "snapshot_sha256": self._inspection.scene.snapshot_sha256,
         }
 
+    @checked
     def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
         """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
 
         Raises LegoWorldError for a photo of a different size.
         """
+        if photo is not None:
+            check_argument("folder", photo)
         write_inspection(self._inspection, Path(folder), None if photo is None else Path(photo))
 
     def compared_with(self, other: SceneView) -> SourceComparison:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from legoworld.api.arguments import check_argument
 from legoworld.errors import UsageError
 from legoworld.readouts.tasks import Protocol, protocol
 from legoworld.scene.blender_process import Limits
@@ -27,12 +28,8 @@ def snapshot_cache(cache: Cache) -> SnapshotCache | None:
 
 def limits_of(time_limit_s: float, memory_limit_gib: float) -> Limits:
     """Limits of a Blender process. Raises UsageError unless both are above 0."""
-    if not (time_limit_s > 0 and memory_limit_gib > 0):
-        raise UsageError(
-            "a limit of a Blender process cannot be used",
-            found=f"{time_limit_s:g} s, {memory_limit_gib:g} GiB",
-            expected="numbers above 0",
-        )
+    check_argument("time_limit_s", time_limit_s)
+    check_argument("memory_limit_gib", memory_limit_gib)
     return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
 
 

@@ -150,8 +150,8 @@ def test_a_reader_closed_from_another_thread_ends_what_it_does(tmp_path, monkeyp
         (lambda: legoworld.open_scene("no/such"), SceneMissingError, "no such folder"),
         (lambda: legoworld.open_scene(SCENES), SceneMissingError, "holds no scene"),
         (lambda: legoworld.Reader(task="nothing"), UsageError, "unknown task"),
-        (lambda: legoworld.Reader(workers=0), UsageError, "workers=0"),
-        (lambda: legoworld.Reader(time_limit_s=0), UsageError, "numbers above 0"),
+        (lambda: legoworld.Reader(workers=0), UsageError, "argument workers"),
+        (lambda: legoworld.Reader(time_limit_s=0), UsageError, "finite number above 0"),
         (
             lambda: legoworld.readout(SCENES, "x", task="coco", max_side=3),
             UsageError,
