@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
+import faulthandler
 import os
 import sys
 import threading
@@ -156,6 +158,8 @@ def _refused(error: OSError) -> str:
 
 def entry() -> None:
     """The `legoworld` program."""
+    with contextlib.suppress(RuntimeError, OSError, ValueError):  # standard error may be closed
+        faulthandler.enable()
     _leave(run())
 
 

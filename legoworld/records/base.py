@@ -6,6 +6,7 @@ import codecs
 import json
 import math
 import re
+import threading
 from typing import Any, Final, TypeVar
 
 import msgspec
@@ -33,6 +34,7 @@ __all__ = [
 _T = TypeVar("_T")
 #: Made once for each type: making one takes as long as reading a small file.
 _DECODERS: Final[dict[Any, msgspec.json.Decoder[Any]]] = {}
+_FILLING: Final = threading.Lock()
 _ANYTHING: Final[msgspec.json.Decoder[Any]] = msgspec.json.Decoder()
 _CONTAINERS: Final = frozenset((dict, list))
 _MAY_BE_HALF: Final = re.compile(r"\\u[dD][89a-fA-F]")
@@ -139,6 +141,7 @@ def _nested_beyond(levels: int, value: object) -> bool:
 
 def to_record(kind: type[_T], value: Any) -> _T:
     """A JSON value that is in memory already (of TOML, say) as a value of a type. RecordError."""
+    _decoder(kind)
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
@@ -174,9 +177,17 @@ def short_json(value: object) -> str:
 
 
 def _decoder(kind: type[_T]) -> msgspec.json.Decoder[_T]:
-    if kind not in _DECODERS:
-        _DECODERS[kind] = msgspec.json.Decoder(kind)
-    return _DECODERS[kind]
+    """The decoder of a type, which every use of the type asks for first.
+
+    msgspec 0.22 fills a type's tables, and those of the types inside it, at their first use; a
+    second thread that uses one of them meanwhile reads NULL and the process ends (decision 032).
+    One thread at a time fills tables, and no type is used before its own are full.
+    """
+    decoder = _DECODERS.get(kind)
+    if decoder is None:
+        with _FILLING:
+            decoder = _DECODERS.setdefault(kind, msgspec.json.Decoder(kind))
+    return decoder
 
 
 def _sentence(text: str) -> str:

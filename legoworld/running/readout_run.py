@@ -112,6 +112,7 @@ def run_readout(
     images = shard_images(request)
     configuration = _configuration(request, images)
     with run_folder.locked(folder):
+        unfinished = not request.overwrite and (folder / run_folder.CONFIGURATION).is_file()
         damage = None if request.overwrite else run_folder.damage_notice(folder)
         earlier = run_folder.prepare(folder, configuration, overwrite=request.overwrite)
         if damage:
@@ -124,6 +125,8 @@ def run_readout(
         }
         todo = [image for image in images if image.id not in valid]
         kept(len(valid))
+        if unfinished:
+            notice("the last run into this folder ended before it was finished; it is resumed")
         if valid:
             read = share(len(valid), len(images), "image", "images")
             notice(f"{read} {word_for(len(valid), 'has', 'have')} a valid result already")

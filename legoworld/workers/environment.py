@@ -109,6 +109,7 @@ def child_environment(
         "TMPDIR": str(temporary),
         "TEMP": str(temporary),
         "TMP": str(temporary),
+        "PYTHONFAULTHANDLER": "1",  # a crash in native code names its place
         # Packages installed with `pip --user` lie below the caller's home.
         "PYTHONUSERBASE": _user_base(caller),
     }
