@@ -59,9 +59,9 @@ def test_only_the_base_of_records_has_msgspec_use_a_type():
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Attribute) and node.attr in ("convert", "Decoder", "decode_lines")
-        and "msgspec" in ast.unparse(node.value)
-        or isinstance(node, ast.Call) and ast.unparse(node.func) == "msgspec.json.decode"
-        and node.keywords
+        if (isinstance(node, ast.Attribute) and node.attr in ("convert", "Decoder", "decode_lines")
+        and "msgspec" in ast.unparse(node.value))
+        or (isinstance(node, ast.Call) and ast.unparse(node.func) == "msgspec.json.decode"
+        and node.keywords)
     }  # fmt: skip
     assert users == {"records/base.py"}
