@@ -27,7 +27,7 @@ from legoworld.records.folders.run_journal import (
     append,
     journal,
 )
-from legoworld.records.folders.run_reading import ROWS, RUN_SCHEMA, RunDamagedError
+from legoworld.records.folders.run_reading import CONFIGURATION, ROWS, RUN_SCHEMA, RunDamagedError
 from legoworld.records.run_file import (
     Configuration,
     ImageRecord,
@@ -112,7 +112,7 @@ def run_readout(
     images = shard_images(request)
     configuration = _configuration(request, images)
     with run_folder.locked(folder):
-        unfinished = not request.overwrite and (folder / run_folder.CONFIGURATION).is_file()
+        unfinished = not request.overwrite and (folder / CONFIGURATION).is_file()
         damage = None if request.overwrite else run_folder.damage_notice(folder)
         earlier = run_folder.prepare(folder, configuration, overwrite=request.overwrite)
         if damage:
