@@ -18,8 +18,9 @@ import secrets
 import stat
 import sys
 from collections.abc import Iterable, Iterator
+from io import BufferedReader
 from pathlib import Path, PurePath, PurePosixPath
-from typing import IO, Final, Self
+from typing import Final, Self
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import TEMPORARY_SUFFIX, atomic_path, kind_of_file, refused_by_machine
@@ -66,7 +67,9 @@ class Beneath:
             self._top = -1
 
     @contextlib.contextmanager
-    def open_file(self, name: str | PurePath, *, most_bytes: int) -> Iterator[IO[bytes] | None]:
+    def open_file(
+        self, name: str | PurePath, *, most_bytes: int
+    ) -> Iterator[BufferedReader | None]:
         """A file for reading; None where nothing has the name.
 
         RefusedFileError for all but a regular file of at most `most_bytes` under one name alone: a
@@ -292,7 +295,7 @@ def _check(name: str | PurePath, status: os.stat_result, most_bytes: int) -> Non
         raise _refused(str(name), f"{status.st_size:,} bytes", f"at most {most_bytes:,} bytes")
 
 
-def _blocks(name: str | PurePath, stream: IO[bytes], most_bytes: int) -> Iterator[bytes]:
+def _blocks(name: str | PurePath, stream: BufferedReader, most_bytes: int) -> Iterator[bytes]:
     """A file's bytes, also of one that grows while it is read."""
     left = most_bytes
     while block := stream.read(_BLOCK):

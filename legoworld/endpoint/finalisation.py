@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 from legoworld.beneath import Beneath, RefusedFileError
@@ -36,11 +36,11 @@ def finalise(
 ) -> Finalisation:
     """Export scene.blend, scene.glb and final.png into `made`, from the last saved scene.
 
-    That is the scene.blend that the agent saved last, and the open scene as the last call left it
-    where it saved none, or none that opens. Images that the scene shows are packed, as `execute`
+    That is the scene.blend that the agent saved last and that opens, and where it saved none, the
+    open scene as the last call left it. Images that the scene shows are packed, as `execute`
     does: the workspace does not stay. A new Blender does it, in the sandbox.
     """
-    refused = []
+    refused = [record.spoilt] if record.spoilt else []
     for checkpoint in _candidates(record):
         try:
             warnings = export_submission(
@@ -72,13 +72,15 @@ def export_submission(
     limits: SandboxLimits,
     held: Protections,
     blender: BlenderProcess,
+    place: str = ".",
 ) -> list[str]:
     """Export one .blend as a submission into `made`; what could not be delivered, in words.
 
-    workspace: a folder that the .blend is opened in, so that its relative paths lead there. Raises
+    workspace: a folder that the .blend is opened in, so that its relative paths lead there; place:
+    the name of a folder below it to open it in instead. Raises
     BlenderEndedError or SceneInvalidError where it cannot be opened or saved.
     """
-    warnings = _export(blend, made, workspace, limits, held)
+    warnings = _export(blend, made, workspace, place, limits, held)
     return [*warnings, *_checked(made), *final_picture(blender, made)]
 
 
@@ -92,7 +94,12 @@ def _candidates(record: TrialRecord) -> Sequence[Checkpoint]:
 
 
 def _export(
-    blend: Path, made: Path, workspace: Path, limits: SandboxLimits, held: Protections
+    blend: Path,
+    made: Path,
+    workspace: Path,
+    place: str,
+    limits: SandboxLimits,
+    held: Protections,
 ) -> list[str]:
     """Open, pack and export in the sandbox; what glTF cannot hold is a warning."""
     # An agent that has filled its workspace has used up its own room, not the runtime's.
@@ -100,7 +107,7 @@ def _export(
     allowed = SandboxLimits(time_s=_WITHIN_S, memory_bytes=limits.memory_bytes, disk_bytes=room)
     with scratch_folder(".finalising-", made) as scratch:
         # Relative paths of the scene are the workspace's: it is opened from there.
-        opened = placed(blend, workspace, ".finalised.blend")
+        opened = placed(blend, workspace, PurePath(place, ".finalised.blend"))
         try:
             with LiveBlender(workspace, allowed, held, blend=opened) as live:
                 reply = live.ask("finalise", {"output": live.seen("")}, _WITHIN_S / 2)
@@ -113,7 +120,7 @@ def _export(
             raise _not_exported(str(error)) from error
         finally:
             with Beneath(workspace) as inside:
-                inside.unlink(opened.name)
+                inside.unlink(PurePath(place, opened.name))
         if not (scratch / BLEND).is_file():
             raise _not_exported("Blender left no scene.blend")
         for name in (BLEND, GLB):

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Final, Literal
 
 from legoworld.beneath import Beneath, RefusedFileError, name_beneath
@@ -36,7 +36,7 @@ CALL_TIME_S: Final = 165.0
 _SAVE_WITHIN_S: Final = 120.0
 _PICTURE: Final = "screenshot.png"
 _COPY: Final = "checkpoint.blend"
-_RECOVERED: Final = "recovered.blend"
+_RECOVERED: Final = PurePath("recovered.blend")
 #: What needs a network or an account, and is off: the add-on's words for its libraries.
 _OFF: Final = ("polyhaven", "hyper3d", "sketchfab", "polypizza", "hunyuan3d", "tripo", "meshy")
 _BY_BLENDER: Final = (
@@ -107,6 +107,8 @@ class Session:
 
     def answer(self, command: Command, by: Caller = "agent") -> Answer:
         """The answer to a command; a failure is an answer, too. by: who sent it."""
+        if command.type == "get_workspace":
+            return Success(result={"workspace": str(self._trial.workspace.resolve())})
         known = _without_blender(command)
         if known is not None:
             return known
@@ -263,7 +265,10 @@ class Session:
         """A copy of the open scene beside the store and its hash; None where it cannot be saved."""
         live = self._blender()
         reply = live.ask("save_copy", {"output": live.seen(_COPY)}, _SAVE_WITHIN_S)
-        return None if reply.error else self._record.incoming(live.files, live.left(_COPY))
+        try:
+            return None if reply.error else self._record.incoming(live.files, live.left(_COPY))
+        except RefusedFileError:
+            return None
 
     def _keep_saved(self, call: int) -> Checkpoint | None:
         """Keep the scene.blend that the agent saved, before a later call can spoil it."""
@@ -271,13 +276,7 @@ class Session:
         if stamp is None or stamp == self._saved:
             return None
         self._saved = stamp
-        if (found := self._record.incoming(self._trial.workspace, BLEND)) is None:
-            return None
-        (copy, sha256), last = found, self._record.last("saved")
-        if last is not None and last.sha256 == sha256:
-            copy.unlink()
-            return None
-        return self._record.take(copy, sha256, kind="saved", call=call, at_s=self._at_s())
+        return self._record.keep_saved(self._trial.workspace, call=call, at_s=self._at_s())
 
     def _saved_stamp(self) -> tuple[int, ...] | None:
         try:
@@ -301,12 +300,12 @@ class Session:
         return self._trial.limits.time_s - self._at_s()
 
 
-def placed(blend: Path, workspace: Path, name: str) -> Path:
+def placed(blend: Path, workspace: Path, name: PurePath) -> Path:
     """A copy of a .blend of ours in a workspace; under another name where a folder has this one."""
     with Beneath(workspace) as inside:
         there = inside.status(name)
         if there is not None and stat.S_ISDIR(there.st_mode):
-            name = f".{secrets.token_hex(8)}.blend"
+            name = name.with_name(f".{secrets.token_hex(8)}.blend")
         inside.copy_in(blend, name)
     return workspace / name
 

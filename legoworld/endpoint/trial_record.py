@@ -10,6 +10,7 @@ from legoworld.beneath import Beneath, RefusedFileError
 from legoworld.files import atomic_path, sha256_of_file
 from legoworld.records.base import Record, RecordError, canonical, decode
 from legoworld.records.endpoint import Call, Checkpoint
+from legoworld.scene.folder import BLEND
 
 CALLS: Final = "calls.jsonl"
 CHECKPOINTS: Final = "checkpoints.jsonl"
@@ -32,6 +33,8 @@ class TrialRecord:
         self.folder = folder
         self._store = folder / STORE
         self._store.mkdir(parents=True, exist_ok=True)
+        #: Why the scene.blend that was looked at last is no checkpoint; "" where it is one.
+        self.spoilt = ""
         self.calls = read_rows(folder / CALLS, Call)
         self.checkpoints = read_rows(folder / CHECKPOINTS, Checkpoint)
 
@@ -60,23 +63,39 @@ class TrialRecord:
         _append(self.folder / CHECKPOINTS, row)
         return row
 
+    def keep_saved(self, workspace: Path, *, call: int, at_s: float) -> Checkpoint | None:
+        """Keep the scene.blend of a workspace as the next checkpoint; None where it is no other.
+
+        What is there and is not taken is said in `spoilt`.
+        """
+        self.spoilt = ""
+        try:
+            found, last = self.incoming(workspace, BLEND), self.last("saved")
+        except RefusedFileError as error:
+            self.spoilt = f"saved by call {call}: {error.found}"
+            return None
+        if found is None:
+            return None
+        if last is not None and last.sha256 == found[1]:
+            found[0].unlink()
+            return None
+        return self.take(*found, kind="saved", call=call, at_s=at_s)
+
     def incoming(self, folder: Path, name: str) -> tuple[Path, str] | None:
         """A copy beside the store of a .blend that a program left below `folder`, and its sha256.
 
-        For `take`, or to unlink. None where there is none, and for what is not taken or no .blend.
+        For `take`, or to unlink; None where there is none. RefusedFileError for anything else.
         """
         copy = self._store / "incoming.blend"
-        try:
-            with Beneath(folder) as inside:
-                if not inside.copy_out(name, copy, most_bytes=LARGEST_FILE):
-                    return None
-        except RefusedFileError:
-            return None
+        with Beneath(folder) as inside:
+            if not inside.copy_out(name, copy, most_bytes=LARGEST_FILE):
+                return None
         with copy.open("rb") as stream:
-            if stream.read(8).startswith(_BLENDS):
-                return copy, sha256_of_file(copy)
-        copy.unlink()
-        return None
+            begins = stream.read(8)
+        if not begins.startswith(_BLENDS):
+            copy.unlink()
+            raise RefusedFileError(f"{name} is no .blend", found=f"it begins with {begins!r}")
+        return copy, sha256_of_file(copy)
 
     def drop_unanswered(self) -> None:
         """Forget the open scene after a call that has no row: its client had no answer.

@@ -10,7 +10,6 @@ from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import UsageError
 from legoworld.records.agents import Finalisation
 from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.folder import BLEND
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
 
@@ -29,14 +28,9 @@ def finalise_workspace(
         )
     output.mkdir(parents=True, exist_ok=True)
     record = TrialRecord(record_of(workspace))
-    if (found := record.incoming(workspace, BLEND)) is not None:
-        (copy, sha256), last = found, record.last("saved")
-        if last is None or last.sha256 != sha256:
-            calls = record.calls
-            at_s = calls[-1].at_s + calls[-1].seconds if calls else 0.0
-            record.take(copy, sha256, kind="saved", call=len(calls), at_s=at_s)
-        else:
-            copy.unlink()
+    calls = record.calls
+    at_s = calls[-1].at_s + calls[-1].seconds if calls else 0.0
+    record.keep_saved(workspace, call=len(calls), at_s=at_s)
     with BlenderProcess(Limits(memory_bytes=limits.memory_bytes)) as blender:
         return finalise(
             record, output, workspace=workspace, limits=limits, held=held, blender=blender

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, Literal
 
 from legoworld.endpoint.framing import FramingError, MessageSplitter
@@ -64,6 +65,16 @@ class BlenderConnection:
         result = self.command("execute_code", {"code": code})
         printed = result.get("result") if isinstance(result, dict) else None
         return printed if isinstance(printed, str) else ""
+
+    def workspace(self) -> Path | None:
+        """The folder that an endpoint's Blender is confined to; None for a Blender without one.
+
+        The endpoint itself says it, not the code in its Blender.
+        """
+        try:
+            return Path(str(self.command("get_workspace", {})["workspace"]))
+        except (BlenderRefusedError, LookupError, TypeError):
+            return None
 
     def command(self, kind: str, parameters: dict[str, Any]) -> Any:
         """The result of one command."""

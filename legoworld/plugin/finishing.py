@@ -26,6 +26,7 @@ from legoworld.scene.folder import BLEND
 from legoworld.scene.pictures import decoded_picture
 from legoworld.workers.protections import protections
 from legoworld.workers.sandbox import SandboxLimits
+from legoworld.workers.scratch import scratch_folder
 
 EXPORT: Final = "export"
 RENDER: Final = "render.png"
@@ -60,10 +61,10 @@ def render_for_review(case: Case) -> tuple[Review, bytes]:
 
     def call() -> Review:
         with case.live.copied() as copy, BlenderProcess(_RENDER_LIMITS) as renderer:
-            scene = read_live(copy, case.live.reader)
+            scene = read_live(copy.path, case.live.reader)
             case.note(scene)
             size = _review_size(case, scene)
-            png = render_copy(copy, renderer, size, samples=_SAMPLES, denoise=True)
+            png = render_copy(copy.path, renderer, size, samples=_SAMPLES, denoise=True)
         made.append(_beside_photo(png, case))
         return Review(render_sha256=case.artefacts.keep(made[0], "png"), findings=None)
 
@@ -130,14 +131,15 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
         into = case.folder / EXPORT
         into.mkdir(exist_ok=True)
         with BlenderProcess(_RENDER_LIMITS) as renderer:
-            with case.live.copied() as copy:
-                scene = read_live(copy, case.live.reader)
+            with case.live.copied() as copy, scratch_folder("legoworld-exporting-") as kept:
+                scene = read_live(copy.path, case.live.reader)
                 case.note(scene)
                 unguarded = case.unguarded(scene.state)
                 warnings = export_submission(
-                    copy,
+                    copy.keep(kept),
                     into,
-                    workspace=copy.parent,
+                    workspace=copy.workspace,
+                    place=copy.folder,
                     limits=_EXPORT_LIMITS,
                     held=protections("auto"),
                     blender=renderer,

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from legoworld.errors import LegoWorldError
-from legoworld.files import atomic_path, sha256_of_file
 from legoworld.plugin.connection import BlenderConnection, BlenderRefusedError
+from legoworld.plugin.live_copy import COPY, LiveCopy
 from legoworld.plugin.small_render import render_luma
 from legoworld.plugin.state import LiveScene, read_live
 from legoworld.records.plugin_state import SceneState
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import bpy_version
 
-#: Beside the scene, so that what it names by relative paths is found from the copy, too.
-_COPY: Final = ".legoworld-live.blend"
 _SAVE: Final = """
 import bpy, json, os
 folder = os.path.dirname(bpy.data.filepath) or os.getcwd()
@@ -73,13 +70,13 @@ class LiveBlender:
         self._store = store
 
     @contextmanager
-    def copied(self) -> Iterator[Path]:
+    def copied(self) -> Iterator[LiveCopy]:
         """A saved copy of the scene as it is now, for as long as the block runs."""
         copy, _ = self._save()
         try:
             yield copy
         finally:
-            copy.unlink(missing_ok=True)
+            copy.remove()
 
     def read(
         self, *, keep: bool = False, luma_wh: tuple[int, int] | None = None
@@ -89,18 +86,18 @@ class LiveBlender:
         luma_wh: the photo's size, to render the scene small for its luma; None to render nothing.
         """
         with self.copied() as copy:
-            before = sha256_of_file(copy)
-            scene = read_live(copy, self.reader)
+            before = copy.sha256()
+            scene = read_live(copy.path, self.reader)
             if luma_wh is not None and not isinstance(scene.shown, LegoWorldError):
-                luma = render_luma(copy, self.reader, luma_wh)
+                luma = render_luma(copy.path, self.reader, luma_wh)
                 scene = dataclasses.replace(scene, luma=luma)
-            kept = self._keep(copy) if keep else None
-            if (kept or sha256_of_file(copy)) != before:
+            kept = copy.keep(self._store).stem if keep else None
+            if (kept or copy.sha256()) != before:
                 raise BlenderRefusedError(
                     "the copy of the live scene was changed while it was read",
                     found="another sha256 than before",
                     expected="a file that only Blender's save writes",
-                    next_step=f"leave {_COPY} to the plugin, and call again",
+                    next_step=f"leave {COPY} to the plugin, and call again",
                 )
             return scene, kept
 
@@ -116,10 +113,10 @@ class LiveBlender:
         """
         copy, filepath = self._save()  # where the open file is, and a place Blender can read
         try:
-            _place(self._store / f"{sha256}.blend", copy)
-            self._blender.run(_RESTORE.format(copy=str(copy), filepath=filepath))
+            copy.put(self._store / f"{sha256}.blend")
+            self._blender.run(_RESTORE.format(copy=str(copy.path), filepath=filepath))
         finally:
-            copy.unlink(missing_ok=True)
+            copy.remove()
         now = self.read()[0].state
         if now.scene_signature != state.scene_signature:
             raise NotRestoredError(
@@ -129,10 +126,10 @@ class LiveBlender:
                 next_step=f"open {sha256}.blend of the ledger's folder by hand",
             )
 
-    def _save(self) -> tuple[Path, str]:
+    def _save(self) -> tuple[LiveCopy, str]:
         """A copy of the live scene that this process can read, and the open file's own path."""
         newest = _newest()
-        said = self._blender.run(_SAVE.format(name=_COPY, newest=newest))
+        said = self._blender.run(_SAVE.format(name=COPY, newest=newest))
         try:
             answer = json.loads(said.strip().splitlines()[-1])
             copy, filepath = Path(answer["copy"]), str(answer["filepath"])
@@ -150,27 +147,4 @@ class LiveBlender:
                 expected=f"Blender {newest[0]}.{newest[1]} or older",
                 next_step="drive the scene with that version, or `legoworld blender serve`",
             )
-        # A link would have this process read, or on a rollback write, where Blender may not.
-        if copy.name != _COPY or copy.is_symlink() or not copy.is_file():
-            raise BlenderRefusedError(
-                "the copy of the live scene cannot be read from here",
-                found=str(copy),
-                expected="a folder that both Blender and this process see",
-                next_step="run the plugin on Blender's machine, and save the scene there once",
-            )
-        return copy, filepath
-
-    def _keep(self, copy: Path) -> str:
-        sha256 = sha256_of_file(copy)
-        stored = self._store / f"{sha256}.blend"
-        if not stored.exists():
-            with atomic_path(stored) as temporary:
-                shutil.copyfile(copy, temporary)
-        return sha256
-
-
-def _place(source: Path, target: Path) -> None:
-    """Copy to a new file of this name, never through a link that stands there."""
-    target.unlink(missing_ok=True)
-    with target.open("xb") as written, source.open("rb") as stored:
-        shutil.copyfileobj(stored, written)
+        return LiveCopy(copy, self._blender.workspace()), filepath

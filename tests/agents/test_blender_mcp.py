@@ -51,7 +51,7 @@ def test_an_agent_starts_it_and_what_it_built_is_finalised(tmp_path, capsys):
     work, out = str(tmp_path / "work"), tmp_path / "out"
     assert cli.run(["blender", "finalise", work, "-o", str(out), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["finalisation"]
-    assert found["source"] == "checkpoint"
+    assert found["source"] == "saved"
     assert len(found["refused"]) == 1, "the spoiled file is not taken"
     assert {path.name for path in out.iterdir()} >= {"scene.blend", "scene.glb", "final.png"}
     assert cli.run(["blender", "finalise", work, "-o", str(out)]) == 2, "never over what is there"

@@ -98,11 +98,12 @@ def test_an_agent_that_ends_at_once_has_no_scene_and_says_so(tmp_path):
     assert not (done.folder / "scene.blend").exists()
 
 
-def test_a_spoilt_save_is_refused_and_the_open_scene_taken(tmp_path):
+def test_a_spoilt_save_is_refused_and_the_one_before_taken(tmp_path):
     spoil = f"open({HERE} + '/scene.blend', 'w').write('spoiled')"
     about = tried(tmp_path, [CUBE, SAVE, spoil]).trial.about
-    assert about.finalisation.source == "checkpoint"
-    assert len(about.finalisation.refused) == 1
+    assert about.finalisation.source == "saved"
+    (refused,) = about.finalisation.refused
+    assert "it begins with b'spoiled'" in refused
 
 
 def test_time_s_end_is_the_runtime_s_and_recorded(tmp_path):

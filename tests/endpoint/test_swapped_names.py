@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
+
 import pytest
 from swapping import OUTSIDE, SWAPS, swapping
 
@@ -51,14 +53,14 @@ def test_a_scene_that_is_put_back_never_leaves_the_workspace(workspace, tmp_path
     (tmp_path / "stored.blend").write_text("BLENDER")
     with swapping(workspace / name, victim):
         for _ in range(SWAPS):
-            assert placed(tmp_path / "stored.blend", workspace, name) == workspace / name
+            assert placed(tmp_path / "stored.blend", workspace, PurePath(name)) == workspace / name
             assert victim.read_text() == "outside"
 
 
 def test_a_folder_in_the_place_of_the_scene_that_is_put_back_is_left_alone(workspace, tmp_path):
     (workspace / "recovered.blend").mkdir()
     (tmp_path / "stored.blend").write_text("BLENDER")
-    put = placed(tmp_path / "stored.blend", workspace, "recovered.blend")
+    put = placed(tmp_path / "stored.blend", workspace, PurePath("recovered.blend"))
     assert put.parent == workspace
     assert put.read_text() == "BLENDER"
 
@@ -68,8 +70,9 @@ def test_a_save_is_taken_from_the_workspace_alone(workspace, tmp_path):
     victim.write_text("BLENDER of another")
     record = TrialRecord(tmp_path / "record")
     with swapping(workspace / BLEND, victim):
-        found = [record.incoming(workspace, BLEND) for _ in range(SWAPS)]
-    assert found == [None] * SWAPS  # "inside" is no .blend, and a link is not followed
+        # "inside" is no .blend, and a link is not followed.
+        found = {outcome(lambda: record.incoming(workspace, BLEND)) for _ in range(SWAPS)}
+    assert found == {"refused"}
 
 
 @pytest.mark.parametrize(
@@ -84,8 +87,9 @@ def test_a_save_is_taken_from_the_workspace_alone(workspace, tmp_path):
 )
 def test_only_a_blend_becomes_a_checkpoint(workspace, tmp_path, data, kept):
     (workspace / BLEND).write_bytes(data)
-    found = TrialRecord(tmp_path / "record").incoming(workspace, BLEND)
-    assert (found is not None) is kept
+    record = TrialRecord(tmp_path / "record")
+    assert (record.keep_saved(workspace, call=1, at_s=0.0) is not None) is kept
+    assert bool(record.spoilt) is not kept
     assert len(list((tmp_path / "record" / "checkpoints").iterdir())) == kept
 
 

@@ -1,0 +1,43 @@
+"""The copy of the live scene, while code in Blender exchanges the folder that it is in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from swapping import SWAPS, swapping
+
+from legoworld.plugin.connection import BlenderRefusedError
+from legoworld.plugin.live_copy import COPY, LiveCopy
+
+
+def attempt(use):
+    try:
+        return use()
+    except BlenderRefusedError:
+        return "refused"
+
+
+def test_it_is_read_and_written_in_the_workspace_alone(tmp_path):
+    for name in ("workspace", "outside", "store"):
+        (tmp_path / name).mkdir()
+    victim = tmp_path / "outside" / COPY
+    victim.write_text("outside")
+    (tmp_path / "stored.blend").write_text("chosen")
+    copy = LiveCopy(tmp_path / "workspace" / "d" / COPY, tmp_path / "workspace")
+    outcomes = []
+    with swapping(tmp_path / "workspace" / "d", tmp_path / "outside"):
+        for _ in range(SWAPS):
+            outcomes += [
+                attempt(lambda: copy.put(tmp_path / "stored.blend")),
+                attempt(lambda: copy.keep(tmp_path / "store").read_text()),
+                attempt(copy.remove),
+            ]
+    assert set(outcomes) == {None, "refused", "chosen"}
+    assert victim.read_text() == "outside"
+
+
+@pytest.mark.parametrize("said", ["/etc/hostname", f"/etc/{COPY}", COPY, f"/w/../etc/{COPY}", "\0"])
+def test_what_is_not_in_the_workspace_is_refused(said):
+    with pytest.raises(BlenderRefusedError, match="cannot be read from here"):
+        LiveCopy(Path(said), Path("/w"))
