@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import errno
-import fcntl
 import hashlib
 import json
 import os
@@ -41,21 +40,6 @@ def sha256_of_file(path: Path) -> str:
     """Hex sha256 of a file's bytes."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-@contextmanager
-def held_alone(path: Path, refused: Exception) -> Iterator[None]:
-    """Hold a lock's file for this process, which makes it; raises `refused` while another holds it.
-
-    The lock ends with the process, however that ends. Its file stays: removing it would let two
-    processes lock two files of one name.
-    """
-    with path.open("ab") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise refused from error
-        yield
 
 
 def home_folder() -> Path:

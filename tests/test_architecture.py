@@ -20,6 +20,7 @@ ROOMS = [
         "exit_codes",
         "conventions",
         "files",
+        "locks",
         "beneath",
         "system_libraries",
         "remote",

@@ -21,6 +21,7 @@ from legoworld.agents.unfinished import (
     unfinished_trial,
 )
 from legoworld.errors import LegoWorldError, UsageError, cause
+from legoworld.locks import held_folder
 from legoworld.records.agents import BegunTrial, Outcome, ReconstructionFile, Usage
 from legoworld.records.base import Record, RecordError, decode
 from legoworld.records.plugin_modules import PluginUsed
@@ -77,8 +78,37 @@ def reconstruct(
 ) -> list[TrialRow]:
     """Make the trials that are not made yet; a row for every one, by image and run.
 
-    A scene folder appears whole, with its reconstruction.json, or not at all.
+    A scene folder appears whole, with its reconstruction.json, or not at all. UsageError while
+    another run makes trials there: it would build the same scenes, and delete the first's.
     """
+    refused = UsageError(
+        f"another run makes trials in {output}",
+        found="its folder is locked",
+        expected="one run at a time in a folder of scenes",
+        next_step="wait for the other run, end it, or pass another -o",
+    )
+    with held_folder(output, refused):
+        return _made(
+            plan,
+            output,
+            images=images,
+            repeat=repeat,
+            workers=workers,
+            engine=engine,
+            progress=progress,
+        )
+
+
+def _made(
+    plan: TrialPlan,
+    output: Path,
+    *,
+    images: Sequence[TrackImage],
+    repeat: int,
+    workers: int,
+    engine: EngineName,
+    progress: Progress,
+) -> list[TrialRow]:
     top = output.resolve()  # sandboxes and agents name files from other working folders
     items = [
         TrialItem(image=image, run=run, scenes=_scenes(top, run, repeat))

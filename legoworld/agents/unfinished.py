@@ -10,7 +10,6 @@ session/        what the agent continues from
 
 from __future__ import annotations
 
-import fcntl
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,6 +22,7 @@ from legoworld.beneath import Beneath, RefusedFileError
 from legoworld.endpoint.trial_record import LARGEST_FILE
 from legoworld.errors import LegoWorldError
 from legoworld.files import write_text
+from legoworld.locks import take
 from legoworld.records.agents import BegunTrial, EndedAgent
 from legoworld.records.base import RecordError, decode, readable
 from legoworld.tracks.track import TrackImage
@@ -198,21 +198,16 @@ def identity(plan: TrialPlan, image: TrackImage, parts: tuple[int, ...]) -> Begu
 def _hold(descriptor: int, image: TrackImage) -> None:
     deadline = time.monotonic() + _FREE_WITHIN_S
     while True:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            if time.monotonic() > deadline:
-                raise TrialHeldError(
-                    f"another run builds {image.scene}",
-                    found="its folder is locked",
-                    expected="one run at a time in a folder of scenes",
-                    next_step="wait for the other run, or end it",
-                ) from error
-            time.sleep(_LOOK_EVERY_S)
-        except OSError:
-            return  # a file system without locks
-        else:
+        if take(descriptor, Path(image.scene), wait=False):
             return
+        if time.monotonic() > deadline:
+            raise TrialHeldError(
+                f"another run builds {image.scene}",
+                found="its folder is locked",
+                expected="one run at a time in a folder of scenes",
+                next_step="wait for the other run, or end it",
+            )
+        time.sleep(_LOOK_EVERY_S)
 
 
 def _remove(path: Path) -> None:

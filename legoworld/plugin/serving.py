@@ -9,7 +9,7 @@ from typing import Final
 
 from legoworld import extras
 from legoworld.errors import InstallationError, UsageError
-from legoworld.files import held_alone
+from legoworld.locks import held_alone
 from legoworld.plugin.case import STATES, Case
 from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.evidence import read_evidence

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import platform
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -24,6 +22,7 @@ from legoworld.files import (
     write_npz,
     write_text,
 )
+from legoworld.locks import held_folder
 from legoworld.records.base import (
     UNSET,
     Record,
@@ -158,7 +157,7 @@ def write_evaluation(folder: Path, evaluation: Evaluation[S], *, overwrite: bool
     Two that end at the same time are written one after the other, and the second one's check
     finds the first.
     """
-    with _locked(folder):
+    with held_folder(folder):
         prepare_folder(
             folder,
             configuration=evaluation.evidence.configuration,
@@ -166,18 +165,6 @@ def write_evaluation(folder: Path, evaluation: Evaluation[S], *, overwrite: bool
             overwrite=overwrite,
         )
         _write(folder, evaluation)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Wait for the folder; the lock is on the folder itself, so that no file of it is left."""
-    folder.mkdir(parents=True, exist_ok=True)
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _write(folder: Path, evaluation: Evaluation[S]) -> None:

@@ -14,11 +14,11 @@ from msgspec import structs
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
-    held_alone,
     sync_file,
     sync_folder,
     write_text,
 )
+from legoworld.locks import held_alone
 from legoworld.records.base import UNSET, RecordError, canonical, decode, readable, short_json
 from legoworld.records.folders.prediction_files import (
     FOLDER,
