@@ -30,6 +30,10 @@ _NO_DEPTH_RGB: Final = (40, 40, 40)
 _FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 _INK: Final = (0, 0, 0)  # on `_color`, of which all are bright
 
+#: What a pixel shows, besides 0: nothing that is listed.
+_LABELLED, _UNLABELLED = 1, 2
+_BAND_ROWS: Final = 128
+
 Rgb = NDArray[np.uint8]
 
 
@@ -98,19 +102,32 @@ def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[Instance
     """
     picture = ground.copy()
     shown = [e for e in entries if e.area_px > 0]
-    unlabelled = np.isin(instance, [e.id for e in shown if e.category is None])
-    edges = _edges(instance)
-    picture[edges & unlabelled] = (picture[edges & unlabelled] // 2) + 64
     labelled = sorted((e for e in shown if e.category), key=lambda e: -e.area_px)
-    for entry in labelled:
-        mask = instance == entry.id
-        color = np.array(_color(entry.id))
-        tinted = picture[mask] * 0.72 + color * 0.28
-        picture[mask] = tinted.astype(np.uint8)
-        picture[edges & mask] = color
+    _tint(picture, instance, shown)
     for entry in labelled:
         _draw_box(picture, entry)
     return picture
+
+
+def _tint(picture: Rgb, instance: NDArray[np.int32], shown: Sequence[InstanceRow]) -> None:
+    """Colour each pixel by its instance, in place: one pass, whatever the number of instances."""
+    n = max([int(instance.max()), *(e.id for e in shown)], default=-1) + 1
+    kind = np.zeros(n + 1, np.uint8)  # the last one is NO_INSTANCE's
+    colors = np.zeros((n + 1, 3), np.int64)
+    for entry in shown:
+        kind[entry.id] = _LABELLED if entry.category else _UNLABELLED
+        colors[entry.id] = _color(entry.id)
+    edges = _edges(instance)
+    for top in range(0, len(picture), _BAND_ROWS):
+        band = slice(top, top + _BAND_ROWS)
+        ids, rows, edge = instance[band], picture[band], edges[band]
+        kinds = kind[ids]
+        faint = edge & (kinds == _UNLABELLED)
+        rows[faint] = (rows[faint] // 2) + 64
+        inside = kinds == _LABELLED
+        rows[inside] = (rows[inside] * 0.72 + colors[ids[inside]] * 0.28).astype(np.uint8)
+        outline = edge & inside
+        rows[outline] = colors[ids[outline]]
 
 
 def _draw_box(picture: Rgb, entry: InstanceRow) -> None:

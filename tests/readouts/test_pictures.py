@@ -8,6 +8,9 @@ import pytest
 
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.pictures import (
+    _color,
+    _edges,
+    _tint,
     depth_picture,
     instance_picture,
     overlay,
@@ -169,3 +172,23 @@ def test_letters_are_dark_on_every_colour():
     for number in range(40):
         drawn = overlay(ground, ids, [row(number, "mm", (10, 10, 60, 40))])
         assert drawn.sum(axis=2).min() < 200, number  # the colours add up to 383 and more
+
+
+def test_colouring_in_one_pass_is_colouring_each_instance():
+    rng = np.random.default_rng(3)
+    ids = rng.integers(-1, 40, (300, 20)).astype(np.int32).repeat(2, axis=1)
+    ground = rng.integers(0, 256, (300, 40, 3)).astype(np.uint8)
+    names = ["cup", None, "chair"]
+    entries = [row(i, names[i % 3], (0, 0, 1, 1), area=i % 7) for i in range(0, 60, 2)]
+    expected, edges = ground.copy(), _edges(ids)
+    for entry in entries:
+        mask = (ids == entry.id) if entry.area_px else np.zeros(ids.shape, bool)
+        if entry.category is None:
+            expected[edges & mask] = expected[edges & mask] // 2 + 64
+        else:
+            color = np.array(_color(entry.id))
+            expected[mask] = (expected[mask] * 0.72 + color * 0.28).astype(np.uint8)
+            expected[edges & mask] = color
+    drawn = ground.copy()
+    _tint(drawn, ids, [e for e in entries if e.area_px])
+    assert np.array_equal(drawn, expected)
