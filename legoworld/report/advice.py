@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -99,10 +100,16 @@ def _missed(
     unlabelled = [u.name for u in side.run_row.unlabelled or ()]
     for name, missed in sorted(by_name.items(), key=lambda x: (-len(x[1]), x[0])):
         alike = [u for u in unlabelled if _alike(name, u)]
-        if alike:
+        written = [u.label for u in side.run_row.unmatched or () if _alike(name, u.label)]
+        if written:
+            do = f"the label {_quoted(written)} is not in the vocabulary: write {name!r}"
+        elif alike:
             do = f"{_quoted(alike)} has no category: if that is it, set category = {name}"
         else:
-            do = "build it, or label the object that shows it (objects without category: below)"
+            do = (
+                "build it, or label the object that shows it (`legoworld inspect` lists objects "
+                "without category)"
+            )
         what = f"missed: {len(missed)} x {name}"
         advice.append(Advice(level="bad", what=what, do=do, truths=tuple(missed)))
     if not side.entries:
@@ -307,9 +314,18 @@ def _edges(box: Sequence[float], truth: Sequence[float]) -> str:
 
 
 def _alike(category: str, name: str) -> bool:
-    """Whether an object's name holds a word of a category's."""
-    words = {w for w in category.lower().replace("_", " ").replace("(", " ").split() if len(w) > 2}
-    return any(w in name.lower().replace("_", " ").split() for w in words)
+    """Whether a name holds a word of a category's, or the category written in one or other words.
+
+    Case, plurals, digits and what stands between words make no difference.
+    """
+    wanted, found = _words(category), _words(name)
+    words = {word for word in wanted if len(word) > 2}
+    return bool(words & {*found}) or "".join(wanted) in {*found, "".join(found)}
+
+
+def _words(name: str) -> list[str]:
+    words = re.findall(r"[^\W\d_]+", name.partition("(")[0].casefold())
+    return [w.removesuffix("s") if len(w) > 3 else w for w in words]
 
 
 def _quoted(names: Sequence[object]) -> str:

@@ -10,8 +10,8 @@ import pytest
 from legoworld.records.base import to_record
 from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
-from legoworld.records.run_rows import RunRow
-from legoworld.report.advice import detection_advice
+from legoworld.records.run_rows import RunRow, Unmatched
+from legoworld.report.advice import _alike, detection_advice
 from legoworld.report.detection_images import DetectionImage, SideImage, _errors
 
 CUP, TABLE, DINING_TABLE = 1, 2, 3
@@ -52,6 +52,7 @@ def advice(
     predictions: list[tuple[Box, int, str]],
     *,
     scene: bool = True,
+    run_row: RunRow | None = None,
 ) -> list[str]:
     """Each finding as "what => do"; predictions are (box, category, outcome at IoU 0.5)."""
     image = TrueImage(id=1, height=SIZE[0], width=SIZE[1])
@@ -65,7 +66,7 @@ def advice(
     )
     side = SideImage(
         row=ROW,
-        run_row=RunRow(image_id=1, file_name="a.jpg", status="ok"),
+        run_row=run_row or RunRow(image_id=1, file_name="a.jpg", status="ok"),
         scene=None,
         entries=entries,
         errors=_errors(task, image, true, entries),
@@ -183,3 +184,32 @@ def test_a_baseline_is_told_what_and_not_what_to_do() -> None:
     (said,) = advice("coco", [((10, 10, 41, 31), CUP)], halves, scene=False)
     assert said.startswith("2 x cup are parts of one annotated cup")
     assert said.endswith("=> ")
+
+
+@pytest.mark.parametrize(
+    ("name", "alike"),
+    [
+        ("cellphone", True), ("Cell_Phone.003", True), ("cell-phones", True), ("my phone", True),
+        ("cell", True), ("CellPhones 2", True), ("my cellphone", True), ("headphones", False),
+        ("cupboard", False),
+    ],
+)  # fmt: skip
+def test_names_are_alike_whatever_stands_between_their_words(name: str, alike: bool) -> None:
+    assert _alike("cell phone", name) == alike
+    assert not _alike("cup", "Cupboard")
+    assert _alike("bat_(animal)", "Bats")
+
+
+def test_a_label_outside_the_vocabulary_is_named_where_its_category_is_missed() -> None:
+    row = RunRow(
+        image_id=1,
+        file_name="a.jpg",
+        status="ok",
+        unmatched=(Unmatched(label="Tables", count=1, nearest=("table",)),),
+    )
+    said = advice("lvis", [((10, 20, 80, 60), TABLE)], [], run_row=row)[0]
+    assert said == (
+        "missed: 1 x table => the label 'Tables' is not in the vocabulary: write 'table'"
+    )
+    plain = advice("lvis", [((10, 20, 80, 60), TABLE)], [])[0]
+    assert "`legoworld inspect` lists objects without category" in plain
