@@ -45,14 +45,15 @@ class RefusedFileError(LegoWorldError):
 class Beneath:
     """An open folder that an untrusted program can write to, and the files below it.
 
-    folder: its own path is ours: no program can change what it names. Names are relative to it.
+    folder: no link, and its own path is ours: no program can change what it names. One that the
+    program can replace, such as its output, is a name below the folder that it is in.
     Every method raises RefusedFileError for a name that leads out of the folder or through a link,
     and OSError where the machine refuses (no space, no descriptors).
     """
 
     def __init__(self, folder: Path) -> None:
         with _told(folder):
-            self._top = os.open(folder, _FOLDER & ~os.O_NOFOLLOW)
+            self._top = os.open(folder, _FOLDER)
 
     def __enter__(self) -> Self:
         return self

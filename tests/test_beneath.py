@@ -95,6 +95,13 @@ def test_no_link_is_followed_on_the_way(inside, tmp_path, name):
     assert not (tmp_path / "copy").exists()
 
 
+def test_a_folder_that_was_exchanged_for_a_link_is_not_opened(tmp_path):
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "output").symlink_to(tmp_path / "outside")
+    with pytest.raises(RefusedFileError, match="a link"):
+        Beneath(tmp_path / "output")
+
+
 def test_a_link_at_the_end_is_replaced_and_never_followed(inside, tmp_path):
     (tmp_path / "inside" / "d" / "f").symlink_to(tmp_path / "outside" / "secret")
     with pytest.raises(RefusedFileError):

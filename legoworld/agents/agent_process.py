@@ -126,7 +126,7 @@ def _open_session(order: Order, home: Path, seen: str) -> None:
     if order.unfinished.session.is_dir():
         order.unfinished.session.rename(output / "session")
     for name in order.card.about.session_folders:
-        with Beneath(output) as inside:  # the agent's own folders, as an earlier part left them
+        with Beneath(output) as inside:  # of this part, with what an earlier one left in it
             inside.make_folder(f"session/{name}")
         (home / name).parent.mkdir(parents=True, exist_ok=True)
         (home / name).symlink_to(f"{seen}/session/{name}")

@@ -26,6 +26,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.records.agents import EndedAgent, ReconstructionFile, RecordedStep
 from legoworld.records.atif import AtifTrajectory
 from legoworld.scene.blender_process import BlenderProcess
+from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.folder import TRIAL
 from legoworld.trajectories.joining import joined
@@ -128,7 +129,7 @@ def _agent_part(
     with (
         closing(Session(trial)) as session,
         EndpointServer(session, 0) as server,
-        _plugin(plan, image, workspace, session, unfinished.made) as plugin_port,
+        _plugin(plan, image, session, unfinished.made) as plugin_port,
     ):
         record = session.record
         record.drop_unanswered()
@@ -162,14 +163,16 @@ def _agent_part(
 
 @contextmanager
 def _plugin(
-    plan: TrialPlan, image: TrackImage, workspace: Workspace, session: Session, made: Path
+    plan: TrialPlan, image: TrackImage, session: Session, made: Path
 ) -> Iterator[int | None]:
     """The port of the trial's plugin; None without it."""
     if plan.plugin is None:
         yield None
         return
-    record = made / TRIAL / PLUGIN
-    with served_plugin(plan.plugin, image, workspace, session, record) as host:
+    record, photo = made / TRIAL / PLUGIN, find_photo(plan.work.photos, image)
+    if photo is None:
+        raise _no_photo(plan, image)
+    with served_plugin(plan.plugin, image, photo, session, record) as host:
         yield host.port
 
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from legoworld import __version__
 from legoworld.agents.plugin_host import PluginHost
-from legoworld.agents.workspaces import Commission, Workspace
+from legoworld.agents.workspaces import Commission
 from legoworld.endpoint.listener import HOST
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session
@@ -134,10 +134,11 @@ def _depth(folder: Path) -> Path:
 
 @contextmanager
 def served_plugin(
-    plan: PluginPlan, image: TrackImage, workspace: Workspace, session: Session, record: Path
+    plan: PluginPlan, image: TrackImage, photo: Path, session: Session, record: Path
 ) -> Iterator[PluginHost]:
     """A trial's plugin, with evidence of its photo; nothing of it is in the agent's workspace.
 
+    photo: the track's own, since the agent can exchange its copy.
     record: a folder to make; it keeps the ledger, the states and the evidence.
     """
     record.mkdir()
@@ -148,8 +149,8 @@ def served_plugin(
             *(word for m in _off(plan.options.modules) for word in ("--without", m)),
         ]
         if "evidence" in plan.options.modules:
-            _make_evidence(plan, image, workspace, record / _EVIDENCE)
-            command += ["--evidence", str(record / _EVIDENCE), "--photo", str(workspace.image)]
+            _make_evidence(plan, image, photo, record / _EVIDENCE)
+            command += ["--evidence", str(record / _EVIDENCE), "--photo", str(photo)]
         with PluginHost(command, record / "server.log") as host:
             yield host
 
@@ -170,14 +171,14 @@ def calls_of(record: Path) -> PluginCalls:
     )
 
 
-def _make_evidence(plan: PluginPlan, image: TrackImage, workspace: Workspace, into: Path) -> None:
-    options, photo_sha256 = plan.options, sha256_of_file(workspace.image)
+def _make_evidence(plan: PluginPlan, image: TrackImage, photo: Path, into: Path) -> None:
+    options, photo_sha256 = plan.options, sha256_of_file(photo)
     array = None
     if options.depth is not None and not run_of(options.depth):
         array = depth_file(options.depth, image.file_name)
     make_evidence(
         Given(
-            photo=workspace.image,
+            photo=photo,
             regions=[path for path in options.regions if not run_of(path)],
             image_id=image.id,
             vocabulary=plan.vocabulary,

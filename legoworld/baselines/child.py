@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import IO, Final, Self
 
 from msgspec.structs import replace
@@ -141,10 +141,12 @@ class BaselineProcess:
         name: relative, in both. False where it wrote none; RefusedFileError for a link, say. What
         it still holds open can change: read, and hash, what was taken.
         """
-        target = self._output / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with Beneath(self._home.path / "output") as written:
-            return written.move_out(name, target)
+        target, wrote = self._output / name, PurePath("output", name)
+        with Beneath(self._home.path) as files:
+            if files.status(wrote) is None:  # refuses what leads out, before a folder is made
+                return False
+            target.parent.mkdir(parents=True, exist_ok=True)
+            return files.move_out(wrote, target)
 
     def _last_message(self) -> Message | Unreadable | None:
         """The last message of an ended process; what held its pipe open ended with it."""

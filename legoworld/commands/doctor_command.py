@@ -141,6 +141,7 @@ def _kernel() -> Finding:
 
 def _sandbox() -> Finding:
     """Whether `execute` can sandbox a program; without bubblewrap it only applies limits."""
+    from legoworld.workers.bubblewrap import how_to_have
     from legoworld.workers.protections import protections
 
     held = protections("auto")
@@ -150,8 +151,8 @@ def _sandbox() -> Finding:
         name="sandbox",
         good=held.bubblewrap is not None,
         found=f"{found}; processes counted by {by}",
-        next_step="programs run by `execute` are limited but not sandboxed: apt-get install "
-        "bubblewrap, and allow user namespaces (docs/sandbox.md)",
+        next_step="programs run by `execute` are limited but not sandboxed: "
+        + how_to_have(held.why_not or ""),
         needed=False,
     )
 

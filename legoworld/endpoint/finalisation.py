@@ -119,7 +119,7 @@ def _export(
         except RefusedFileError as error:
             raise _not_exported(str(error)) from error
         finally:
-            with Beneath(workspace) as inside:
+            with Beneath(workspace.resolve()) as inside:
                 inside.unlink(PurePath(place, opened.name))
         if not (scratch / BLEND).is_file():
             raise _not_exported("Blender left no scene.blend")

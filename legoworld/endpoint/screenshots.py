@@ -29,7 +29,7 @@ def deliver_picture(data: bytes | None, wanted: str, workspace: Path) -> None:
     _check_picture(data or b"")
     assert data is not None
     if (name := name_beneath(wanted, workspace)) is not None:
-        with Beneath(workspace) as inside:
+        with Beneath(workspace.resolve()) as inside:
             inside.write(name, data)
         return
     temporary = Path(tempfile.gettempdir())
@@ -41,7 +41,9 @@ def deliver_picture(data: bytes | None, wanted: str, workspace: Path) -> None:
             expected=f"a path below {workspace.resolve()}, or a new .png in {temporary.resolve()}",
             next_step="start mcp-for-blender with TMPDIR set to the workspace",
         )
-    with Beneath(temporary) as inside:  # others write there: nothing that is there is overwritten
+    with Beneath(
+        temporary.resolve()
+    ) as inside:  # others write there: nothing that is there is overwritten
         inside.write(name, data, new=True)
 
 

@@ -280,7 +280,7 @@ class Session:
 
     def _saved_stamp(self) -> tuple[int, ...] | None:
         try:
-            with Beneath(self._trial.workspace) as inside:
+            with Beneath(self._trial.workspace.resolve()) as inside:
                 status = inside.status(BLEND)
         except RefusedFileError:
             return None
@@ -302,7 +302,7 @@ class Session:
 
 def placed(blend: Path, workspace: Path, name: PurePath) -> Path:
     """A copy of a .blend of ours in a workspace; under another name where a folder has this one."""
-    with Beneath(workspace) as inside:
+    with Beneath(workspace.resolve()) as inside:
         there = inside.status(name)
         if there is not None and stat.S_ISDIR(there.st_mode):
             name = name.with_name(f".{secrets.token_hex(8)}.blend")

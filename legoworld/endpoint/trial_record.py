@@ -70,7 +70,7 @@ class TrialRecord:
         """
         self.spoilt = ""
         try:
-            found, last = self.incoming(workspace, BLEND), self.last("saved")
+            found, last = self.incoming(workspace.resolve(), BLEND), self.last("saved")
         except RefusedFileError as error:
             self.spoilt = f"saved by call {call}: {error.found}"
             return None

@@ -27,8 +27,8 @@ class LiveCopy:
 
     def __init__(self, path: Path, workspace: Path | None) -> None:
         self.path = path
-        self.workspace = workspace or path.parent
-        name = name_beneath(str(path), self.workspace)
+        self.workspace = workspace or path.parent.resolve()
+        name = name_beneath(str(path), workspace) if workspace else PurePath(path.name)
         if path.name != COPY or not path.is_absolute() or name is None:
             raise self._refused(str(path))
         self._name: PurePath = name

@@ -41,6 +41,7 @@ _NETWORK: Final = (
 _ABOUT_DEVICES: Final = (
     "/proc/driver/nvidia", "/sys/bus", "/sys/class", "/sys/dev", "/sys/devices", "/sys/module",
 )  # fmt: skip
+_NOT_INSTALLED: Final = "bubblewrap is not installed"
 _PROBE_WITHIN_S: Final = 20.0
 _PACKAGE: Final = Path(__file__).parents[1]
 _WITNESS: Final = Path(__file__).with_name("witness.py")
@@ -59,7 +60,7 @@ def find_bubblewrap() -> Bubblewrap | str:
     """The installed bubblewrap after a trial run, or the reason why it cannot be used."""
     program = shutil.which("bwrap")
     if program is None:
-        return "bubblewrap is not installed"
+        return _NOT_INSTALLED
     try:
         version = _output([program, "--version"]).split()[-1]
         _output([program, *_namespaces(), *_shown([]), "--", sys.executable, "-I", "-S", "-c", ""])
@@ -67,6 +68,13 @@ def find_bubblewrap() -> Bubblewrap | str:
         words = getattr(error, "stderr", None) or cause(error)
         return one_line(f"bubblewrap cannot make namespaces here: {words}", 200)
     return Bubblewrap(program=program, version=version)
+
+
+def how_to_have(why_not: str) -> str:
+    """What to do about a reason of `find_bubblewrap`."""
+    if why_not == _NOT_INSTALLED:
+        return "apt-get install bubblewrap"
+    return "allow user namespaces on this machine, or in its container; docs/sandbox.md"
 
 
 def confined(

@@ -9,7 +9,7 @@ from typing import Final, Literal
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.records.execution import Protected
-from legoworld.workers.bubblewrap import Bubblewrap, find_bubblewrap
+from legoworld.workers.bubblewrap import Bubblewrap, find_bubblewrap, how_to_have
 from legoworld.workers.task_group import group_place
 
 Confinement = Literal["auto", "bubblewrap", "limits"]
@@ -90,6 +90,6 @@ def protections(confinement: Confinement, *, network: bool = False) -> Protectio
             "bubblewrap cannot be used",
             found=usable,
             expected="a bubblewrap that may make user namespaces",
-            next_step="apt-get install bubblewrap, or allow user namespaces on this machine",
+            next_step=how_to_have(usable),
         )
     return Protections(bubblewrap=None, why_not=usable, network=network, counted=counted)

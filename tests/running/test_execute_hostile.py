@@ -110,6 +110,27 @@ def test_bubblewrap_keeps_a_program_from_its_callers_files(tmp_path):
     assert code == 0
 
 
+@pytest.mark.parametrize(
+    ("reads", "named"),
+    [
+        ("bpy.data.images.load({there!r})", "there.png"),  # a RuntimeError of Blender's
+        ("import beside", "beside.py"),
+        ("open({there!r} + '.not')", None),  # it is nowhere: no --input would help
+        ("import nowhere", None),
+        ("open('a\\0b')", None),
+    ],
+)
+def test_a_hint_names_what_bubblewrap_did_not_show_and_nothing_else(tmp_path, reads, named):
+    bubblewrap_or_skip()
+    (tmp_path / "there.png").write_bytes(b"no picture, but a file")
+    (tmp_path / "beside.py").write_text("")
+    program = BUILD + reads.format(there=str(tmp_path / "there.png")) + "\n"
+    code, output = execute(tmp_path, program, "--no-picture", "--sandbox", "bubblewrap")
+    assert code == 1
+    hints = [word for word in execution(output)["warnings"] if "--input" in word]
+    assert [word.endswith(f"--input {tmp_path}/{named}") for word in hints] == [True] * bool(named)
+
+
 def test_escape_sequences_in_an_error_do_not_reach_the_terminal(tmp_path, capsys):
     program = BUILD + "raise ValueError('\\x1b]0;owned\\x07 \\x9b31m \\u202e \\udc80')\n"
     code, output = execute(tmp_path, program, "--no-picture")

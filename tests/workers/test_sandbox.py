@@ -333,3 +333,8 @@ def test_bubblewrap_that_cannot_run_is_said_and_can_be_demanded(monkeypatch):
     assert "network" in protections("auto").does_not_hold
     with pytest.raises(SandboxUnavailableError, match="apt-get install bubblewrap"):
         protections("bubblewrap")
+    monkeypatch.setattr(
+        "legoworld.workers.protections.find_bubblewrap", lambda: "it cannot make namespaces here"
+    )
+    with pytest.raises(SandboxUnavailableError, match="next: allow user namespaces"):
+        protections("bubblewrap")

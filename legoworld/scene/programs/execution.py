@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,8 +43,8 @@ from legoworld.workers.protections import Confinement, Protections, protections
 from legoworld.workers.sandbox import Sandbox, SandboxLimits
 from legoworld.workers.scratch import scratch_folder
 
-_NOT_SHOWN: Final = "the sandbox shows the program no file but its own"
-_SHOW: Final = "name what it reads with --input"
+#: A file or a module that an error names.
+_QUOTED: Final = re.compile(r"""(['"])(.+?)\1""")
 
 
 def execute(
@@ -73,8 +75,8 @@ def execute(
         warnings = list(report.warnings)
         if "render" in report.skipped:
             warnings.append(f"the program's own render calls were skipped; see {PICTURE}")
-        if held.bubblewrap and report.error and _looked_for(report.error.type):
-            warnings.append(f"{_NOT_SHOWN}: {_SHOW}")
+        if held.bubblewrap and report.error:
+            warnings += _not_shown(report.error.message, program, inputs)
         check = _check(reader, made, warnings)
         if picture and check.code != "no_camera":
             warnings += final_picture(reader, made)
@@ -118,7 +120,8 @@ def _run(
             raise over_limit(ending, ending.over, report.at, allowed, program)
         if report.ok is None:
             raise ended_early(ending, report.at, program)
-        _refuse_failure(report, allowed, confined=held.bubblewrap is not None)
+        hints = _not_shown(report.reason.found, program, inputs) if report.reason else []
+        _refuse_failure(report, allowed, hints if held.bubblewrap else [])
         if _taken(workspace, BLEND, made) is None:
             raise _no_scene("no such file")
         _taken(workspace, GLB, made)
@@ -143,8 +146,8 @@ def _no_scene(found: str) -> ProgramOutputError:
     )
 
 
-def _refuse_failure(report: ProgramReport, allowed: SandboxLimits, *, confined: bool) -> None:
-    """Raise why there is no scene, where the report says that there is none."""
+def _refuse_failure(report: ProgramReport, allowed: SandboxLimits, hints: Sequence[str]) -> None:
+    """Raise why there is no scene, where the report says so. hints: of what was not shown."""
     reason = report.reason
     if reason is None:
         return
@@ -169,14 +172,26 @@ def _refuse_failure(report: ProgramReport, allowed: SandboxLimits, *, confined: 
             expected="a scene that Blender can save",
             next_step="the program may have replaced what Blender needs: run it in Blender",
         )
-    if reason.code == "built_nothing" and confined and _looked_for(reason.found):
-        reason = replace(reason, next=f"correct the program; {_NOT_SHOWN}: {_SHOW}")
+    if reason.code == "built_nothing" and hints:
+        reason = replace(reason, next=hints[0])
     raise from_reason(as_json(reason))
 
 
-def _looked_for(error: str) -> bool:
-    """Whether an error is what a program meets that reads a file it is not shown."""
-    return any(kind in error for kind in ("FileNotFoundError", "ModuleNotFoundError"))
+def _not_shown(error: str, program: Path, inputs: Sequence[Path]) -> list[str]:
+    """A hint for each file that an error names, that is there and that bubblewrap did not show.
+
+    A module is looked for beside the program. What is nowhere is no matter of the sandbox.
+    """
+    shown = [program.resolve(), *(path.resolve() for path in inputs)]
+    hints = []
+    for _, named in _QUOTED.findall(error):
+        places = [named] if named.startswith("/") else [f"{program.parent.resolve()}/{named}.py"]
+        for place in places:
+            if not os.path.exists(place):  # noqa: PTH110  False for what can be no path
+                continue
+            if not any(Path(place).resolve().is_relative_to(path) for path in shown):
+                hints.append(f"bubblewrap does not show {place} to the program: --input {place}")
+    return hints
 
 
 def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> Verdict:
