@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from threading import BoundedSemaphore, Lock
-from typing import Self
+from typing import BinaryIO, Final, Self
 
-import msgspec
-
-from legoworld.errors import LegoWorldError, cause
+from legoworld.errors import cause
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchDataset
@@ -31,11 +29,17 @@ from legoworld.scene.cache import SnapshotCache
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.scratch import ScratchFolder
 
+_LONGEST_LINE: Final = 1 << 20
+
 
 @dataclass(frozen=True, kw_only=True)
 class ServeOptions:
-    """What every submission is scored with. threads: of each worker."""
+    """What every submission is scored with.
 
+    root: the folder that all submissions lie below; threads: of each worker.
+    """
+
+    root: Path
     dataset: BenchDataset
     bench: BenchProtocol
     rules: BenchRules
@@ -50,24 +54,36 @@ class ScoreWorker:
 
     def __init__(self, options: ServeOptions) -> None:
         self._options = options
+        self._aborted = False
         self._scratch = ScratchFolder("legoworld-serve-")
         self._blender = BlenderProcess(options.limits)
 
-    def answer(self, line: str) -> ServeAnswer:
-        """The answer to one line of input; whatever is wrong with it is its answer."""
+    def answer(self, line: bytes) -> ServeAnswer:
+        """Answer one input line. Invalid input gets status `refused`; nothing is raised.
+
+        What fails twice while it is scored gets status `evaluator_error`, and no numbers either.
+        """
         try:
             request = decode(ServeRequest, line)
         except RecordError as error:
-            return _refused(None, f"the line is no request; found: {error}")
+            return _no_score(None, f"the line is no request; found: {error}")
         if request.image_id not in self._options.dataset.cases:
-            return _refused(request, f"the dataset has no image {request.image_id}")
-        try:
-            return _answer(request, self._scored(request))
-        except (LegoWorldError, OSError) as error:
-            return msgspec.structs.replace(_refused(request, cause(error)), status=EVALUATOR_ERROR)
+            return _no_score(request, f"the dataset has no image {request.image_id}")
+        scene = scene_below(self._options.root, request.scene)
+        if scene is None:
+            return _no_score(request, "the scene is not below the server's root folder (--root)")
+        for _ in range(2):
+            try:
+                return _answer(request, self._scored(request, scene))
+            except Exception as error:  # one line may not end the server
+                if self._aborted:
+                    raise
+                reason = f"{type(error).__name__}: {cause(error)}"
+        return _no_score(request, reason, status=EVALUATOR_ERROR)
 
     def abort(self) -> None:
-        """End the Blender process under a running `answer`."""
+        """End the Blender process under a running `answer`, which raises."""
+        self._aborted = True
         self._blender.abort()
 
     def close(self) -> None:
@@ -75,10 +91,9 @@ class ScoreWorker:
         self._blender.close()
         self._scratch.close()
 
-    def _scored(self, request: ServeRequest) -> ReconstructionRow:
+    def _scored(self, request: ServeRequest, scene: Path) -> ReconstructionRow:
         options = self._options
         case = options.dataset.cases[request.image_id]
-        scene = Path(request.scene).absolute()
         image = TrackImage(
             id=request.image_id,
             file_name=case.file_name,
@@ -112,17 +127,29 @@ class ScoreWorker:
         )
 
 
-def _refused(request: ServeRequest | None, reason: str) -> ServeAnswer:
+def scene_below(root: Path, scene: str) -> Path | None:
+    """A scene folder by its path, relative to a root folder or absolute; None outside of it.
+
+    Links are followed before the comparison.
+    """
+    try:
+        place = (root / scene).resolve()
+    except (OSError, ValueError, RuntimeError):  # NUL, halves of surrogate pairs, loops of links
+        return None
+    return place if place.is_relative_to(root.resolve()) else None
+
+
+def _no_score(request: ServeRequest | None, reason: str, *, status: str = "refused") -> ServeAnswer:
     return ServeAnswer(
         id=request.id if request else None,
         scene=request.scene if request else None,
         image_id=request.image_id if request else None,
-        status="refused",
+        status=status,
         reason=reason,
-        V=0,
-        R=0.0,
-        A=0.0,
-        S=0.0,
+        V=None,
+        R=None,
+        A=None,
+        S=None,
         objects=(),
         validity=None,
         flags=(),
@@ -148,10 +175,19 @@ def _answer(request: ServeRequest, row: ReconstructionRow) -> ServeAnswer:
     )
 
 
+def _lines(stream: BinaryIO) -> Iterator[bytes]:
+    """The lines of a stream; of one that is too long, its beginning, which is no request."""
+    while line := stream.readline(_LONGEST_LINE):
+        yield line
+        while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
+            line = stream.readline(_LONGEST_LINE)
+
+
 class ScoreServer:
     """Workers that answer lines, each one line at a time; answers come in the order they are done.
 
-    At most two lines a worker are taken from the input ahead.
+    At most two lines a worker are taken from the input ahead, and a line of more than 1 MiB is
+    refused unread.
     """
 
     def __init__(self, options: ServeOptions, workers: int) -> None:
@@ -168,11 +204,11 @@ class ScoreServer:
             for worker in self._workers:
                 ends.callback(worker.close)
 
-    def serve(self, lines: Iterable[str], say: Callable[[ServeAnswer], None]) -> None:
+    def serve(self, stream: BinaryIO, say: Callable[[ServeAnswer], None]) -> None:
         """Answer every line that is not empty; returns when the input ends and all are answered."""
         ahead, saying = BoundedSemaphore(2 * len(self._workers)), Lock()
 
-        def work(line: str) -> None:
+        def work(line: bytes) -> None:
             worker = self._idle.get()
             try:
                 answer = worker.answer(line)
@@ -185,7 +221,7 @@ class ScoreServer:
         pending: list[Future[None]] = []
         with ThreadPoolExecutor(len(self._workers)) as pool:
             try:
-                for line in lines:
+                for line in _lines(stream):
                     if line.strip():
                         ahead.acquire()
                         pending = [*(p for p in pending if not p.done()), pool.submit(work, line)]

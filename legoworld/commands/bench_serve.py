@@ -12,6 +12,12 @@ from legoworld.commands import options
 
 @click.command("serve", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("dataset", type=options.EXISTING_FOLDER)
+@click.option(
+    "--root",
+    type=options.EXISTING_FOLDER,
+    default=Path(),
+    help="Folder that every submission lies below [default: the working folder].",
+)
 @click.option("--no-render", is_flag=True, help="R alone: no Cycles render, no integrity facts.")
 @click.option("--diagnostics", is_flag=True, help="Compute the diagnostics beside R, too.")
 @click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
@@ -19,6 +25,7 @@ from legoworld.commands import options
 @options.limits
 def serve_command(
     dataset: Path,
+    root: Path,
     no_render: bool,
     diagnostics: bool,
     workers: int | None,
@@ -30,14 +37,16 @@ def serve_command(
     """Score submissions as they come: JSON lines on standard input, scores on standard output.
 
     A request is {"scene": folder, "image_id": number} with an optional "id", which its answer has,
-    too. An answer has V, R, A, S, the objects' rows and the checks; what cannot be scored is zeros
-    with its reason, never NaN. Answers come in the order they are done. DATASET holds public and
-    private: run this where no agent can read it.
+    too; the folder is below --root. An answer has V, R, A, S, the objects' rows and the checks. A
+    submission that is missing or invalid is zeros with its reason. Every line has one answer: one
+    that is no request is `refused`, a scoring that failed twice is `evaluator_error`, both without
+    numbers. Answers come in the order they are done. DATASET holds public and private: run this
+    where no agent can read it.
 
     \b
     Examples:
       legoworld bench serve bench < requests.jsonl > scores.jsonl
-      legoworld bench serve bench --no-render --workers 2 < requests.jsonl
+      legoworld bench serve bench --root submissions --no-render --workers 2 < requests.jsonl
     """
     from legoworld.api.settings import limits_of, snapshot_cache
     from legoworld.bench.serving import ScoreServer, ServeOptions
@@ -51,6 +60,7 @@ def serve_command(
     bench = bench_protocol()
     count = workers or usable_cores()
     serving = ServeOptions(
+        root=root.absolute(),
         dataset=read_dataset(dataset / "private"),
         bench=bench,
         rules=bench_rules(bench.card, render=not no_render, noise=False, facts=not no_render),
@@ -64,5 +74,5 @@ def serve_command(
         click.echo(canonical(answer))
 
     with ScoreServer(serving, count) as server:
-        server.serve(sys.stdin, say)
+        server.serve(sys.stdin.buffer, say)
     return 0

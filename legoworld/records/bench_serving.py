@@ -18,10 +18,11 @@ class ServeRequest(Record, frozen=True, kw_only=True):
 
 
 class ServeAnswer(Record, frozen=True, kw_only=True):
-    """Its scores; zeros where there is nothing to compare, and why.
+    """Its scores; zeros for a submission that is missing or invalid, and why.
 
-    status: ok, the readout's verdict, or refused for a line that is no request. A and S are null
-    with --no-render. validity: the checks of V that were made.
+    status: ok, the readout's verdict, `refused` for a line that is no request, or
+    `evaluator_error`; V, R, A and S are null for the last two, and A and S with --no-render.
+    validity: the checks of V that were made.
     """
 
     id: str | int | None
@@ -29,8 +30,8 @@ class ServeAnswer(Record, frozen=True, kw_only=True):
     image_id: int | None
     status: str
     reason: str | None
-    V: Literal[0, 1]
-    R: float
+    V: Literal[0, 1] | None
+    R: float | None
     A: float | None
     S: float | None
     objects: tuple[ObjectRow, ...]

@@ -76,7 +76,8 @@ def answers(folder) -> dict[str, ServeAnswer]:
              "flat_picture", "empty"]  # fmt: skip
     lines = [json.dumps({"scene": str(folder / n), "image_id": 1, "id": n}) for n in names]
     done = subprocess.run(
-        [sys.executable, "-m", "legoworld", "bench", "serve", str(folder / "b"), "--no-render",
+        [sys.executable, "-m", "legoworld", "bench", "serve", str(folder / "b"), "--root", "/",
+         "--no-render",
          "--workers", "1"],
         input="\n".join(lines) + "\n", capture_output=True, text=True, check=True,
         env={**os.environ},

@@ -26,7 +26,8 @@ def dataset(references, tmp_path_factory) -> Path:
 
 def serve(dataset: Path, lines: list[str], *more: str, scratch: Path) -> list[dict]:
     done = subprocess.run(
-        [sys.executable, "-m", "legoworld", "bench", "serve", str(dataset / "bench"), *more],
+        [sys.executable, "-m", "legoworld", "bench", "serve", str(dataset / "bench"), "--root", "/",
+         *more],
         input="\n".join(lines) + "\n", capture_output=True, text=True, check=True,
         env={**os.environ, "TMPDIR": str(scratch)},
     )  # fmt: skip
@@ -58,8 +59,11 @@ def test_every_line_has_an_answer(dataset, submissions, tmp_path):
     assert (found["itself"]["V"], found["itself"]["R"], found["itself"]["A"]) == (1, 1.0, None)
     assert {o["name"] for o in found["itself"]["objects"]} == {"Red", "Green", "Blue"}
     assert 0 < found["less"]["R"] < 1
-    for name in ("nan", "damaged", "missing", "unknown", "not valid"):
+    for name in ("nan", "damaged", "missing", "not valid"):
         assert (found[name]["V"], found[name]["R"]) == (0, 0.0), name
+    for answer in answers:
+        if answer["status"] == "refused":
+            assert [answer[k] for k in "VRAS"] == [None] * 4
     assert found["not valid"]["validity"]["final_png"]["ok"] is False
     assert all(found[n]["reason"] for n in ("nan", "damaged", "missing", "unknown"))
     assert sum(a["status"] == "refused" for a in answers) == 4
@@ -77,7 +81,16 @@ def test_appearance_is_scored_with_a_render(dataset, tmp_path):
 
 
 def test_ctrl_c_leaves_no_scratch(dataset, tmp_path):
-    command = [sys.executable, "-m", "legoworld", "bench", "serve", str(dataset / "bench")]
+    command = [
+        sys.executable,
+        "-m",
+        "legoworld",
+        "bench",
+        "serve",
+        str(dataset / "bench"),
+        "--root",
+        "/",
+    ]
     request = json.dumps({"scene": str(dataset / "itself" / "den__hard__view_00"), "image_id": 3})
     with subprocess.Popen(
         [*command, "--no-cache", "--workers", "1"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -88,4 +101,20 @@ def test_ctrl_c_leaves_no_scratch(dataset, tmp_path):
         until(lambda: list(tmp_path.glob("legoworld-blender-*")), "the start of Blender")
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=PATIENCE_S) == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_scratch_of_a_killed_server_goes_with_the_next_one(dataset, tmp_path):
+    command = [sys.executable, "-m", "legoworld", "bench", "serve", str(dataset / "bench"),
+               "--root", "/", "--workers", "1"]  # fmt: skip
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+    ) as process:  # fmt: skip
+        process.stdin.write("no request\n")
+        process.stdin.flush()
+        assert json.loads(process.stdout.readline())["status"] == "refused"
+        process.kill()
+    assert list(tmp_path.glob("legoworld-serve-*"))
+    serve(dataset, ["no request"], scratch=tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -136,7 +136,8 @@ def test_programs_of_other_agents_are_wrong_submissions(made, real_data, tmp_pat
             shutil.copyfile(shown, scene / "final.png")
         lines.append(json.dumps({"scene": str(scene), "image_id": 1 + number % 12}))
     done = subprocess.run(
-        [sys.executable, "-m", "legoworld", "bench", "serve", str(made / "bench"), "--no-render",
+        [sys.executable, "-m", "legoworld", "bench", "serve", str(made / "bench"), "--root", "/",
+         "--no-render",
          "--workers", "1"],
         input="\n".join(lines) + "\n", capture_output=True, text=True, check=True,
     )  # fmt: skip

@@ -1,0 +1,95 @@
+"""N lines in, N answers out, whatever they hold; without a dataset's arrays or Blender."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from legoworld.bench import serving
+from legoworld.bench.serving import ScoreServer, ScoreWorker, scene_below
+from legoworld.records.base import canonical, decode
+from legoworld.records.bench_serving import ServeAnswer
+
+#: image id -> what its scoring raises.
+RAISED = {1: ValueError("not foreseen"), 2: MemoryError(), 3: OSError(5, "Input/output error")}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    options = SimpleNamespace(
+        dataset=SimpleNamespace(cases=dict.fromkeys(RAISED)),
+        root=tmp_path_factory.mktemp("root"),
+        limits=None,
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        nothing = SimpleNamespace(close=lambda: None, abort=lambda: None)
+        patch.setattr(serving, "BlenderProcess", lambda _limits: nothing)
+
+        def scored(_self, request, _scene):
+            raise RAISED[request.image_id]
+
+        patch.setattr(ScoreWorker, "_scored", scored)
+        with ScoreServer(options, 2) as made:
+            yield made
+
+
+def answers(server: ScoreServer, lines: list[bytes]) -> list[ServeAnswer]:
+    found: list[ServeAnswer] = []
+    server.serve(io.BytesIO(b"".join(line + b"\n" for line in lines)), found.append)
+    return found
+
+
+REQUEST = st.fixed_dictionaries(
+    {"scene": st.text(), "image_id": st.integers(-1, 5) | st.floats() | st.none()},
+    optional={"id": st.text() | st.integers() | st.lists(st.integers())},
+).map(lambda value: json.dumps(value).encode())
+LINE = REQUEST | st.binary() | st.text().map(lambda t: json.dumps(t).encode())
+
+
+@given(lines=st.lists(LINE.filter(lambda line: b"\n" not in line), max_size=6))
+def test_every_line_has_one_answer_without_a_number(server, lines):
+    found = answers(server, lines)
+    assert len(found) == sum(bool(line.strip()) for line in lines)
+    for answer in found:
+        assert answer.status in ("refused", "evaluator_error")
+        assert answer.reason
+        assert (answer.V, answer.R, answer.A, answer.S) == (None, None, None, None)
+        assert decode(ServeAnswer, canonical(answer)) == answer
+
+
+@pytest.mark.parametrize("image_id", RAISED)
+def test_what_a_scoring_raises_is_its_answer_after_one_retry(server, image_id):
+    line = json.dumps({"scene": "s", "image_id": image_id, "id": "x"}).encode()
+    (answer,) = answers(server, [line])
+    assert (answer.id, answer.status) == ("x", "evaluator_error")
+    assert answer.reason.startswith(type(RAISED[image_id]).__name__)
+
+
+def test_a_line_that_is_not_utf_8_and_one_of_2_mib_are_refused(server):
+    long = b'{"scene": "' + b"x" * (2 << 20) + b'", "image_id": 1}'
+    found = answers(server, [b"\xff\xfe", long, b"{}"])
+    assert [a.status for a in found] == ["refused"] * 3
+
+
+@pytest.mark.parametrize(
+    "scene", ["..", "/etc", "a/../..", "link", "link/passwd", "a\0b", "\ud800", "x" * 5000, "loop"]
+)
+def test_no_scene_outside_of_the_root_is_looked_at(tmp_path, scene):
+    root = tmp_path / "root"
+    root.mkdir()
+    (root / "link").symlink_to("/etc")
+    (root / "loop").symlink_to("loop")
+    assert scene_below(root, scene) is None or len(scene) > 1000
+
+
+def test_a_scene_below_the_root_by_either_path(tmp_path):
+    expected = tmp_path.resolve() / "one"
+    assert scene_below(tmp_path, "one") == expected
+    assert scene_below(tmp_path, str(tmp_path / "one")) == expected
+    assert scene_below(Path("/"), str(tmp_path / "one")) == expected
