@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
 import shutil
+import sys
+import textwrap
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 import cv2
 import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_truth
 
 from legoworld import cli
+from legoworld.records.reconstruction_judges import JudgesFile
 from legoworld.shipped import catalog
 
 PAGE = Path(__file__).parents[1] / "docs" / "json.md"
@@ -93,10 +100,63 @@ def document(name: str, arguments: list[Any]) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("command", ROWS)
+#: Commands that need an agent, a network or minutes: their keys are read from their source.
+NOT_CALLED = {
+    "agent check", "agent install", "agent list", "baseline install", "baseline run",
+    "bench judges", "bench make", "bench table", "blender finalise", "reconstruct", "trajectory pick",
+    "trajectory report", "trajectory score", "trajectory show",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", sorted(set(ROWS) - NOT_CALLED))
 def test_the_page_names_every_key(command, printed):
     assert set(printed[command]) == keys(command) | {"schema_version"}
     assert printed[command]["schema_version"] == 1
+
+
+def commands_with_json(group: click.Command, words: tuple[str, ...] = ()) -> Iterator[str]:
+    if isinstance(group, click.Group):
+        for name in group.list_commands(click.Context(group)):
+            inner = group.get_command(click.Context(group), name)
+            assert inner is not None
+            yield from commands_with_json(inner, (*words, name))
+    elif any("--json" in parameter.opts for parameter in group.params):
+        yield " ".join(words)
+
+
+def test_every_command_with_json_is_on_the_page():
+    expected = {*commands_with_json(cli.main)} - {"list"}
+    expected |= {f"list {kind}" for kind in ("tasks", "datasets", "baselines", "schema")}
+    assert set(ROWS) == expected
+
+
+@pytest.mark.parametrize("command", sorted(NOT_CALLED))
+def test_the_page_names_the_keys_in_the_source(command):
+    """The keys of the one literal document that the module of the command prints or makes."""
+    found = cli.main
+    for word in command.split():
+        found = found.get_command(click.Context(found), word)
+    module = sys.modules[found.callback.__module__]
+    trees = [ast.parse(textwrap.dedent(inspect.getsource(found.callback)))]
+    if command == "bench judges":
+        printed = set(JudgesFile.__struct_fields__) - {"schema_version"}
+    else:
+        if command == "bench make":
+            trees = [ast.parse(inspect.getsource(module._document))]
+        elif command == "baseline run":
+            from legoworld.commands import baseline_output
+
+            trees = [ast.parse(inspect.getsource(baseline_output))]
+        printed = {
+            key.value
+            for call in ast.walk(trees[0])
+            if (isinstance(call, ast.Call) and ast.unparse(call.func).endswith("print_json"))
+            or isinstance(call, ast.Return)
+            for document in [call.args[0] if isinstance(call, ast.Call) else call.value]
+            if isinstance(document, ast.Dict)
+            for key in document.keys
+        }
+    assert printed == keys(command)
 
 
 @pytest.mark.parametrize(
