@@ -41,9 +41,8 @@ def deliver_picture(data: bytes | None, wanted: str, workspace: Path) -> None:
             expected=f"a path below {workspace.resolve()}, or a new .png in {temporary.resolve()}",
             next_step="start mcp-for-blender with TMPDIR set to the workspace",
         )
-    with Beneath(
-        temporary.resolve()
-    ) as inside:  # others write there: nothing that is there is overwritten
+    # Others write there: nothing that is there is overwritten.
+    with Beneath(temporary.resolve()) as inside:
         inside.write(name, data, new=True)
 
 

@@ -299,18 +299,29 @@ def workspace_bytes(folder: Path) -> int:
     total, files = 0, 0
     pending = [folder]
     while pending:
+        folder = pending.pop()
         try:
-            with os.scandir(pending.pop()) as entries:
+            # Not followed where the program has exchanged it for a link since.
+            listed = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        except (FileNotFoundError, NotADirectoryError):
+            continue  # gone since
+        except OSError:
+            return 1 << 62  # closed to us, or nested beyond any path: not to be counted
+        try:
+            with os.scandir(listed) as entries:
                 for entry in entries:
                     files += 1
                     if files > _MOST_FILES:
                         return 1 << 62
-                    if entry.is_dir(follow_symlinks=False):
-                        pending.append(Path(entry.path))
-                    else:
-                        total += entry.stat(follow_symlinks=False).st_blocks * 512
-        except FileNotFoundError:
-            continue  # gone since
+                    try:
+                        if entry.is_dir(follow_symlinks=False):
+                            pending.append(folder / entry.name)
+                        else:
+                            total += entry.stat(follow_symlinks=False).st_blocks * 512
+                    except FileNotFoundError:
+                        continue
         except OSError:
-            return 1 << 62  # closed to us, or nested beyond any path: not to be counted
+            return 1 << 62
+        finally:
+            os.close(listed)
     return total

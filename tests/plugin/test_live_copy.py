@@ -37,6 +37,13 @@ def test_it_is_read_and_written_in_the_workspace_alone(tmp_path):
     assert victim.read_text() == "outside"
 
 
+def test_a_blender_without_a_workspace_may_name_its_folder_by_a_link(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "called").symlink_to(tmp_path / "real")
+    (tmp_path / "real" / COPY).write_text("scene")
+    assert LiveCopy(tmp_path / "called" / COPY, None).keep(tmp_path).read_text() == "scene"
+
+
 @pytest.mark.parametrize("said", ["/etc/hostname", f"/etc/{COPY}", COPY, f"/w/../etc/{COPY}", "\0"])
 def test_what_is_not_in_the_workspace_is_refused(said):
     with pytest.raises(BlenderRefusedError, match="cannot be read from here"):

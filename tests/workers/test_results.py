@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from swapping import SWAPS, swapping
 
 from legoworld.scene.programs.report import read_report
 from legoworld.workers.sandbox import workspace_bytes
@@ -29,3 +30,13 @@ def test_a_folder_that_cannot_be_listed_is_over_any_limit(tmp_path, monkeypatch)
 
     monkeypatch.setattr("os.scandir", refuse)
     assert workspace_bytes(tmp_path) > 1 << 60
+
+
+def test_a_folder_that_is_exchanged_for_a_link_is_not_counted(tmp_path):
+    """A link to a large folder would have the limit on disk end the program, and the disk read."""
+    (tmp_path / "workspace").mkdir()
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside" / "large").write_bytes(b"x" * 1_000_000)
+    with swapping(tmp_path / "workspace" / "d", tmp_path / "outside"):
+        counted = {workspace_bytes(tmp_path / "workspace") for _ in range(SWAPS)}
+    assert max(counted) < 1_000_000
