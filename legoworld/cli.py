@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
@@ -160,7 +161,18 @@ def entry() -> None:
     """The `legoworld` program."""
     with contextlib.suppress(RuntimeError, OSError, ValueError):  # standard error may be closed
         faulthandler.enable()
+    _quiet_arithmetic()
     _leave(run())
+
+
+def _quiet_arithmetic() -> None:
+    """Keep NumPy's warnings of odd numbers from the user, who can do nothing about them.
+
+    What has no value is NaN in results and counted there. Tests turn these warnings into errors,
+    and -W or PYTHONWARNINGS shows them.
+    """
+    if not sys.warnoptions:
+        warnings.filterwarnings("ignore", category=RuntimeWarning)
 
 
 def _leave(code: int) -> NoReturn:

@@ -21,6 +21,16 @@ from legoworld.workers import engines, task_process
 ROOT = Path(__file__).parents[1]
 
 
+def test_warnings_of_arithmetic_do_not_reach_the_user(monkeypatch):
+    for options, shown in (([], []), (["default"], [RuntimeWarning])):
+        monkeypatch.setattr(sys, "warnoptions", options)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            cli._quiet_arithmetic()
+            warnings.warn("overflow encountered in cast", RuntimeWarning, stacklevel=1)
+        assert [w.category for w in caught] == shown
+
+
 def named(value: object) -> str | None:
     """A test's name from the words of its command."""
     return " ".join(value) if isinstance(value, list) else None

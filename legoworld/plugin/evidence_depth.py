@@ -65,9 +65,10 @@ def _array(path: Path) -> NDArray[np.float32]:
         else:
             array, _ = read_picture(path)
         array = array.reshape(picture_shape(array.shape))
-        if array.ndim != 2:
-            raise ValueError(f"an array of shape {array.shape}")
-        return np.asarray(array, np.float32)
+        if array.ndim != 2 or array.dtype.kind not in "fiu":
+            raise ValueError(f"an array of {array.dtype} of shape {array.shape}")
+        with np.errstate(over="ignore"):  # beyond float32 is infinite, which is no depth
+            return np.asarray(array, np.float32)
     except (OSError, ValueError, MemoryError, DepthFileError) as error:
         raise EvidenceInvalidError(
             f"{path} cannot be read as depth",

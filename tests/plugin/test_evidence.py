@@ -142,6 +142,18 @@ def test_an_array_that_claims_more_than_is_decoded_is_refused(tmp_path, photo, n
         made(tmp_path, photo, depth=path)
 
 
+def test_numbers_beyond_float32_are_no_depth_and_complex_ones_refused(tmp_path, photo):
+    values = np.full((H, W), 2.0)
+    values[0, 0] = 1e300
+    np.save(tmp_path / "d.npy", values)
+    disparity = made(tmp_path, photo, depth=tmp_path / "d.npy").disparity
+    assert np.isnan(disparity[0, 0])
+    assert disparity[5, 5] == 0.5
+    np.save(tmp_path / "d.npy", values.astype(complex))
+    with pytest.raises(EvidenceInvalidError, match="an array of complex128"):
+        made(tmp_path, photo, depth=tmp_path / "d.npy")
+
+
 def test_depth_that_was_replaced_is_refused(tmp_path, photo):
     np.save(tmp_path / "d.npy", np.ones((H, W)))
     made(tmp_path, photo, depth=tmp_path / "d.npy")
