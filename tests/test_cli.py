@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,8 +23,8 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_warnings_of_arithmetic_do_not_reach_the_user(monkeypatch):
-    for options, shown in (([], []), (["default"], [RuntimeWarning])):
-        monkeypatch.setattr(sys, "warnoptions", options)
+    for given, shown in (([], []), (["default"], [RuntimeWarning])):
+        monkeypatch.setattr(sys, "warnoptions", given)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             cli._quiet_arithmetic()
