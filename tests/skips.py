@@ -28,6 +28,7 @@ ACCEPTED: Final = {
     r"scikit-image's motorcycle is not here": "its photos come from a store",
     r"models of ATIF are not installed": "Harbor's package needs Python 3.12: make test-harbor",
     r"could not import 'torch'|torch": "make test-baselines runs them in an environment of its own",
+    r"could not import '(ray|s3fs|moto)": "make test-cluster runs them",
     r"no openat2, or a filter": "an older kernel; the other path is tested everywhere",
     r"there is no lock for|made from other versions than the lock's": "another Python",
 }

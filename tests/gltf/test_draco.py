@@ -110,7 +110,7 @@ def test_damaged_draco_data_is_a_verdict():
 
 def test_without_a_decoder_the_verdict_says_what_to_install(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
-    with pytest.raises(UnsupportedGltfError, match=r"pip install 'legoworld\[draco\]'"):
+    with pytest.raises(UnsupportedGltfError, match=r"pip install 'DracoPy>=2'"):
         read(by_hand().glb())
 
 

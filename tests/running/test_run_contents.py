@@ -20,6 +20,7 @@ from legoworld import cli
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.files import canonical_json
 from legoworld.readouts.tasks import protocol
+from legoworld.shipped import catalog
 
 IMAGES = [(30, "rich"), (2, "plain"), (11, "broken"), (7, "absent"), (5, "wide")]
 
@@ -266,7 +267,7 @@ def test_run_json_says_what_made_the_run(done, scenes):
         "track_sha256", "images_sha256", "attempted", "partial", "shard", "source",
         "require_frozen", "max_side", "legoworld", "bpy", "snapshot_schema", "row_schema",
     }  # fmt: skip
-    card = Path(legoworld.__file__).parents[1] / "readouts" / "coco.toml"
+    card = catalog.folder("readouts") / "coco.toml"
     assert configuration["card_sha256"] == sha256(card.read_bytes())
     assert configuration["schema_version"] == SCHEMA_VERSION
 

@@ -25,7 +25,7 @@ LAZY = PACKAGE / "__init__.py"
 #: Imported, and no part of what a snapshot holds: words of verdicts, which are never cached, the
 #: version, and names and folders of scenes.
 NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_codes.py",
-                     "pluralize.py", "scene/folder.py",
+                     "pluralize.py", "extras.py", "scene/folder.py",
                      # how a program that was executed ended
                      "scene/programs/report.py", "records/base.py", "records/execution.py",
                      "records/verdict.py",

@@ -75,7 +75,7 @@ def test_float_formats_come_back_bit_for_bit(bring, source, suffix):
 
 
 def test_exr(bring, source):
-    openexr = pytest.importorskip("OpenEXR", reason="EXR needs legoworld[exr]")
+    openexr = pytest.importorskip("OpenEXR", reason="EXR needs the package OpenEXR")
     for stem in STEMS:
         openexr.File({"type": openexr.scanlineimage}, {"Z": DEPTH}).write(f"{source}/{stem}.exr")
     code, run, _ = bring("--space", "depth", "--unit", "m")

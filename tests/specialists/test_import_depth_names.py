@@ -294,7 +294,7 @@ EXR = {
 
 @pytest.mark.parametrize("case", EXR)
 def test_exr_channels(bring: Any, tmp_path: Path, case: str) -> None:
-    openexr = pytest.importorskip("OpenEXR", reason="EXR needs legoworld[exr]")
+    openexr = pytest.importorskip("OpenEXR", reason="EXR needs the package OpenEXR")
     channels, name = EXR[case]
     for letter in "AB":
         path = tmp_path / f"depths/{letter}.exr"
@@ -318,7 +318,7 @@ def test_exr_channels(bring: Any, tmp_path: Path, case: str) -> None:
 def test_exr_that_does_not_say_which_channel(
     bring: Any, tmp_path: Path, channels: dict[str, np.ndarray]
 ) -> None:
-    openexr = pytest.importorskip("OpenEXR", reason="EXR needs legoworld[exr]")
+    openexr = pytest.importorskip("OpenEXR", reason="EXR needs the package OpenEXR")
     for letter in "AB":
         path = tmp_path / f"depths/{letter}.exr"
         openexr.File({"type": openexr.scanlineimage}, dict(channels)).write(str(path))
