@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from legoworld.bench.case import CaseRefusedError, SeenCase, reference_joints, see_case
 from legoworld.bench.halves import Halves
@@ -42,13 +43,17 @@ from legoworld.scene.reading import read_hashed_side_file, read_scene
 from legoworld.scene.snapshot import Snapshot
 from legoworld.workers.engines import machine_lost
 
+#: Path samples a second that a render is allowed to need: a tenth of what one slow core does.
+_SLOWEST_SAMPLES_PER_S: Final = 50_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class MakeOptions:
     """What every family is made with.
 
     noise_seeds: renders by the card of which A's spread is measured, 0 for none. scenes: where each
-    case is kept as a scene folder, the reference submitted as itself; None where it is not.
+    case is kept as a scene folder, the reference submitted as itself; None where it is not. notice:
+    called with a line before every render, where the families are made in this process.
     """
 
     output: Path
@@ -61,6 +66,17 @@ class MakeOptions:
     cache: SnapshotCache | None
     require_frozen: bool
     threads: int
+    notice: Callable[[str], None] | None = None
+
+    @property
+    def render_s(self) -> float:
+        """Seconds that the largest render may take beyond what reading a scene may."""
+        card_wh = card_size(self.size_wh, self.card.longest_side_px)
+        n_samples = max(
+            math.prod(self.size_wh) * self.picture.samples,
+            math.prod(card_wh) * self.card.samples if self.noise_seeds else 0,
+        )
+        return n_samples / _SLOWEST_SAMPLES_PER_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +108,7 @@ class FamilyMaker:
 
     def __init__(self, options: MakeOptions, limits: Limits) -> None:
         self._options = options
-        self._blender = BlenderProcess(limits)
+        self._blender = BlenderProcess(replace(limits, time_s=limits.time_s + options.render_s))
 
     def do(self, folder: SceneFolder) -> MadeFamily:
         """The cases of one reference scene, or why there are none."""
@@ -207,6 +223,7 @@ class _Family:
         scene = read_scene(folder, source="blend", blender=self._blender, cache=None, files=own)
         seen, joints = self._seen(scene.snapshot, files, said)
         opened = OpenedScene(folder, scene.files, self._blender, options.cache, content=content)
+        self._say(f"{wanted.stem}: picture, {options.picture.samples} samples")
         picture = opened.render(
             CardRender(
                 size_wh=options.size_wh,
@@ -236,6 +253,10 @@ class _Family:
             ),
         )
 
+    def _say(self, text: str) -> None:
+        if self._options.notice is not None:
+            self._options.notice(text)
+
     def _seen(
         self, snapshot: Snapshot, files: FrozenFiles, said: dict[str, Any]
     ) -> tuple[SeenCase, tuple[ReferenceJoint, ...]]:
@@ -257,10 +278,10 @@ class _Family:
         options = self._options
         seeds = range(options.card.seed, options.card.seed + options.noise_seeds)
         size_wh = card_size(options.size_wh, options.card.longest_side_px)
-        renders = [
-            opened.render(card_render(options.card, size_wh, seed, options.threads))
-            for seed in seeds
-        ]
+        renders = []
+        for number, seed in enumerate(seeds, start=1):
+            self._say(f"{opened.folder.name}: render {number} of {len(seeds)} for A's noise floor")
+            renders.append(opened.render(card_render(options.card, size_wh, seed, options.threads)))
         return noise_floor(tuple(seeds), renders, picture, options.delta) if renders else None
 
 

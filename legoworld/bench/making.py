@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -29,6 +29,7 @@ from legoworld.scene.folder import find_scene
 from legoworld.tracks.track import track_of_folder
 from legoworld.visibility.scoring_raster import POINT_CAP
 from legoworld.workers.engines import ENGINES, EngineName, Job
+from legoworld.workers.processors import usable_cores
 
 _DESCRIPTION: Final = "LEGO-Bench: rebuild the scene of each picture"
 
@@ -70,7 +71,11 @@ def make_dataset(request: MakeRequest, *, progress: Callable[[MadeFamily], None]
     _prepare(request)
     images = track_of_folder(request.scenes).images[: request.limit]
     folders = [find_scene(request.scenes, image.scene) for image in images]
-    job = Job(make=partial(FamilyMaker, request.options, request.limits), lost=lost_family)
+    options = request.options
+    if request.engine == "local":  # one family alone may use every core
+        threads = usable_cores() // max(1, min(request.workers, len(folders)))
+        options = replace(options, threads=max(1, threads))
+    job = Job(make=partial(FamilyMaker, options, request.limits), lost=lost_family)
     made: list[MadeFamily] = []
     with closing(ENGINES[request.engine](job, folders, request.workers)) as families:
         for family in families:
@@ -86,7 +91,11 @@ def make_dataset(request: MakeRequest, *, progress: Callable[[MadeFamily], None]
 
 
 def _prepare(request: MakeRequest) -> None:
-    """Have an empty dataset folder; nothing is touched in a folder that holds something else."""
+    """Have a dataset folder without a finished dataset; nothing else in it is touched.
+
+    What a run that ended early has left is continued: its renders are in the cache, and every file
+    is written again.
+    """
     output = request.options.output
     present = sorted(p.name for p in output.iterdir()) if output.is_dir() else []
     strangers = [name for name in present if name not in (PUBLIC, PRIVATE)]
@@ -97,14 +106,15 @@ def _prepare(request: MakeRequest) -> None:
             expected="an empty folder or an earlier dataset",
             next_step="choose another -o",
         )
-    if present and not request.overwrite:
+    finished = (Halves(output).public / TRACK).exists()
+    if finished and not request.overwrite:
         raise UsageError(
             "there is a dataset in the output folder",
             found=", ".join(present),
             expected="an empty folder",
             next_step="choose another -o, or pass --overwrite to make it anew",
         )
-    for name in present:
+    for name in present if request.overwrite else ():
         shutil.rmtree(output / name)
     output.mkdir(parents=True, exist_ok=True)
 

@@ -80,7 +80,9 @@ def make_command(
     Every camera with a custom property `view` is a view, otherwise the active camera. The property
     `tier` (easy, medium, hard) of an object or collection says from which tier on it is there. The
     visible instances labelled with `category` are scored, unless `scored` is false. A scene that
-    cannot become cases is named with its reason; exit code 1 then.
+    cannot become cases is named with its reason; exit code 1 then. --time-limit is for reading a
+    scene; each render has 20 s more for every million samples (pixels times samples). Finished
+    renders are in the snapshot cache: re-run the same command to resume.
 
     \b
     Examples:
@@ -95,7 +97,6 @@ def make_command(
     from legoworld.records.bench_dataset import PictureCard, RenderCard
     from legoworld.records.run_rows import RunRow
     from legoworld.workers.engines import engine_cores
-    from legoworld.workers.processors import usable_cores
 
     card = load_card("bench")
     workers = workers or engine_cores(engine)
@@ -113,7 +114,8 @@ def make_command(
             scenes=keep_scenes.absolute() if keep_scenes else None,
             cache=snapshot_cache(options.cache_choice(cache, no_cache)),
             require_frozen=require_frozen,
-            threads=max(1, usable_cores() // workers) if engine == "local" else 1,
+            threads=1,
+            notice=None if engine != "local" or as_json else options.notifier(quiet),
         ),
         limits=limits_of(time_limit, memory_limit),
         engine=engine,

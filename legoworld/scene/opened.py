@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.errors import WorkerCrashedError, WorkerMemoryError, WorkerTimeoutError
+from legoworld.errors import WorkerCrashedError, WorkerMemoryError
 from legoworld.files import atomic_path, canonical_json, sha256_of_text, write_npz
 from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender_process import BlenderProcess
@@ -22,7 +22,7 @@ from legoworld.scene.freeze import FrozenFiles
 T = TypeVar("T")
 #: Raised whenever what `facts` answers changes.
 _FACTS: Final = 2
-_LOST = (WorkerCrashedError, WorkerMemoryError, WorkerTimeoutError)
+_LOST = (WorkerCrashedError, WorkerMemoryError)
 
 
 @dataclass(frozen=True, kw_only=True)

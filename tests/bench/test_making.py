@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from legoworld import cli
+from legoworld.bench.family import MakeOptions
+from legoworld.cards import load_card
 from legoworld.files import sha256_of_file
-from legoworld.records.base import decode
-from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
+from legoworld.records.base import decode, to_record
+from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile, PictureCard, RenderCard
 from legoworld.records.bench_run import BenchRow
+from legoworld.scene.blender_process import BlenderProcess
 
 QUICK = ["--size", "96x54", "--samples", "2", "--noise-seeds", "0", "-q"]
 
@@ -178,3 +181,54 @@ def test_a_dataset_is_never_written_over_by_chance(made, references, tmp_path, c
     (tmp_path / "empty").mkdir()
     assert make(tmp_path / "empty", tmp_path / "d") == 2
     assert "no scene" in capsys.readouterr().err
+
+
+def tree(folder: Path) -> dict[str, str]:
+    files = sorted(p for p in folder.rglob("*") if p.is_file())
+    return {p.relative_to(folder).as_posix(): sha256_of_file(p) for p in files}
+
+
+def test_the_same_command_resumes_what_ended_early_from_its_renders(
+    made, references, tmp_path, monkeypatch, capsys
+):
+    """Ended before the fourth of six pictures: three are kept, and the bytes are the same."""
+    place, cache = tmp_path / "bench", ["--cache", str(tmp_path / "cache"), "--workers", "1"]
+    asked: list[str] = []
+    request = BlenderProcess.request
+
+    def counted(self: BlenderProcess, message: dict) -> dict:
+        if message["kind"] == "card_render":
+            if len(asked) == 3 and "resumed" not in asked:
+                raise KeyboardInterrupt
+            asked.append("render")
+        return request(self, message)
+
+    monkeypatch.setattr(BlenderProcess, "request", counted)
+    assert make(references, place, *cache) == 130
+    assert not (place / "public" / "track.json").exists()
+    asked.append("resumed")
+    assert make(references, place, *cache) == 0
+    assert len(asked) == 3 + 1 + 3
+    assert tree(place) == tree(made / "bench")
+    capsys.readouterr()
+    quiet = [word for word in QUICK if word != "-q"]
+    assert cli.run(["bench", "make", str(references), "-o", str(tmp_path / "again"), *quiet]) == 0
+    said = capsys.readouterr().err
+    assert said.count("picture, 2 samples") == 6
+
+
+def test_a_render_has_time_for_its_samples(made):
+    """The default of docs/bench.md, 1920x1080 with 128 samples, on a slow core."""
+    options = MakeOptions(
+        output=made,
+        size_wh=(1920, 1080),
+        picture=PictureCard(engine="CYCLES", device="CPU", samples=128, seed=0, denoised=True),
+        card=to_record(RenderCard, load_card("bench").value("render")),
+        delta=30,
+        noise_seeds=3,
+        scenes=None,
+        cache=None,
+        require_frozen=False,
+        threads=1,
+    )
+    assert options.render_s == 1920 * 1080 * 128 / 50_000
