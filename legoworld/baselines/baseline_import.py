@@ -53,7 +53,7 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
         text = utf8_text(path.read_bytes())
     except EncodingError as error:
         raise UsageError(
-            f"{path.name} is not a list of images", found=str(error), expected="text or JSON"
+            f"{path} is not a list of images", found=str(error), expected="text or JSON"
         ) from error
     try:
         listed = json.loads(text)
@@ -65,7 +65,7 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
     if unknown or not entries:
         meant = in_another_folder(str(unknown[0]), names) if unknown else None
         raise UsageError(
-            f"{path.name} does not list images of the track",
+            f"{path} does not list images of the track",
             found=one_line(repr(unknown[0]), 100) if unknown else "nothing",
             expected=f"{meant!r}, as the track has it in another folder"
             if meant

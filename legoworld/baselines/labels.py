@@ -50,9 +50,7 @@ def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
         own = _read(path)
         unknown = [name for name in own.values() if name and not vocabulary.match(name)]
         if unknown:
-            raise _unmatched(
-                f"{path.name} maps to {len(unknown)} unknown names", unknown, vocabulary
-            )
+            raise _unmatched(f"{path} maps to {len(unknown)} unknown names", unknown, vocabulary)
         taken = {normal_name(label) for label in own}
         labels = {old: name for old, name in labels.items() if normal_name(old) not in taken} | own
     return labels
@@ -110,7 +108,7 @@ def _read(path: Path) -> LabelMap:
         return decode(dict[str, str | None], path.read_bytes())
     except (OSError, RecordError) as error:
         raise LabelsUnmatchedError(
-            f"the label map {path.name} cannot be used",
+            f"the label map {path} cannot be used",
             found=str(error),
             expected='{"their label": "category name" or null}',
         ) from error

@@ -83,7 +83,7 @@ def read_results(path: Path) -> ResultsFile:
     if len(lists) != 1:
         keys = sorted(document)[:6] if isinstance(document, dict) else type(document).__name__
         raise PredictionsInvalidError(
-            f"{path.name} contains no results",
+            f"{path} contains no results",
             found=f"{keys}",
             expected=f"{RESULTS}, or an object with one of {', '.join(_LISTS)}",
         )
@@ -214,7 +214,7 @@ def _names(document: Entry, path: Path) -> dict[int, str]:
         return {int(c["id"]): str(c["name"]) for c in categories}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise PredictionsInvalidError(
-            f"{path.name} has categories that cannot be used",
+            f"{path} has categories that cannot be used",
             found=f"{type(error).__name__}: {error}",
             expected='"categories": [{"id", "name"}]',
         ) from error
@@ -228,7 +228,7 @@ def _images(document: Entry, path: Path) -> dict[Any, Entry]:
     by_id = {i.get("id"): i for i in images} if usable else {}
     if not usable or len(by_id) != len(images) or None in by_id:
         raise PredictionsInvalidError(
-            f"{path.name} has images that cannot be used",
+            f"{path} has images that cannot be used",
             found=f"{len(images)} entries, {len(by_id)} ids" if usable else repr(images)[:60],
             expected='"images": [{"id", "file_name"}], ids distinct',
         )

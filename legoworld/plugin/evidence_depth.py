@@ -45,7 +45,7 @@ def write_depth(given: GivenDepth, size_wh: tuple[int, int], output: Path) -> De
         values = _resized(values, size_wh)
     if np.count_nonzero(np.isfinite(values)) < 16:
         raise EvidenceInvalidError(
-            f"{path.name} has no depth",
+            f"{path} has no depth",
             found="fewer than 16 finite values",
             expected="depth",
         )

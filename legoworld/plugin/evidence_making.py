@@ -187,7 +187,7 @@ def _regions(path: Path, given: Given, size_wh: tuple[int, int]) -> Iterator[Reg
             yield from _of_outlines(decode(Outlines, data), path.name, size_wh)
     except RecordError as error:
         raise EvidenceInvalidError(
-            f"{path.name} has no regions",
+            f"{path} has no regions",
             found=str(error),
             expected='{"regions": [{"name", "polygons"}]} or a list of COCO results',
         ) from error

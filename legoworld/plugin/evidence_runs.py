@@ -112,11 +112,11 @@ def _space(path: Path) -> DepthSpace:
         said = str(npz_contents(path, ("space",)).labels.get("space", "depth"))
     except DepthFileError as error:
         raise EvidenceInvalidError(
-            f"{path.name} cannot be read as depth", found=error.found, expected="an .npz of arrays"
+            f"{path} cannot be read as depth", found=error.found, expected="an .npz of arrays"
         ) from error
     if said not in _SPACES:
         raise EvidenceInvalidError(
-            f"{path.name} is no depth along the camera's axis",
+            f"{path} is no depth along the camera's axis",
             found=said,
             expected="depth or disparity",
         )

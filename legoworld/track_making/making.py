@@ -165,7 +165,7 @@ def annotation_source(task: str, path: Path) -> Source:
     if path.is_dir():
         raise UsageError(
             "the ground truth is a folder",
-            found=path.name,
+            found=str(path),
             expected="a COCO or LVIS annotation file",
         )
     try:
@@ -179,19 +179,19 @@ def annotation_source(task: str, path: Path) -> Source:
             else f"{type(error).__name__}: {error}",
             expected="COCO or LVIS JSON with images and categories",
         ) from error
-    categories = categories_in(document["categories"], path.name)
-    vocabulary = vocabulary_of(categories, path.name)
+    categories = categories_in(document["categories"], str(path))
+    vocabulary = vocabulary_of(categories, str(path))
     if not isinstance(entries, list):
         raise CatalogError(
-            f"{path.name} lists no images", found=type(entries).__name__, expected="a list"
+            f"{path} lists no images", found=type(entries).__name__, expected="a list"
         )
-    images = check_images(path.name, entries, Counter())
+    images = check_images(str(path), entries, Counter())
     _check_dataset(task, path, list(images.values()))
     annotations = document.get("annotations")
     if isinstance(annotations, list):
-        check_image_values(path.name, list(images.values()), federated=task == "lvis")
+        check_image_values(str(path), list(images.values()), federated=task == "lvis")
         check_annotations(
-            path.name,
+            str(path),
             annotations,
             images=images,
             wanted=images,
@@ -204,7 +204,7 @@ def annotation_source(task: str, path: Path) -> Source:
         infos = to_record(tuple[ImageInfo, ...], public)
     except RecordError as error:
         raise CatalogError(
-            f"{path.name} has images that cannot be used",
+            f"{path} has images that cannot be used",
             found=str(error),
             expected='"images": [{"id", "file_name" or "coco_url", "width", "height"}]',
         ) from error
@@ -257,7 +257,7 @@ def _check_dataset(task: str, path: Path, entries: Sequence[Mapping[str, Any]]) 
     federated = [e for e in entries if "neg_category_ids" in e]
     if len(federated) != (len(entries) if task == "lvis" else 0):
         raise CatalogError(
-            f"{path.name} is not ground truth of {task}",
+            f"{path} is not ground truth of {task}",
             found=f"{len(federated)} of {len(entries)} images have neg_category_ids",
             expected="all of them in LVIS, none in COCO",
             next_step="pass the --task this file belongs to",

@@ -53,7 +53,7 @@ def load_track(path: Path, called: str | None = None) -> Track:
 
     called: the name to use in messages instead of the file's own.
     """
-    source = called or path.name
+    source = called or str(path)
     try:
         file = decode(TrackFile, path.read_bytes())
     except (OSError, RecordError) as error:

@@ -187,6 +187,6 @@ def categories_in(entries: object, source: str) -> tuple[CategoryInfo, ...]:
 def load(path: Path) -> Vocabulary:
     """A vocabulary file: a JSON list of categories. CatalogError."""
     try:
-        return from_json(read_json(path.read_bytes()), path.name)
+        return from_json(read_json(path.read_bytes()), str(path))
     except RecordError as error:
         raise CatalogError(f"{path} cannot be read", found=str(error)) from error

@@ -63,15 +63,15 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
     differ from the run's.
     """
     document = _document(path)
-    vocabulary = from_json(document["categories"], path.name)
+    vocabulary = from_json(document["categories"], str(path))
     version = dataset_version(vocabulary, protocol.task)
     _check_vocabulary(path, vocabulary, version, run)
     repairs: Counter[str] = Counter()
-    all_images = check_images(path.name, document["images"], repairs)
+    all_images = check_images(str(path), document["images"], repairs)
     images = _images_of_run(path, all_images, run)
-    check_image_values(path.name, images, federated=protocol.federated)
+    check_image_values(str(path), images, federated=protocol.federated)
     annotations = check_annotations(
-        path.name,
+        str(path),
         document["annotations"],
         images=all_images,
         wanted=(image["id"] for image in images),
@@ -80,7 +80,7 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
         repairs=repairs,
     )
     if protocol.iou_type == "bbox":
-        check_boxes(path.name, annotations, all_images, repairs)
+        check_boxes(str(path), annotations, all_images, repairs)
     if protocol.federated:
         _check_frequencies(path, document["categories"])
     return Truth(
@@ -105,7 +105,7 @@ def _document(path: Path) -> dict[str, Any]:
     for key in ("images", "annotations", "categories"):
         if not isinstance(document, dict) or not isinstance(document.get(key), list):
             raise TruthInvalidError(
-                f"the truth {path.name} has no {key}",
+                f"the truth {path} has no {key}",
                 found=f"keys {sorted(document)[:8]}" if isinstance(document, dict) else "no object",
                 expected="COCO instances or LVIS JSON with images, annotations and categories",
                 next_step="a track is no truth: pass the dataset's own annotation file",
@@ -120,7 +120,7 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
         return
     raise TruthMismatchError(
         "run and truth have different categories",
-        found=f"{path.name}: {counted(len(vocabulary.categories), 'category', 'categories')}, "
+        found=f"{path}: {counted(len(vocabulary.categories), 'category', 'categories')}, "
         f"version {version}, {vocabulary.sha256[:12]}",
         expected=f"the run's vocabulary, {str(expected)[:12]}",
         next_step="make the track from this truth with `legoworld track make` and run with it",
@@ -134,7 +134,7 @@ def _images_of_run(path: Path, by_id: dict[int, dict[str, Any]], run: Run) -> li
         raise TruthMismatchError(
             f"{share(len(unknown), len(run.images), 'image', 'images')} of the run "
             f"{word_for(len(unknown), 'is', 'are')} not in the truth",
-            found=f"image {unknown[0].image_id} ({unknown[0].file_name}) is not in {path.name}",
+            found=f"image {unknown[0].image_id} ({unknown[0].file_name}) is not in {path}",
             expected="every image of the track in the truth",
             next_step="pass the truth the track was made from",
         )
@@ -149,14 +149,14 @@ def _check_same_photo(path: Path, image: RunImage, entry: dict[str, Any]) -> Non
     if PurePosixPath(image.file_name).name not in names:
         raise TruthMismatchError(
             f"image {image.image_id} is another photo in the truth",
-            found=f"{sorted(names)} in {path.name}",
+            found=f"{sorted(names)} in {path}",
             expected=f"{image.file_name}, as in the run",
             next_step="score a run whose track was made from this truth",
         )
     if image.size_wh is not None and image.size_wh != size_wh:
         raise TruthMismatchError(
             f"image {image.image_id} has another size in the truth",
-            found=f"{size_wh[0]}x{size_wh[1]} in {path.name}",
+            found=f"{size_wh[0]}x{size_wh[1]} in {path}",
             expected=f"{image.size_wh[0]}x{image.size_wh[1]}, as in the run",
         )
 
@@ -181,7 +181,7 @@ def _check_frequencies(path: Path, categories: list[dict[str, Any]]) -> None:
     bad = [c for c in categories if c.get("frequency") not in ("r", "c", "f")]
     if bad:
         raise TruthInvalidError(
-            f"{counted(len(bad), 'category', 'categories')} of {path.name} have no frequency group",
+            f"{counted(len(bad), 'category', 'categories')} of {path} have no frequency group",
             found=f"{bad[0]['name']}: {bad[0].get('frequency')!r}",
             expected="r, c or f on each, as LVIS has them",
         )
