@@ -168,6 +168,9 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(autouse=True, scope="session")
 def _what_is_written_can_be_read() -> Iterator[None]:
     """No test writes a record that its own type refuses: `replace` checks no value."""
+    if not importlib.util.find_spec("msgspec"):  # the environment of the baselines has no records
+        yield
+        return
     from legoworld.records import base
 
     def checked(record: Any) -> Any:

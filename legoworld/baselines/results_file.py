@@ -20,10 +20,11 @@ from legoworld.baselines.foreign_results import (
 )
 from legoworld.baselines.labels import Matcher
 from legoworld.errors import one_line
-from legoworld.evaluation.detection.inputs.masks import MOST_COORDINATE_PX, compressed
+from legoworld.evaluation.detection.inputs.masks import compressed
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.files import utf8_text
 from legoworld.pluralize import share, word_for
+from legoworld.readouts.masks import are_near
 from legoworld.records.base import RecordError, read_json
 from legoworld.records.predictions import Prediction
 
@@ -190,7 +191,8 @@ def _are_polygons(mask: object) -> bool:
     return (
         isinstance(mask, list)
         and all(isinstance(p, list) and len(p) >= 6 and len(p) % 2 == 0 for p in mask)
-        and all(type(v) in (int, float) and abs(v) < MOST_COORDINATE_PX for p in mask for v in p)
+        and all(type(v) in (int, float) for p in mask for v in p)
+        and are_near(v for p in mask for v in p)
     )
 
 

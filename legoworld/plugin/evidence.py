@@ -13,6 +13,7 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.reading import read_npz_array
 from legoworld.errors import LegoWorldError
 from legoworld.files import sha256_of_file
+from legoworld.readouts.masks import covered_px
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import RecordError, decode
 from legoworld.records.plugin_evidence import EvidenceFile, Region
@@ -79,11 +80,26 @@ def read_evidence(folder: Path, photo: Path | None = None) -> Evidence:
             expected="evidence of version 1",
             next_step="run `legoworld plugin evidence` again",
         ) from error
+    for region in file.regions:
+        check_run_lengths(
+            region.name, region.counts, file.photo.width * file.photo.height, EVIDENCE
+        )
     return Evidence(
         file=file,
         disparity=_disparity(folder, file),
         photo=None if photo is None else _photo(photo, file.photo.sha256),
     )
+
+
+def check_run_lengths(name: str, counts: str, pixels: int, source: str) -> None:
+    """EvidenceInvalidError for a mask whose run lengths are not of the photo's pixels."""
+    if (covered := covered_px(counts)) != pixels:
+        raise EvidenceInvalidError(
+            f"the mask of region {name!r} of {source} cannot be used",
+            found="no run lengths" if covered < 0 else f"run lengths of {covered:,} pixels",
+            expected=f"those of the photo's {pixels:,} pixels",
+            next_step="write the mask again, with pycocotools' encode say",
+        )
 
 
 def _photo(path: Path, sha256: str) -> NDArray[np.uint8]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.files import sha256_of_file, write_text
-from legoworld.plugin.evidence import EVIDENCE, Evidence, EvidenceInvalidError
+from legoworld.plugin.evidence import (
+    EVIDENCE,
+    Evidence,
+    EvidenceInvalidError,
+    check_run_lengths,
+)
 from legoworld.plugin.evidence_camera import (
     camera_evidence,
     camera_problem,
@@ -24,6 +30,7 @@ from legoworld.plugin.evidence_camera import (
 )
 from legoworld.plugin.evidence_depth import GivenDepth, write_depth
 from legoworld.plugin.evidence_runs import RunEvidence, of_run
+from legoworld.readouts.masks import MOST_COORDINATE_PX, are_near
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, readable
 from legoworld.records.plugin_evidence import (
@@ -265,8 +272,15 @@ def _region(
                 found=f"{shape.size[1]}x{shape.size[0]} pixels",
                 expected=f"{width}x{height}",
             )
+        check_run_lengths(name, shape.counts, width * height, source)
         encoded: Any = {"size": [height, width], "counts": shape.counts.encode("ascii")}
     else:
+        if not are_near(value for polygon in shape for value in polygon):
+            raise EvidenceInvalidError(
+                f"region {name!r} of {source} lies too far from the photo",
+                found=f"a coordinate of {max(map(abs, chain(*shape))):g} pixels",
+                expected=f"less than {MOST_COORDINATE_PX:,.0f}",
+            )
         polygons: Any = shape
         encoded = rle.merge(rle.frPyObjects(polygons, height, width))
     area = int(rle.area(encoded))

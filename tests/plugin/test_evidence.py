@@ -11,12 +11,17 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 from pycocotools import mask as rle
 
 from legoworld.cli import run
+from legoworld.evaluation.detection.inputs.masks import measured
 from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
 from legoworld.plugin.evidence_making import Given, make_evidence
 from legoworld.plugin.evidence_runs import depth_file
+from legoworld.readouts.masks import covered_px
 from legoworld.readouts.tasks import protocol
 
 W, H = 64, 48
@@ -30,14 +35,14 @@ def photo(tmp_path):
     return path
 
 
-def made(tmp_path, photo, regions=None, **given):
+def made(tmp_path, photo, regions=None, **options):
     paths = []
     if regions is not None:
         (tmp_path / "regions.json").write_text(json.dumps(regions))
         paths = [tmp_path / "regions.json"]
     values = {
         "photo": photo, "regions": paths, "image_id": None, "vocabulary": None, "depth": None,
-        "depth_space": "depth", "hfov_deg": None, **given,
+        "depth_space": "depth", "hfov_deg": None, **options,
     }  # fmt: skip
     make_evidence(Given(**values), tmp_path / "evidence")
     return read_evidence(tmp_path / "evidence")
@@ -78,11 +83,36 @@ def test_results_are_named_by_category_best_first(tmp_path, photo):
         ([{"image_id": 1, "category_id": 1, "score": 1.0}], "without a shape"),
         ([{"image_id": 1, "category_id": 1, "score": 1.0,
            "segmentation": {"size": [9, 9], "counts": "o2"}}], "another photo"),
+        *(([{"image_id": 1, "category_id": 1, "score": 1.0,
+             "segmentation": {"size": [H, W], "counts": counts}}], why)
+          for counts, why in (("o2", "run lengths of 95 pixels"), ("", "no run lengths"),
+                              ("o2\u00e9", "no run lengths"), ("o", "no run lengths"),
+                              ("oooooooo2", "no run lengths"))),
+        ([{"image_id": 1, "category_id": 1, "score": 1.0, "bbox": [0, 0, 1e300, 9]}], "too far"),
+        ({"regions": [{"name": "a", "polygons": [[[1, 1], [4e8, 1], [2, 9]]]}]}, "too far"),
     ],
 )  # fmt: skip
 def test_regions_that_cannot_be_used_are_refused(tmp_path, photo, regions, why):
     with pytest.raises(EvidenceInvalidError, match=why):
         made(tmp_path, photo, regions)
+
+
+def test_a_mask_of_another_size_in_evidence_itself_is_refused(tmp_path, photo):
+    made(tmp_path, photo, {"regions": [{"name": "sofa", "polygons": [SQUARE]}]})
+    path = tmp_path / "evidence" / "evidence.json"
+    document = json.loads(path.read_text())
+    document["regions"][0]["counts"] = "o2"
+    path.write_text(json.dumps(document))
+    with pytest.raises(EvidenceInvalidError, match=r"'sofa' of evidence\.json cannot be"):
+        read_evidence(tmp_path / "evidence")
+
+
+@given(pixels=arrays.arrays(np.uint8, (13, 17), elements=st.integers(0, 1)))
+def test_run_lengths_are_counted_as_pycocotools_writes_them(pixels):
+    text = rle.encode(np.asfortranarray(pixels))["counts"].decode()
+    assert covered_px(text) == pixels.size
+    assert covered_px(text) == measured([text])[0][0]
+    assert covered_px(text[:-1]) == measured([text[:-1]])[0][0]
 
 
 def test_results_of_other_images_are_refused(tmp_path, photo):

@@ -32,10 +32,6 @@ class EncodedMask(TypedDict):
 #: (n, 4) boxes x, y, w, h, or n compressed masks.
 Shapes = NDArray[np.float64] | list[EncodedMask]
 
-#: pycocotools walks a polygon's edges pixel by pixel in 32-bit integers: far-off corners cost
-#: gigabytes, and end the process from 4e8 on.
-MOST_COORDINATE_PX: Final = 1e6
-
 
 def areas_px(masks: Sequence[EncodedMask]) -> NDArray[np.float64]:
     """(n,) pixels of compressed masks."""

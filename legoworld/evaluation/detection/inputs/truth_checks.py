@@ -20,12 +20,12 @@ from legoworld.evaluation.detection.inputs.box_formats import (
     is_finite,
 )
 from legoworld.evaluation.detection.inputs.masks import (
-    MOST_COORDINATE_PX,
     covers,
     measured,
     rle_problem,
 )
 from legoworld.pluralize import counted, share
+from legoworld.readouts.masks import MOST_COORDINATE_PX
 from legoworld.records.track import LARGEST_ID
 
 Foreign = dict[str, Any]
