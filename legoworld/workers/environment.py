@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import site
+import sysconfig
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from pathlib import Path
@@ -123,7 +124,7 @@ def child_environment(
 def blender_environment(*, home: Path, temporary: Path) -> dict[str, str]:
     """The environment of a Python that imports bpy: no user preferences or start-up files."""
     return child_environment(ChildKind.BLENDER, home=home, temporary=temporary) | {
-        "PYTHONPATH": python_path(Path(__file__).parents[2]),
+        "PYTHONPATH": python_path(*package_path()),
         "PYTHONHASHSEED": "0",
         "BLENDER_USER_RESOURCES": str(home),
         "BLENDER_USER_CONFIG": str(home),
@@ -174,6 +175,17 @@ def _model_caches(caller: Mapping[str, str]) -> dict[str, str]:
 
 def _user_base(caller: Mapping[str, str]) -> str:
     return caller.get("PYTHONUSERBASE") or site.getuserbase()
+
+
+def package_path() -> tuple[Path, ...]:
+    """The checkout's folder, which a child needs to find legoworld; none where it is installed.
+
+    An installation's site-packages in PYTHONPATH would reach every Python that the child starts: an
+    environment of its own then imports our packages instead of its own.
+    """
+    root = Path(__file__).resolve().parents[2]
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")}
+    return () if root in installed else (root,)
 
 
 def python_path(*first: Path) -> str:

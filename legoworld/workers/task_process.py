@@ -12,13 +12,12 @@ import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import IO, Any, Final, Generic, TypeVar
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.workers.child_process import ChildProcess
-from legoworld.workers.environment import python_path
+from legoworld.workers.environment import package_path, python_path
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -97,7 +96,7 @@ def _lost(process: ChildProcess) -> ProcessLostError:
 
 def _environment() -> dict[str, str]:
     """The owner's environment, with its own legoworld first on the path."""
-    return {**os.environ, **_ONE_THREAD, "PYTHONPATH": python_path(Path(__file__).parents[2])}
+    return {**os.environ, **_ONE_THREAD, "PYTHONPATH": python_path(*package_path())}
 
 
 def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:

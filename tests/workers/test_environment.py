@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import os
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
 
+import legoworld
 from legoworld.baselines.cards import read_card
 from legoworld.baselines.child import BaselineProcess
 from legoworld.baselines.confinement import confined
 from legoworld.errors import CatalogError
 from legoworld.records.baseline_messages import ChildRequest
 from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.workers.environment import ChildKind, child_environment, passed
+from legoworld.workers.environment import (
+    ChildKind,
+    blender_environment,
+    child_environment,
+    package_path,
+    passed,
+)
 
 SECRETS = {
     "AWS_SECRET_ACCESS_KEY": "hidden-1",
@@ -134,3 +142,13 @@ def test_a_card_whose_variables_are_no_names_is_refused(tmp_path):
     )
     with pytest.raises(CatalogError, match=r"expected str, got int at \$\.variables\[0\]"):
         read_card(folder / "card.toml")
+
+
+def test_no_other_python_of_a_child_finds_the_packages_of_this_installation(tmp_path):
+    """mcp-for-blender has an environment of its own, with another mcp than ours."""
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")}
+    there = Path(legoworld.__file__).resolve().parents[1]
+    assert package_path() == (() if there in installed else (there,))
+    environment = blender_environment(home=tmp_path, temporary=tmp_path)
+    given = environment["PYTHONPATH"].split(os.pathsep)
+    assert not installed & {Path(entry).resolve() for entry in given if entry}
