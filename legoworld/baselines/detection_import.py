@@ -79,6 +79,9 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
     """Import boxes or masks. Nothing is written if any of them is refused."""
     images = list(request.track.images)
     results = read_results(source.path)
+    if results.n_float_ids:
+        n = counted(results.n_float_ids, "prediction", "predictions")
+        notice(f"{n} with ids written as fractions, such as 139.0: read as whole numbers")
     box_format = source.box_format or results.box_format or "xywh"
     placed = place(results.entries, results.images, images, subset=request.subset)
     _say_placed(placed, len(results.entries), notice)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,6 +28,8 @@ from legoworld.readouts.masks import are_near
 from legoworld.records.base import RecordError, read_json
 from legoworld.records.predictions import Prediction
 
+_EXACT: Final = 2**53  # from here on a float names several integers
+_IDS: Final = ("image_id", "category_id")
 _LISTS: Final = ("annotations", "predictions", "results")
 #: Only a result, or an image's results, has one of these beside what names them.
 _OF_ONE: Final = ("bbox", "boxes", "segmentation")
@@ -39,13 +41,14 @@ class ResultsFile:
     """Entries as in the file, and the file's own information about its ids.
 
     names: its category names by id; images: its image entries by id; box_format: None where its
-    kind does not say.
+    kind does not say; n_float_ids: entries with an id written as 139.0, read as 139.
     """
 
     entries: tuple[Entry, ...]
     names: Mapping[int, str]
     images: Mapping[Any, Entry]
     box_format: BoxFormat | None = None
+    n_float_ids: int = 0
 
     @property
     def of_torchvision(self) -> bool:
@@ -72,6 +75,30 @@ def read_results(path: Path) -> ResultsFile:
     "categories" (a complete COCO JSON); one such object per line; or torchvision outputs, one
     {"boxes", "labels", "scores"} per image. PredictionsInvalidError for anything else.
     """
+    found = _found(path)
+    written = [e for e in found.entries if any(type(e.get(key)) is float for key in _IDS)]
+    if not written:
+        return found
+    entries = tuple(_with_whole_ids(entry, path) for entry in found.entries)
+    return replace(found, entries=entries, n_float_ids=len(written))
+
+
+def _with_whole_ids(entry: Entry, path: Path) -> Entry:
+    """An entry with integers for ids that pandas, say, has written as 139.0."""
+    ids = {key: entry[key] for key in _IDS if type(entry.get(key)) is float}
+    for key, value in ids.items():
+        if not value.is_integer() or abs(value) >= _EXACT:  # NaN and infinity are none either
+            raise PredictionsInvalidError(
+                f"{path.name} has the {key} of a result that is no whole number",
+                found=f"{value!r}",
+                expected="an integer",
+                next_step="write the dataset's ids into the results",
+            )
+    return {**entry, **{key: int(value) for key, value in ids.items()}} if ids else entry
+
+
+def _found(path: Path) -> ResultsFile:
+    """The file's entries as they are."""
     document = _listed(_read(path))
     refuse_other_documents(document, path)
     outputs = per_image_outputs(document)

@@ -369,6 +369,24 @@ def test_json_lines_of_one_line(bring, suffix, end):
     assert ids(found) == [285]
 
 
+def test_whole_ids_may_be_written_as_fractions(bring):
+    given = [{**box(139), "image_id": 139.0, "category_id": 90.0}, box(285, 90)]
+    code, found, said = bring(given)
+    assert code == 0
+    assert [(p["image_id"], p["category_id"]) for p in found] == [(139, 90), (285, 90)]
+    assert "1 prediction with ids written as fractions, such as 139.0" in said
+    assert "fractions" not in bring([box(139, 90)])[2]
+
+
+@pytest.mark.parametrize("key", ["image_id", "category_id"])
+@pytest.mark.parametrize("value", [139.5, 1e308])
+def test_fractions_are_no_ids(bring, key, value):
+    code, _, said = bring([box(139, 90), {**box(139, 90), key: value}])
+    assert code == 2
+    assert len(said.strip().splitlines()) == 1
+    assert f"the {key} of a result that is no whole number; found: {value}" in said
+
+
 def test_outputs_of_one_image_on_one_line(bring):
     code, found, _ = bring(json.dumps({"image_id": 139, **OUTPUT}), suffix=".jsonl")
     assert code == 0
