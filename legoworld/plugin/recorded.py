@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar
 
 from legoworld.errors import LegoWorldError, cause
@@ -27,6 +28,8 @@ class Recorded:
 
     def __init__(self, folder: Path, states: Path) -> None:
         self.ledger = Ledger(folder)
+        #: Held by the call that is running.
+        self.calling = Lock()
         self._states = states
         states.mkdir(exist_ok=True)
         #: The last state that was read by this process.

@@ -10,7 +10,7 @@ from legoworld.errors import UsageError
 from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.modules import MODULES, tools_off
-from legoworld.plugin.server_answers import Json, answer, told, typed
+from legoworld.plugin.server_answers import Json, answer, one_at_a_time, typed
 from legoworld.plugin.server_finishing import add_finishing, kept_pictures
 from legoworld.plugin.server_initialisation import add_initialisation
 from legoworld.records.base import as_json
@@ -45,7 +45,7 @@ def plugin_server(
     server: MCPServer[Any] = MCPServer("legoworld", instructions=_INSTRUCTIONS, version=__version__)
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def reference_evidence() -> Json:
         """What the photo says: image regions, relative depth, camera; without pixels of masks."""
         if evidence is None:
@@ -56,7 +56,7 @@ def plugin_server(
         return answer(case, evidence=shown)
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def measure(requirements: list[Json], pictures: bool = False) -> Json:
         """Measure requirements on the scene as it is now: pass, fail or unknown, with residuals.
 
@@ -67,7 +67,7 @@ def plugin_server(
         return answer(case, report=as_json(report), **drawn)
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def begin(
         editable: list[str],
         kinds: list[str],
@@ -97,7 +97,7 @@ def plugin_server(
         return answer(case, transaction=begun.transaction, unguarded=begun.answer["unguarded"])
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def status() -> Json:
         """Where the case stands: whether a transaction is open, its number, and if it was resumed.
 
@@ -109,13 +109,13 @@ def plugin_server(
         return answer(case, phase=case.phase, transaction=case.transaction, resumed=resumed)
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def diff() -> Json:
         """Every change since the open transaction began."""
         return answer(case, changes=as_json(case.diff()))
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def commit(transaction: int | None = None) -> Json:
         """Judge the edit; accepted with an allowed change, no violation and no blocking verdict.
 
@@ -125,7 +125,7 @@ def plugin_server(
         return answer(case, judgement=as_json(judgement), report=as_json(report))
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def rollback(transaction: int | None = None) -> Json:
         """Return to the scene as it was when the transaction began, proven by its signature.
 
@@ -134,7 +134,7 @@ def plugin_server(
         return answer(case, restored=case.rollback(transaction).scene_signature)
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def history(last: int = 20) -> Json:
         """The last entries of the ledger, without requests and answers."""
         shown = [

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
-from legoworld.errors import LegoWorldError, UsageError
+from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.plugin.case import Case
 from legoworld.records.base import RecordError, canonical, to_record
 
@@ -16,19 +16,31 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 
-def told(tool: Callable[_P, _T]) -> Callable[_P, _T]:
-    """A tool whose errors reach the client: of any other error the server says only that it was."""
+def one_at_a_time(case: Case) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
+    """Decorator: run a tool alone on its case; report LegoWorldError and OSError to the client.
 
-    @functools.wraps(tool)
-    def told(*arguments: _P.args, **named: _P.kwargs) -> _T:
-        from mcp.server.mcpserver.exceptions import ToolError
+    Clients send calls in parallel, and a cancelled call still runs to its end: each call waits for
+    the one before it. Other exceptions stay generic.
+    """
 
-        try:
-            return tool(*arguments, **named)
-        except LegoWorldError as error:
-            raise ToolError(str(error)) from error
+    def decorate(tool: Callable[_P, _T]) -> Callable[_P, _T]:
+        @functools.wraps(tool)
+        def run(*arguments: _P.args, **named: _P.kwargs) -> _T:
+            from mcp.server.mcpserver.exceptions import ToolError
 
-    return told
+            try:
+                with case.calling:
+                    return tool(*arguments, **named)
+            except LegoWorldError as error:
+                raise ToolError(str(error)) from error
+            except OSError as error:
+                where = f" of {error.filename}" if error.filename else ""
+                text = f"the operating system refused a file{where}; found: {cause(error)}"
+                raise ToolError(text) from error
+
+        return run
+
+    return decorate
 
 
 def answer(case: Case, **shown: Any) -> Json:

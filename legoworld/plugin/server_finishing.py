@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from legoworld.plugin.case import Case
 from legoworld.plugin.finishing import export, note_review, render_for_review, validate
 from legoworld.plugin.result_pictures import result_pictures
-from legoworld.plugin.server_answers import Json, answer, answer_text, told, typed
+from legoworld.plugin.server_answers import Json, answer, answer_text, one_at_a_time, typed
 from legoworld.readouts.pictures import png_bytes
 from legoworld.records.base import as_json, readable
 from legoworld.records.plugin_requirements import Report, Requirement
@@ -21,7 +21,7 @@ def add_finishing(server: MCPServer[Any], case: Case) -> None:
     _add_review(server, case)
 
     @server.tool(name="validate")
-    @told
+    @one_at_a_time(case)
     def validate_tool(requirements: list[Json] | None = None, pictures: bool = False) -> Json:
         """Measure what all committed transactions required, and more, on the scene as it is now.
 
@@ -35,7 +35,7 @@ def add_finishing(server: MCPServer[Any], case: Case) -> None:
         return answer(case, report=as_json(report), report_sha256=sha256, **drawn)
 
     @server.tool(name="export")
-    @told
+    @one_at_a_time(case)
     def export_tool() -> Json:
         """Write scene.blend, scene.glb, final.png and a 1920 x 1080 render into the case's folder.
 
@@ -71,7 +71,7 @@ def _add_review(server: MCPServer[Any], case: Case) -> None:
     from mcp.server.mcpserver.utilities.types import Image
 
     @server.tool(structured_output=False)
-    @told
+    @one_at_a_time(case)
     def review(render_sha256: str | None = None, findings: list[str] | None = None) -> list[Any]:
         """Look at the scene: without arguments a render, beside the photo where that is known.
 

@@ -11,7 +11,7 @@ from legoworld.plugin.initial_room import install_room
 from legoworld.plugin.initialisation import recover
 from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.room import structures_of
-from legoworld.plugin.server_answers import Json, answer, told, typed
+from legoworld.plugin.server_answers import Json, answer, one_at_a_time, typed
 from legoworld.records.base import as_json
 from legoworld.records.plugin_room import Structure
 
@@ -23,7 +23,7 @@ def add_initialisation(server: MCPServer[Any], case: Case, evidence: Evidence | 
     """Offer initialize and plan."""
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def initialize(structures: dict[str, str] | None = None, camera_height_m: float = 1.5) -> Json:
         """Recover the room and the camera from the photo, and install both as one transaction.
 
@@ -42,7 +42,7 @@ def add_initialisation(server: MCPServer[Any], case: Case, evidence: Evidence | 
         return answer(case, room=as_json(found.room), plan=as_json(found.plan), kept=kept)
 
     @server.tool()
-    @told
+    @one_at_a_time(case)
     def plan(structures: dict[str, str] | None = None) -> Json:
         """The construction plan: each object's place, extent and relative depth in the photo."""
         known = _needed(evidence)
