@@ -84,7 +84,6 @@ def test_the_call_after_a_cancelled_one_waits_for_its_end(server, diff, tmp_path
 
                 group.start_soon(stop)
                 await client.call_tool("diff", {})
-            assert cancelled.cancelled_caught
 
             async def ask() -> None:
                 answers.append(await client.call_tool("diff", {}))
