@@ -64,6 +64,14 @@ command.add_command(evidence)
     "--require-transaction", is_flag=True,
     help="Refuse begin and export after edits without a transaction; rollback undoes them.",
 )  # fmt: skip
+@click.option(
+    "--rounds", default=2, show_default=True, type=click.IntRange(min=0),
+    help="Refused commits of a transaction that may be corrected.",
+)  # fmt: skip
+@click.option(
+    "--rollbacks", default=2, show_default=True, type=click.IntRange(min=0),
+    help="Rollbacks of a case; one that has no corrections left is always allowed.",
+)  # fmt: skip
 def serve(
     photo: Path | None,
     evidence: Path | None,
@@ -71,6 +79,8 @@ def serve(
     ledger: Path,
     without: tuple[str, ...],
     require_transaction: bool,
+    rounds: int,
+    rollbacks: int,
 ) -> int:
     """Serve the plugin's tools over MCP, on standard input and output.
 
@@ -84,6 +94,7 @@ def serve(
       legoworld plugin serve --blender 127.0.0.1:9900 --ledger case-1
     """
     from legoworld.plugin.serving import serve_plugin
+    from legoworld.records.plugin_ledger import TransactionLimits
 
     serve_plugin(
         photo=photo,
@@ -92,6 +103,7 @@ def serve(
         ledger=ledger,
         off=without,
         require_transaction=require_transaction,
+        limits=TransactionLimits(rounds=rounds, rollbacks=rollbacks),
     )
     return 0
 

@@ -196,14 +196,18 @@ class Case(Recorded):
         """
 
         def call() -> SceneState:
-            if not (self._strict and self.phase == "idle" and self._edited()):
-                self.begun(number)
-            if self.count("rollback") >= self._limits.rollbacks:
+            # Where nothing else is left to do, the way back is free.
+            free = self._strict and self.phase == "idle" and self._edited()
+            if not free:
+                refused = self.count("commit", since=self.begun(number).seq)
+                free = refused > self._limits.rounds
+            if not free and self.count("rollback") >= self._limits.rollbacks:
                 raise TransactionError(
                     "the case has no rollbacks left",
                     found=f"{self._limits.rollbacks} were made",
                     expected=f"at most {self._limits.rollbacks}",
-                    next_step="correct the scene by hand until commit accepts it",
+                    next_step="correct the scene and commit; once its corrections are used up, "
+                    "rollback is free",
                 )
             base = self.base()
             assert self._base is not None

@@ -18,19 +18,39 @@ from legoworld.records.plugin_state import SceneState
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import bpy_version
 
+#: The user's file, while a rollback saves under its name.
+_ASIDE: Final = ".legoworld-kept"
+#: Part of what Blender runs: undo a rollback that ended between its two renames, and lose nothing.
+_RECOVER: Final = f"""
+import os
+
+def recover(kept):
+    aside, number = kept + {_ASIDE!r}, 1
+    if not kept or not os.path.lexists(aside):
+        return None
+    while os.path.lexists(other := f"{{kept}}.legoworld-rollback-{{number}}"):
+        number += 1
+    if os.path.lexists(kept):
+        os.rename(kept, other)
+    os.rename(aside, kept)
+    return kept
+"""
 _SAVE: Final = """
-import bpy, json, os
+import bpy, json
+recovered = recover(bpy.data.filepath)
 folder = os.path.dirname(bpy.data.filepath) or os.getcwd()
 path = os.path.join(folder, {name!r})
 version = bpy.app.version[:2]
 if version <= {newest!r}:
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True, compress=False, relative_remap=False)
-print(json.dumps({{"copy": path, "filepath": bpy.data.filepath, "version": version}}))
+said = {{"copy": path, "filepath": bpy.data.filepath, "version": version}}
+print(json.dumps({{**said, "recovered": recovered}}))
 """
 _RESTORE: Final = """
-import bpy, os
+import bpy
 kept = {filepath!r}
-aside = kept + ".legoworld-kept"
+aside = kept + {aside!r}
+recover(kept)
 bpy.ops.wm.open_mainfile(filepath={copy!r}, load_ui=False, use_scripts=False)
 if kept:
     # Saving is the only way to give the open file its name back; the user's file itself stays.
@@ -68,6 +88,8 @@ class LiveBlender:
         self._blender = blender
         self.reader = reader
         self._store = store
+        #: The file that an earlier rollback had left under a second name, once it was put back.
+        self.recovered: str | None = None
 
     @contextmanager
     def copied(self) -> Iterator[LiveCopy]:
@@ -114,7 +136,8 @@ class LiveBlender:
         copy, filepath = self._save()  # where the open file is, and a place Blender can read
         try:
             copy.put(self._store / f"{sha256}.blend")
-            self._blender.run(_RESTORE.format(copy=str(copy.path), filepath=filepath))
+            code = _RESTORE.format(copy=str(copy.path), filepath=filepath, aside=_ASIDE)
+            self._blender.run(_RECOVER + code)
         finally:
             copy.remove()
         now = self.read()[0].state
@@ -129,11 +152,12 @@ class LiveBlender:
     def _save(self) -> tuple[LiveCopy, str]:
         """A copy of the live scene that this process can read, and the open file's own path."""
         newest = _newest()
-        said = self._blender.run(_SAVE.format(name=COPY, newest=newest))
+        said = self._blender.run(_RECOVER + _SAVE.format(name=COPY, newest=newest))
         try:
             answer = json.loads(said.strip().splitlines()[-1])
             copy, filepath = Path(answer["copy"]), str(answer["filepath"])
             major, minor = answer["version"]
+            self.recovered = answer["recovered"] or self.recovered
         except (ValueError, LookupError, TypeError) as error:
             raise BlenderRefusedError(
                 "Blender did not say where it saved the copy",

@@ -46,6 +46,12 @@ def one_at_a_time(case: Case) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
 def answer(case: Case, **shown: Any) -> Json:
     """An answer with the signature of the last state that was read, and the ledger's last line."""
     entries = case.ledger.entries
+    recovered = case.live and case.live.recovered
+    if recovered:
+        shown["notice"] = (
+            f"a rollback had ended early: {recovered} is your file again; what the rollback had "
+            "saved under that name is beside it"
+        )
     return {
         **shown,
         "scene_signature": entries[-1].scene_signature if entries else None,

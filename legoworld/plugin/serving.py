@@ -43,6 +43,7 @@ def serve_plugin(
     ledger: Path,
     off: Sequence[str] = (),
     require_transaction: bool = False,
+    limits: TransactionLimits | None = None,
 ) -> None:
     """Serve until standard input ends. InstallationError without the extra.
 
@@ -62,7 +63,11 @@ def serve_plugin(
     with one_server(ledger), BlenderProcess(Limits()) as reader:
         live = LiveBlender(BlenderConnection(parsed_address(address)), reader, ledger / STATES)
         case = Case(
-            ledger, live, known, TransactionLimits(), require_transaction=require_transaction
+            ledger,
+            live,
+            known,
+            limits or TransactionLimits(),
+            require_transaction=require_transaction,
         )
         case.serve()
         plugin_server(case, known, modules).run("stdio")

@@ -19,7 +19,8 @@ Why = Literal["protected", "undeclared", "kind not declared"]
 class TransactionLimits(Record, frozen=True, kw_only=True):
     """How much a case may try. The server holds to them, whatever an agent asks for.
 
-    rounds: failed commits of one transaction, after which it has to be rolled back.
+    rounds: failed commits of one transaction, after which it has to be rolled back. rollbacks:
+    after so many, only a transaction without corrections left is: there is always a way out.
     """
 
     transactions: Annotated[int, Meta(ge=1)] = 8

@@ -104,6 +104,24 @@ def test_limits_are_the_servers(tmp_path, blender_code, blender):
         case.begin(MOVE_CUP)
 
 
+def test_without_corrections_and_rollbacks_left_the_way_back_is_free(
+    tmp_path, blender_code, blender
+):
+    """What was committed before can still be delivered."""
+    case = reopened(tmp_path, blender_code, blender, transactions=3, rollbacks=0, rounds=0)
+    case.begin(MOVE_CUP)
+    blender_code.run(ACROSS)
+    assert case.commit()[0].accepted
+    begun = case.begin(MOVE_CUP)
+    with pytest.raises(TransactionError, match="no rollbacks left"):
+        case.rollback()
+    assert not case.commit()[0].accepted
+    with pytest.raises(TransactionError, match="no corrections left"):
+        case.commit()
+    assert case.rollback().scene_signature == begun.scene_signature
+    assert case.phase == "idle"
+
+
 @pytest.mark.parametrize("tool", ["commit", "rollback", "diff"])
 def test_without_a_transaction_there_is_nothing_to_end(case, tool):
     with pytest.raises(TransactionError, match="no transaction is open"):
