@@ -116,7 +116,7 @@ class Checkout:
         worse = [{**entry, "score": 1 / (2 + k)} for k, entry in enumerate(results[::2])]
         (self.work / f"worse-{task}.json").write_text(json.dumps(worse))
         self.call("baseline", "import", f"worse-{task}.json", "--task", task, "--track", track,
-                  "-o", f"worse-{task}")  # fmt: skip
+                  "--category-ids", "dataset", "-o", f"worse-{task}")  # fmt: skip
         for side in ("run", "worse"):
             self.call("evaluate", f"{side}-{task}", "--truth", truth, "-o", f"eval-{side}-{task}",
                       *DRAWS, "-v")  # fmt: skip

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "legoworld"
+import legoworld
+
+PACKAGE = Path(legoworld.__file__).parent
 
 #: Functions and methods that take a path. `resolve` of a root of ours is free.
 METHODS = frozenset(

@@ -115,7 +115,16 @@ def comparison(folder: Path) -> Walk:
     track = ["--task", "coco", "--track", str(data / "track_coco.json")]
     with redirect_stdout(StringIO()):
         assert cli.run(["readout", "-q", "--task", "coco", "-o", str(folder / "run")]) == 0
-        imported = ["baseline", "import", results, *track, "-o", str(folder / "imported")]
+        imported = [
+            "baseline",
+            "import",
+            results,
+            *track,
+            "--category-ids",
+            "dataset",
+            "-o",
+            str(folder / "imported"),
+        ]
         assert cli.run(imported) == 0
     evaluations = [
         legoworld.evaluate(folder / run, folder / f"eval {run}", truth=data / "truth_coco.json")

@@ -69,7 +69,7 @@ FAULTS = {
         "annotation number 34 of the list: 7", ""),
     "corners": ("coco", lambda t: [a.update(bbox=[a["bbox"][0], a["bbox"][1],
         a["bbox"][0] + a["bbox"][2], a["bbox"][1] + a["bbox"][3]]) for a in t["annotations"]],
-        "boxes of truth.json are not x, y, width, height", "leave their image",
+        "truth.json are not x, y, width, height", "leave their image",
         "these look like x1, y1, x2, y2: write x, y"),
     "images twice": ("coco", lambda t: t["images"].append(dict(t["images"][1])), "ids repeat",
         "1 of 13 images, such as image 13", ""),

@@ -41,7 +41,8 @@ def main(legoworld: str, examples: Path, datasets: Path) -> None:
         "readout --task coco --track track.json -o run",
         "merge run -o merged", "export run --format coco -o exported.json",
         f"evaluate run --truth {truth} -o eval", "evidence verify eval",
-        "baseline import run/predictions.json --task coco --track track.json -o other",
+        "baseline import run/predictions.json --task coco --track track.json "
+        "--category-ids dataset -o other",
         f"evaluate other --truth {truth} -o eval-other",
         "compare eval eval-other -o comparison", "report comparison --photos photos -o page.html",
         f"score {examples}/coffee --photo photos/coffee.png --truth {truth} -o scored",

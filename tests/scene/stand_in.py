@@ -30,7 +30,7 @@ def of_glb(blend: Path) -> Snapshot:
 class StandIn(BlenderProcess):
     """Answers as the worker does.
 
-    lost: how often the process is lost before it answers; meanwhile: what happens while it reads;
+    lost: how often the process is lost before it answers; slow: it never does; meanwhile: what happens while it reads;
     pictures: what renders show, one after another.
     """
 
@@ -39,6 +39,7 @@ class StandIn(BlenderProcess):
         *,
         snapshot_of: Callable[[Path], Snapshot] = of_glb,
         lost: int = 0,
+        slow: bool = False,
         meanwhile: Callable[[], object] = lambda: None,
         pictures: tuple[bytes, ...] = (),
         facts: dict[str, Any] | None = None,
@@ -46,7 +47,7 @@ class StandIn(BlenderProcess):
         super().__init__(Limits())
         self.asked: list[dict[str, Any]] = []
         self._snapshot_of = snapshot_of
-        self._lost = lost
+        self._lost, self._slow = lost, slow
         self._meanwhile = meanwhile
         self._pictures = list(pictures)
         self._facts = facts or FACTS
@@ -55,7 +56,9 @@ class StandIn(BlenderProcess):
         self.asked.append(message)
         if self._lost:
             self._lost -= 1
-            raise (WorkerCrashedError if self._lost else WorkerTimeoutError)("lost")
+            raise WorkerCrashedError("lost")
+        if self._slow:
+            raise WorkerTimeoutError("slow")
         output, blend = Path(message["output"]), Path(message["blend"])
         assert blend.is_absolute()
         self._meanwhile()

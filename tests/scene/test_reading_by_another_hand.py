@@ -14,6 +14,7 @@ from scene.stand_in import FACTS, StandIn
 from legoworld.errors import (
     SceneChangedError,
     SceneInvalidError,
+    WorkerCrashedError,
     WorkerTimeoutError,
 )
 from legoworld.scene.cache import SnapshotCache
@@ -196,12 +197,13 @@ def test_facts_are_asked_for_once_and_kept(scene, tmp_path):
 
 
 def test_a_question_is_asked_again_once_where_the_process_was_lost(scene):
-    for lost, expected in ((1, 2), (2, 2)):
-        with stand_in(lost=lost) as blender:
+    """And a question that took too long is not: it would take as long again."""
+    for lost, expected in ((1, 2), (2, 2), (0, 1)):
+        with stand_in(lost=lost, slow=lost == 0) as blender:
             if lost == 1:
                 assert opened(scene, blender).facts((8, 8)).values == FACTS
             else:
-                with pytest.raises(WorkerTimeoutError):
+                with pytest.raises(WorkerCrashedError if lost else WorkerTimeoutError):
                     opened(scene, blender).render(CARD)
             assert len(blender.asked) == expected
 
