@@ -30,8 +30,8 @@ def of_glb(blend: Path) -> Snapshot:
 class StandIn(BlenderProcess):
     """Answers as the worker does.
 
-    lost: how often the process is lost before it answers; slow: it never does; meanwhile: what happens while it reads;
-    pictures: what renders show, one after another.
+    lost: how often the process is lost before it answers; slow: it never does; meanwhile: what
+    happens while it reads; pictures: what renders show, one after another.
     """
 
     def __init__(
