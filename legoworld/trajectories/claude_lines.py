@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, MutableMapping
 from typing import Any
 
+import msgspec
+
 from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall
+from legoworld.records.base import UNSET
 from legoworld.trajectories.steps import Read, Reading, arguments_of, content_of, rest_of
 
 
@@ -138,4 +141,16 @@ def _result(reading: Reading, event: dict[str, Any]) -> None:
             total_completion_tokens=whole.completion_tokens,
             total_cost_usd=float(cost) if isinstance(cost, int | float) else None,
         )
+        _drop_placeholders(reading, whole.completion_tokens)
     reading.odd(event)
+
+
+def _drop_placeholders(reading: Reading, completion_tokens: Any) -> None:
+    """Leave a step's output tokens out where they do not sum to the session's.
+
+    Without partial messages a line has the usage that its message began with: an output of 1.
+    """
+    counted = [(step, step.metrics) for step in reading.steps if step.metrics is not None]
+    if sum(int(found.completion_tokens or 0) for _, found in counted) != completion_tokens:
+        for step, found in counted:
+            step.metrics = msgspec.structs.replace(found, completion_tokens=UNSET)

@@ -24,11 +24,12 @@ def codex_steps(lines: list[Any]) -> Reading:
     """The steps of a Codex transcript.
 
     An item that was started and never completed (the agent was ended) is a call without a result.
-    Tokens are counted a turn: the turn's last step has them.
+    Tokens are counted a turn: they are a step's where it is the turn's only one, and otherwise no
+    step's. The totals have them all.
     """
     reading = Reading()
     open_items: dict[str, dict[str, Any]] = {}
-    used = [0, 0, 0]
+    used, turn_began = [0, 0, 0], 0
     for event in lines:
         kind = event.get("type") if isinstance(event, dict) else None
         item = event.get("item") if isinstance(event, dict) else None
@@ -42,7 +43,8 @@ def codex_steps(lines: list[Any]) -> Reading:
             begun = open_items.pop(str(item.get("id")), {})
             reading.steps.append(_step({**begun, **item}))
         elif kind == "turn.completed":
-            _add_usage(reading, event, used)
+            _add_usage(reading, event, used, turn_began)
+            turn_began = len(reading.steps)
         elif kind == "turn.started" and set(event) == {"type"}:
             continue
         else:
@@ -104,7 +106,7 @@ def _mcp_result(item: dict[str, Any]) -> Any:
     return content_of(result)
 
 
-def _add_usage(reading: Reading, event: dict[str, Any], used: list[int]) -> None:
+def _add_usage(reading: Reading, event: dict[str, Any], used: list[int], turn_began: int) -> None:
     usage = event.get("usage")
     if not isinstance(usage, dict):
         reading.odd(event)
@@ -113,11 +115,11 @@ def _add_usage(reading: Reading, event: dict[str, Any], used: list[int]) -> None
         int(usage.get(key) or 0) for key in ("input_tokens", "cached_input_tokens", "output_tokens")
     ]
     used[:] = [before + now for before, now in zip(used, counts, strict=True)]
-    acting = [step for step in reading.steps if step.source == "agent"]
-    if not acting or acting[-1].metrics is not None:  # a turn without a step that was finished
+    acting = [step for step in reading.steps[turn_began:] if step.source == "agent"]
+    if len(acting) != 1:
         reading.odd(event)
         return
-    acting[-1].metrics = AtifMetrics(
+    acting[0].metrics = AtifMetrics(
         prompt_tokens=counts[0],
         cached_tokens=counts[1],
         completion_tokens=counts[2],

@@ -12,12 +12,20 @@ from legoworld.trajectories.steps import Read, Reading, arguments_of, content_of
 
 
 def gemini_steps(lines: list[Any]) -> Reading:
-    """The steps of a Gemini CLI transcript: init, message, tool_use, tool_result, result."""
+    """The steps of a Gemini CLI transcript: init, message, tool_use, tool_result, result.
+
+    The pieces of a streamed message (`delta`) are one step, up to the next event of another kind.
+    """
     reading = Reading()
     of_call: dict[str, Read] = {}
+    streamed: Read | None = None
     for event in lines:
         kind = event.get("type") if isinstance(event, dict) else None
         if kind == "message" and event.get("role") in ("assistant", "model"):
+            last = reading.steps[-1] if reading.steps else None
+            if last is not None and last is streamed and event.get("delta"):
+                last.message = f"{last.message}{content_of(event.get('content')) or ''}"
+                continue
             reading.steps.append(
                 Read(
                     source="agent",
@@ -26,6 +34,7 @@ def gemini_steps(lines: list[Any]) -> Reading:
                     extra={"event": rest_of(event, "type", "role", "content", "timestamp")},
                 )
             )
+            streamed = reading.steps[-1] if event.get("delta") else None
         elif kind == "tool_use" and isinstance(event.get("tool_id"), str):
             call = AtifToolCall(
                 tool_call_id=event["tool_id"],

@@ -1,4 +1,4 @@
-"""Transcripts of agents as one format, ATIF: nothing that a transcript says is lost.
+"""Transcripts of agents as one format, ATIF: nothing that a transcript says is lost but pictures.
 
 What ATIF has no field for goes into `extra`. A line that is not JSON (a killed agent's last one, a
 notice on standard output) is a step of its own with the line as it is.
@@ -6,6 +6,9 @@ notice on standard output) is a step of its own with the line as it is.
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +36,16 @@ _LINES: Final[Mapping[str, Callable[[list[Any]], Reading]]] = {
     "gemini": gemini_steps,
     "opencode": opencode_steps,
 }
+#: How base64 begins of what agents look at.
+_PICTURES: Final = {
+    "iVBORw0KGgo": "image/png",
+    "/9j/": "image/jpeg",
+    "UklGR": "image/webp",
+    "R0lGOD": "image/gif",
+}
+_SHORTEST_PICTURE: Final = 64
+_DATA_URL: Final = re.compile(r"^data:image/[\w.+-]+;base64,")
+_BASE64: Final = re.compile(r"[A-Za-z0-9+/]+={0,2}")
 
 
 def read_transcript(
@@ -52,13 +65,32 @@ def read_transcript(
     return _document(agent, version, prompt, reading)
 
 
+def without_pictures(value: Any) -> Any:
+    """A JSON value with every picture in base64, in text or as a data URL, as its size and hash.
+
+    The transcript itself keeps the bytes.
+    """
+    if isinstance(value, dict):
+        return {key: without_pictures(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [without_pictures(item) for item in value]
+    if not isinstance(value, str) or len(value) < _SHORTEST_PICTURE:
+        return value
+    text = _DATA_URL.sub("", value)
+    kind = next((kind for begin, kind in _PICTURES.items() if text.startswith(begin)), None)
+    if kind is None or not _BASE64.fullmatch(text) or len(text) % 4:
+        return value
+    data = base64.b64decode(text)
+    return f"[{kind}, {len(data)} bytes, sha256 {hashlib.sha256(data).hexdigest()}]"
+
+
 def parsed_lines(data: bytes) -> list[Any]:
     """The JSON value of each line; the line as text where it is none."""
     values: list[Any] = []
     for line in data.split(b"\n"):
         if line.strip():
             try:
-                values.append(msgspec.json.decode(line))
+                values.append(without_pictures(msgspec.json.decode(line)))
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
                 values.append(line.decode("utf-8", "replace"))
     return values

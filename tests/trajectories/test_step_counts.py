@@ -1,0 +1,101 @@
+"""Tokens of steps, streamed messages and pictures, as the four agents write them."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+
+import pytest
+
+from legoworld.records.base import UNSET, canonical
+from legoworld.trajectories.transcripts import read_transcript, usage_of, without_pictures
+
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(range(256))
+TEXT = base64.b64encode(PNG).decode()
+SHOWN = f"[image/png, {len(PNG)} bytes, sha256 {hashlib.sha256(PNG).hexdigest()}]"
+#: What the model's side counted: input, cached, output.
+COUNTED = {
+    "claude-2.1.330": ("claude", (9880, 1600, 428)),
+    "codex-0.169.0": ("codex", (8610, 1400, 371)),
+    "opencode-1.18.33": ("opencode", (8610, 1400, 371)),
+    "gemini-0.61.0": ("gemini", (9810, 1600, 421)),
+}
+
+
+def read(tmp_path, kind: str, *events: dict):
+    path = tmp_path / "transcript.jsonl"
+    path.write_text("".join(json.dumps(event) + "\n" for event in events), encoding="utf-8")
+    return read_transcript(path, kind, agent="a", version="1", prompt="p")
+
+
+def completions(trajectory) -> list[int | None]:
+    found = [s.metrics.completion_tokens for s in trajectory.steps if s.metrics is not UNSET]
+    return [None if value is UNSET else value for value in found]
+
+
+def claude(number: int, output: int) -> dict:
+    usage = {"input_tokens": 10, "cache_read_input_tokens": 5, "output_tokens": output}
+    content = [{"type": "text", "text": f"step {number}"}]
+    return {
+        "type": "assistant",
+        "message": {"id": f"m{number}", "usage": usage, "content": content},
+    }
+
+
+@pytest.mark.parametrize(("each", "expected"), [((1, 1), [None, None]), ((30, 12), [30, 12])])
+def test_claude_s_placeholders_are_no_counts(tmp_path, each, expected):
+    total = {"input_tokens": 20, "cache_read_input_tokens": 10, "output_tokens": 42}
+    lines = [claude(n, output) for n, output in enumerate(each)]
+    found = read(tmp_path, "claude", *lines, {"type": "result", "usage": total})
+    assert completions(found) == expected
+    assert [s.metrics.prompt_tokens for s in found.steps if s.metrics is not UNSET] == [15, 15]
+    assert usage_of(found).completion_tokens == 42
+
+
+@pytest.mark.parametrize("messages", [1, 3])
+def test_codex_counts_a_turn_and_not_its_last_step(tmp_path, messages):
+    items = [
+        {"type": "item.completed", "item": {"id": f"{n}", "type": "agent_message", "text": "x"}}
+        for n in range(messages)
+    ]
+    usage = {"input_tokens": 100, "cached_input_tokens": 20, "output_tokens": 7}
+    found = read(tmp_path, "codex", *items, {"type": "turn.completed", "usage": usage})
+    assert completions(found) == ([7] if messages == 1 else [])
+    assert usage_of(found).completion_tokens == 7
+
+
+def test_gemini_s_streamed_pieces_are_one_step(tmp_path):
+    def piece(text: str, *, delta: bool = True) -> dict:
+        return {"type": "message", "role": "assistant", "content": text, "delta": delta}
+
+    tool = {"type": "tool_use", "tool_id": "t", "tool_name": "look", "parameters": {}}
+    found = read(tmp_path, "gemini", piece("a "), piece("b "), piece("c"), tool, piece("d"),
+                 piece("whole", delta=False), piece("another", delta=False))  # fmt: skip
+    said = [s.message for s in found.steps if s.source == "agent"]
+    assert said == ["a b c", "", "d", "whole", "another"]
+
+
+@pytest.mark.parametrize("text", [TEXT, f"data:image/png;base64,{TEXT}"])
+def test_a_picture_is_its_size_and_hash(text):
+    block = {"type": "image", "source": {"type": "base64", "data": text}}
+    assert without_pictures([block])[0]["source"]["data"] == SHOWN
+
+
+@pytest.mark.parametrize("text", ["short", "iVBORw0KGgo is how a PNG begins. " * 9, "a" * 400])
+def test_other_text_stays(text):
+    assert without_pictures({"a": [text, 3, None]}) == {"a": [text, 3, None]}
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("name", COUNTED)
+def test_real_recordings_count_what_the_model_s_side_counted(real_data, name):
+    kind, counted = COUNTED[name]
+    path = real_data / "transcripts" / f"{name}.jsonl"
+    found = read_transcript(path, kind, agent="a", version="1", prompt="p")
+    usage = usage_of(found)
+    assert (usage.prompt_tokens, usage.cached_tokens, usage.completion_tokens) == counted
+    steps = [value for value in completions(found) if value is not None]
+    assert steps == [] or sum(steps) == counted[2]
+    assert "iVBORw0KGgo" not in canonical(found)
+    assert "/9j/" not in canonical(found)
