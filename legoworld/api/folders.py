@@ -20,12 +20,13 @@ def place_of(folder: str | Path) -> Place:
 
 
 @contextmanager
-def written_at(place: Place, *, last: str, overwrite: bool) -> Iterator[Path]:
+def written_at(place: Place, *, last: str) -> Iterator[Path]:
     """A folder to write into; if `place` is a URL, it is published there even after a failure.
 
-    The URL's content is fetched first, so that the same command resumes on any machine. The local
-    folder is deleted once published; only a kill leaves it behind, and the next command resumes
-    from it. CacheFolderError without a place for it.
+    The URL's content is fetched first, so that the same command resumes on any machine, and so that
+    what is deleted there is what the same command deletes in a local folder. The local folder is
+    deleted once published; only a kill leaves it behind, and the next command resumes from it.
+    CacheFolderError without a place for it.
     """
     if isinstance(place, Path):
         yield place
@@ -35,7 +36,7 @@ def written_at(place: Place, *, last: str, overwrite: bool) -> Iterator[Path]:
     if why := why_unwritable(cache):
         raise unwritable(cache, why)
     folder = cache / "published" / name
-    if not overwrite and not folder.exists():
+    if not folder.exists():
         fetch_folder(place, folder)
     try:
         yield folder

@@ -168,7 +168,7 @@ def readout(
         images_per_file=images_per_file,
         started=started,
     )
-    with written_at(written, last=RUN, overwrite=overwrite) as folder:
+    with written_at(written, last=RUN) as folder:
         here = replace(request.image_options, run=folder.absolute())
         request = replace(request, image_options=here)
         listener.total(len(shard_images(request)))

@@ -53,7 +53,7 @@ def command(
 
     with ExitStack() as stack:
         here = [stack.enter_context(read_from(shard)) for shard in shards]
-        folder = stack.enter_context(written_at(output, last="run.json", overwrite=overwrite))
+        folder = stack.enter_context(written_at(output, last="run.json"))
         result = merge_shards(here, folder, images_per_file=images_per_file, overwrite=overwrite)
     coverage = result.summary.coverage
     if as_json:

@@ -312,6 +312,25 @@ def test_a_chosen_image_that_is_not_in_the_track_is_named(scenes, tmp_path, caps
     assert [row["image_id"] for row in rows_of(tmp_path / "run")] == [2, 30]
 
 
+def test_a_run_that_ended_early_is_named_when_it_is_resumed(scenes, tmp_path, capsys, monkeypatch):
+    track = scenes.parent / "track.json"
+    arguments = ["readout", str(scenes), "--task", "coco", "-o", str(tmp_path / "run"), "--source",
+                 "glb", "--no-cache", "--workers", "1", "--track", str(track)]  # fmt: skip
+
+    def ended(*_arguments: object, **_named: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("legoworld.records.folders.run_folder.finish", ended)
+        assert cli.run(arguments) == 130
+    words = "the last run into this folder ended before it was finished"
+    assert words not in "".join(capsys.readouterr())
+    assert cli.run(arguments) == 1
+    assert words in "".join(capsys.readouterr())
+    assert cli.run(arguments) == 1
+    assert words not in "".join(capsys.readouterr())
+
+
 def test_resuming_reads_only_what_has_no_result(scenes, done, tmp_path, capsys):
     track = scenes.parent / "track.json"
     output = tmp_path / "run"
