@@ -157,7 +157,7 @@ class LiveBlender:
             answer = json.loads(said.strip().splitlines()[-1])
             copy, filepath = Path(answer["copy"]), str(answer["filepath"])
             major, minor = answer["version"]
-            self.recovered = answer["recovered"] or self.recovered
+            self.recovered = answer.get("recovered") or self.recovered
         except (ValueError, LookupError, TypeError) as error:
             raise BlenderRefusedError(
                 "Blender did not say where it saved the copy",
