@@ -223,15 +223,18 @@ def test_no_image_is_answered_before_its_run_begins(tmp_path):
     """Until then --overwrite may delete the results of an earlier run."""
     (tmp_path / "run.py").write_text(CHATTY)
     request = {"schema_version": 1, "images": [{"image_id": 1, "batch": 0}], "batch_size": 1}
-    done = subprocess.run(
-        [sys.executable, tmp_path / "run.py"],
-        input=json.dumps(request) + "\n", capture_output=True, text=True, check=False,
-        env={**os.environ, "PYTHONPATH": str(SHARED)},
-    )  # fmt: skip
-    messages = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
-    assert [*messages[0]] == ["provenance", "environment"]
-    assert len(messages) == 1
-    assert done.returncode == 1  # the end of its input is legoworld's
+    with subprocess.Popen(
+        [sys.executable, tmp_path / "run.py"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL, text=True, env={**os.environ, "PYTHONPATH": str(SHARED)},
+    ) as process:  # fmt: skip
+        process.stdin.write(json.dumps(request) + "\n")
+        process.stdin.flush()
+        first = next(line for line in process.stdout if line.startswith("{"))
+        process.stdin.close()  # only now: the end of its input ends it, whatever it is doing
+        rest = process.stdout.read()
+    assert [*json.loads(first)] == ["provenance", "environment"]
+    assert rest == ""
+    assert process.returncode == 1  # the end of its input is legoworld's
 
 
 def test_a_request_of_another_version_is_not_served(tmp_path):
