@@ -89,7 +89,7 @@ def test_a_file_that_cannot_be_hashed_is_a_failed_check(scene):
 def test_a_process_that_is_lost_says_nothing_of_the_scene(scene):
     row, record = frozen(scene, StandIn(lost=1))
     assert (row.status, record) == ("invalid", None)
-    assert row.checks["scene.blend"].code == "worker_timeout"
+    assert row.checks["scene.blend"].code == "worker_crashed"
     assert row.checks["scene.glb"].status == "ok"
 
 

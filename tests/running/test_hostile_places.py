@@ -51,7 +51,7 @@ def test_a_folder_that_cannot_be_made_here_is_not_the_urls_fault(url, tmp_path):
 
 def test_what_is_published_is_kept_inside_the_chosen_cache(tmp_path, monkeypatch, url):
     monkeypatch.setenv("LEGOWORLD_CACHE", str(tmp_path / "cache"))
-    with folders.written_at(f"{url}/run", last="run.json", overwrite=False) as folder:
+    with folders.written_at(f"{url}/run", last="run.json") as folder:
         assert Path(folder).is_relative_to(tmp_path / "cache")
         Path(folder).mkdir(parents=True)
         (Path(folder) / "run.json").write_text("{}")
