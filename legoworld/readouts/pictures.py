@@ -15,7 +15,7 @@ from legoworld.conventions import NO_INSTANCE
 from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path, open_regular
 from legoworld.records.instances import InstanceRow
-from legoworld.scene.pictures import MOST_PHOTO_PX, decoded_picture
+from legoworld.scene.pictures import FORMATS, MOST_PHOTO_PX, decoded_picture
 
 #: ColorBrewer's Spectral, 11 classes, near to far, as RGB.
 _SPECTRAL: Final = np.array(
@@ -51,7 +51,7 @@ def read_photo(path: Path, *, most_px: int = MOST_PHOTO_PX, name: str = "") -> R
         raise LegoWorldError(
             f"{name} is not an image",
             found="a file that does not decode",
-            expected="a JPEG, PNG, WebP or BMP",
+            expected=FORMATS,
         )
     return np.ascontiguousarray(picture[:, :, ::-1], np.uint8)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from typing import Any, Final
@@ -15,11 +16,15 @@ from legoworld.errors import SceneInvalidError
 MOST_PX: Final = 1 << 25
 #: Of a photo, which the user names: 67 million.
 MOST_PHOTO_PX: Final = 1 << 26
+#: What is decoded, for messages.
+FORMATS: Final = "a JPEG, PNG, WebP, BMP, TIFF or PPM"
 PNG: Final = b"\x89PNG\r\n\x1a\n"
 JPEG: Final = b"\xff\xd8\xff"
 #: Markers of a JPEG with the frame's size (ITU T.81, table B.1), and those without a length.
 _FRAMES: Final = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 _ALONE: Final = frozenset({0x01, *range(0xD0, 0xD9)})
+#: Netpbm's header: kind, width, height, with comments between them.
+_PNM: Final = re.compile(rb"P[1-6](?:\s+|#[^\n]*\n)+(\d{1,9})(?:\s+|#[^\n]*\n)+(\d{1,9})\s")
 
 
 class PictureTooLargeError(SceneInvalidError):
@@ -31,7 +36,7 @@ class PictureTooLargeError(SceneInvalidError):
 def decoded_picture(
     data: bytes, *, color: bool = False, most_px: int = MOST_PX, name: str = "a picture"
 ) -> NDArray[Any] | None:
-    """The pixels of a PNG, JPEG, WebP or BMP in OpenCV's order, without EXIF rotation.
+    """The pixels of a picture (FORMATS) in OpenCV's order, without EXIF rotation.
 
     None for anything else and for what does not decode. color: always (H, W, 3) uint8 BGR;
     otherwise as stored. most_px: raises PictureTooLargeError for a header that claims more.
@@ -56,7 +61,7 @@ def decoded_picture(
 
 
 def claimed_size_wh(data: bytes) -> tuple[int, int]:
-    """Width and height by the header of a PNG, JPEG, WebP or BMP; (0, 0) for anything else."""
+    """Width and height by the header of a picture (FORMATS); (0, 0) for anything else."""
     if data[:8] == PNG and len(data) >= 33:
         width, height = struct.unpack_from(">II", data, 16)
         return width, height
@@ -68,7 +73,10 @@ def claimed_size_wh(data: bytes) -> tuple[int, int]:
         (header,) = struct.unpack_from("<I", data, 14)
         width, height = struct.unpack_from("<HH" if header == 12 else "<ii", data, 18)
         return abs(width), abs(height)
-    return 0, 0
+    if data[:4] in (b"II*\0", b"MM\0*") and len(data) >= 8:
+        return _tiff_size_wh(data)
+    header = _PNM.match(data)
+    return (int(header[1]), int(header[2])) if header else (0, 0)
 
 
 def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
@@ -119,3 +127,17 @@ def _jpeg_size_wh(data: bytes) -> tuple[int, int]:
         else:
             at += 2 + struct.unpack_from(">H", data, at + 2)[0]
     return 0, 0
+
+
+def _tiff_size_wh(data: bytes) -> tuple[int, int]:
+    """ImageWidth and ImageLength, tags 256 and 257 of the first directory (TIFF 6.0, section 2)."""
+    order = "<" if data[:2] == b"II" else ">"
+    (start,) = struct.unpack_from(f"{order}I", data, 4)
+    sizes = {256: 0, 257: 0}
+    if start + 2 <= len(data):
+        (entries,) = struct.unpack_from(f"{order}H", data, start)
+        for at in range(start + 2, min(start + 2 + 12 * entries, len(data) - 11), 12):
+            tag, kind = struct.unpack_from(f"{order}HH", data, at)
+            if tag in sizes and kind in (3, 4):
+                (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, at + 8)
+    return sizes[256], sizes[257]

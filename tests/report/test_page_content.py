@@ -176,8 +176,8 @@ def test_missing_photos_are_said_and_never_fatal(
 
 
 #: What file systems and annotations allow, and one that no file system takes.
-NAMES = ["new\nline.png", "qu\"ot'e.png", "\U0001f408 cat.png", "<b>&amp;.png", "a\u2028b.png",
-         "tab\t\x1b[31m.png", "%2e%2e.png", "x" * 296 + ".png"]  # fmt: skip
+NAMES = ["qu\"ot'e.png", "\U0001f408 cat.png", "<b>&amp;.png", "a\u2028b.png",
+         "%2e%2e.png", "x" * 296 + ".png"]  # fmt: skip
 
 
 def test_photos_of_any_name_are_shown_and_one_too_long_is_said(tmp_path: Path) -> None:

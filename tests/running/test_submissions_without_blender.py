@@ -20,7 +20,7 @@ from legoworld.errors import (
     NonFiniteGeometryError,
     SceneInvalidError,
     UnsupportedCameraError,
-    WorkerTimeoutError,
+    WorkerCrashedError,
 )
 from legoworld.readouts.tasks import protocol
 from legoworld.records.bench_run import Check, Validity
@@ -184,7 +184,7 @@ def test_the_longer_side_of_a_render_is_the_cards(longest, size_wh, expected):
 def test_a_process_that_is_lost_is_asked_once_more(folder):
     assert submitted(folder, StandIn(lost=1))[0].row.status == "ok"
     row = submitted(folder, StandIn(lost=2))[0].row
-    assert (row.status, row.valid) == (WorkerTimeoutError("").status, False)
+    assert (row.status, row.valid) == (WorkerCrashedError("").status, False)
     assert row.validity.scene_blend.ok is False
     assert row.validity.scene_glb.ok is True
 

@@ -40,13 +40,20 @@ def bomb(width: int, height: int) -> bytes:
     return pictures.PNG + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
 
 
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".bmp"])
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".bmp", ".tiff", ".ppm"])
 def test_the_header_says_what_is_decoded(suffix):
     data = cv2.imencode(suffix, PICTURE)[1].tobytes()
     assert claimed_size_wh(data) == (9, 6)
     assert decoded_picture(data).shape == (6, 9, 3)
-    assert claimed_size_wh(data[:20]) == (0, 0)
+    assert claimed_size_wh(data[:5]) == (0, 0)
     assert decoded_picture(data[:20]) is None
+
+
+def test_headers_of_tiff_and_netpbm_in_other_byte_orders_and_with_comments():
+    entries = struct.pack(">HHHIHHHHIHH", 2, 257, 3, 1, 6, 0, 256, 4, 1, 0, 9)
+    assert claimed_size_wh(b"MM\0*" + struct.pack(">I", 8) + entries) == (9, 6)
+    assert claimed_size_wh(b"P6\n# 3 4\n9# width\n 6\n255\n") == (9, 6)
+    assert claimed_size_wh(b"P7\nWIDTH 9\n") == (0, 0)
 
 
 def test_a_jpeg_with_other_segments_and_filling_before_its_frame():

@@ -74,7 +74,7 @@ def test_a_chosen_cache_that_cannot_be_written_is_named_and_no_scene_is_blamed(
 def test_a_url_needs_a_place_too() -> None:
     with (
         pytest.raises(CacheFolderError, match="cannot be written"),
-        written_at("memory://bucket/run", last="run.json", overwrite=False),
+        written_at("memory://bucket/run", last="run.json"),
     ):
         pass
 
