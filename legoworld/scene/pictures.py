@@ -139,5 +139,6 @@ def _tiff_size_wh(data: bytes) -> tuple[int, int]:
         for at in range(start + 2, min(start + 2 + 12 * entries, len(data) - 11), 12):
             tag, kind = struct.unpack_from(f"{order}HH", data, at)
             if tag in sizes and kind in (3, 4):
-                (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, at + 8)
+                number = f"{order}{'H' if kind == 3 else 'I'}"
+                (sizes[tag],) = struct.unpack_from(number, data, at + 8)
     return sizes[256], sizes[257]
