@@ -61,8 +61,15 @@ class MadeDataset:
         return [family for family in self.families if not family.cases]
 
 
-def make_dataset(request: MakeRequest, *, progress: Callable[[MadeFamily], None]) -> MadeDataset:
+def make_dataset(
+    request: MakeRequest,
+    *,
+    total: Callable[[int], None] = lambda _: None,
+    progress: Callable[[MadeFamily], None],
+) -> MadeDataset:
     """Make the cases of every reference scene below SCENES.
+
+    total: called with the number of scenes; progress: with each that is done.
 
     A scene that is refused is in the result with its reason, and the others are made. The bytes do
     not depend on workers and engine. Raises CatalogError where there is no scene, and UsageError
@@ -71,6 +78,7 @@ def make_dataset(request: MakeRequest, *, progress: Callable[[MadeFamily], None]
     _prepare(request)
     images = track_of_folder(request.scenes).images[: request.limit]
     folders = [find_scene(request.scenes, image.scene) for image in images]
+    total(len(folders))
     options = request.options
     if request.engine == "local":  # one family alone may use every core
         threads = usable_cores() // max(1, min(request.workers, len(folders)))

@@ -207,6 +207,6 @@ def _depth_source(
 def _import_depth(request: ImportRequest, source: DepthSource, *, quiet: bool) -> RunResult:
     from legoworld.baselines.depth_import import import_depth
 
-    with shown_progress("image", quiet=quiet, lines=True) as shown:
+    with shown_progress("image", quiet=quiet) as shown:
         shown.total(len(request.track.images))
         return import_depth(request, source, progress=shown.row, notice=shown.notice)

@@ -186,7 +186,7 @@ def run_command(
         pass_variables=variables,
     )
     total = len(selected_images(images, image_ids, limit))
-    with shown_progress("image", quiet=quiet, lines=True) as shown:
+    with shown_progress("image", quiet=quiet) as shown:
         shown.total(total)
         baseline_output.warn_unconfined(request.confined, shown.notice)
         result = run_baseline(

@@ -128,7 +128,7 @@ def make_command(
         def progress(made: MadeFamily) -> None:
             listener.row(RunRow(image_id=0, file_name=made.family, status=made.status))
 
-        made = make_dataset(request, progress=progress)
+        made = make_dataset(request, total=listener.total, progress=progress)
     if as_json:
         options.print_json(_document(made, output))
     else:

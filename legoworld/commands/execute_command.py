@@ -77,6 +77,7 @@ def command(
         picture=not no_picture,
         sandbox=sandbox,
         inputs=inputs,
+        notice=notice,
     )
     if as_json:
         options.print_json(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from legoworld.commands import options
+from legoworld.commands.progress import shown_progress
 from legoworld.errors import name_on_line
 from legoworld.pluralize import counted, share
 
@@ -47,16 +48,22 @@ def command(
       legoworld freeze scenes/000000000139 --json
     """
     from legoworld.api.settings import limits_of, snapshot_cache
+    from legoworld.records.run_rows import RunRow
     from legoworld.running.freeze_run import freeze_scenes
     from legoworld.workers.engines import engine_cores
 
-    rows = freeze_scenes(
-        scenes,
-        engine=engine,
-        workers=workers or engine_cores(engine),
-        cache=snapshot_cache(options.cache_choice(cache, no_cache)),
-        limits=limits_of(time_limit, memory_limit),
-    )
+    with shown_progress("scene", quiet=quiet) as listener:
+        rows = freeze_scenes(
+            scenes,
+            engine=engine,
+            workers=workers or engine_cores(engine),
+            cache=snapshot_cache(options.cache_choice(cache, no_cache)),
+            limits=limits_of(time_limit, memory_limit),
+            total=listener.total,
+            row=lambda row: listener.row(
+                RunRow(image_id=0, file_name=row.scene, status=row.status)
+            ),
+        )
     bad = [row for row in rows if row.status != "ok"]
     if as_json:
         options.print_json({"scenes": rows})

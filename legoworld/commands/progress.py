@@ -13,53 +13,55 @@ from legoworld.commands import options
 from legoworld.pluralize import share
 from legoworld.records.run_rows import RunRow
 
-#: Seconds between two lines of progress in a log.
+#: Seconds before the first line of progress in a log, and between two lines.
+_FIRST_S: Final = 2.0
 _LINE_S: Final = 30.0
 
 
 class LineProgress:
-    """Progress lines for a log: at the first image, then at most once per `_LINE_S`."""
+    """Progress lines for a log: none in the first seconds, then one every `_LINE_S`, and the last.
 
-    def __init__(self, say: Callable[[str], None], clock: Callable[[], float]) -> None:
-        self._say, self._clock = say, clock
+    unit: what a row is of, for example "scene".
+    """
+
+    def __init__(self, unit: str, say: Callable[[str], None], clock: Callable[[], float]) -> None:
+        self._unit, self._say, self._clock = unit, say, clock
         self._total = self._done = self._failed = self._kept = 0
         self._start = clock()
-        self._next = self._start
+        self._next = self._start + _FIRST_S
 
     def total(self, n: int) -> None:
-        """Set the number of images."""
+        """Set the number of units."""
         self._total = n
 
     def kept(self, n: int) -> None:
-        """Count the images kept from an earlier run; they do not affect the rate."""
+        """Count the units kept from an earlier run; they do not affect the rate."""
         self._kept = n
 
     def __call__(self, row: RunRow) -> None:
-        """Count one image that was predicted in this run."""
+        """Count one unit that was done in this run."""
         self._done += 1
         self._failed += row.status != "ok"
         now = self._clock()
-        if now < self._next and self._kept + self._done < self._total:
+        ends = self._kept + self._done == self._total and now >= self._start + _FIRST_S
+        if now < self._next and not ends:
             return
         self._next = now + _LINE_S
         failed = f", {self._failed} failed" if self._failed else ""
-        pace = f", {(now - self._start) / self._done:.2g} s an image"
-        done = share(self._kept + self._done, self._total, "image", "images")
+        pace = f", {(now - self._start) / self._done:.2g} s each"
+        done = share(self._kept + self._done, self._total, self._unit, f"{self._unit}s")
         self._say(f"{done}{failed}{pace}")
 
 
 @contextmanager
-def shown_progress(unit: str, *, quiet: bool, lines: bool = False) -> Iterator[Listener]:
-    """A progress bar on standard error if that is a terminal; it starts at the kept images.
-
-    lines: whether to print a line now and then if it is not a terminal.
-    """
+def shown_progress(unit: str, *, quiet: bool) -> Iterator[Listener]:
+    """A progress bar on standard error that starts at the kept units; lines without a terminal."""
     say = options.notifier(quiet)
-    if lines and not quiet and not options.on_terminal():
-        counter = LineProgress(say, time.monotonic)
+    if not quiet and not options.on_terminal():
+        counter = LineProgress(unit, say, time.monotonic)
         yield Listener(total=counter.total, row=counter, kept=counter.kept, notice=say, warn=say)
         return
-    if quiet or not options.on_terminal():
+    if quiet:
         yield Listener(notice=say, warn=say)
         return
     from tqdm import tqdm

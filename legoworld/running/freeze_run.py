@@ -63,12 +63,22 @@ def freeze_scenes(
     workers: int,
     cache: SnapshotCache | None,
     limits: Limits,
+    total: Callable[[int], None] = lambda _: None,
+    row: Callable[[FrozenRow], None] = lambda _: None,
 ) -> list[FrozenRow]:
-    """Freeze every scene folder below SCENES; one row per scene, sorted by name."""
+    """Freeze every scene folder below SCENES; one row per scene, sorted by name.
+
+    total: called with the number of scenes; row: with each scene's row as it is done.
+    """
     folders = [find_scene(scenes, image.scene) for image in track_of_folder(scenes).images]
     job = Job(make=partial(_Freezer, cache, limits), lost=_lost)
+    total(len(folders))
+    done = []
     with closing(ENGINES[engine](job, folders, workers)) as rows:
-        return sorted(rows, key=lambda row: row.scene)
+        for one in rows:
+            row(one)
+            done.append(one)
+    return sorted(done, key=lambda row: row.scene)
 
 
 class _Freezer:

@@ -25,11 +25,11 @@ bpy.context.scene.collection.objects.link(light)
 """
 
 
-def execute(tmp_path: Path, program: str, *options: str) -> tuple[int, Path]:
+def execute(tmp_path: Path, program: str, *options: str, quiet: bool = True) -> tuple[int, Path]:
     path = tmp_path / "program.py"
     path.write_text(textwrap.dedent(program))
     output = tmp_path / "scene"
-    return cli.run(["execute", str(path), "-o", str(output), "-q", *options]), output
+    return cli.run(["execute", str(path), "-o", str(output), *["-q"] * quiet, *options]), output
 
 
 def execution(output: Path) -> dict:

@@ -24,9 +24,13 @@ os.unlink(report)
 """
 
 
-def test_a_whole_program_becomes_a_scene_that_reads_out(tmp_path):
-    code, output = execute(tmp_path, BUILD)
+def test_a_whole_program_becomes_a_scene_that_reads_out(tmp_path, capsys):
+    code, output = execute(tmp_path, BUILD, quiet=False)
     assert code == 0
+    steps = capsys.readouterr().err.splitlines()
+    assert [line for line in steps if "warning" not in line] == [
+        "running program.py", "rendering final.png"
+    ]  # fmt: skip
     names = {p.name for p in output.iterdir()}
     assert names == {"scene.blend", "scene.glb", "final.png", "scene.py", "execution.json"}
     assert execution(output)["status"] == "complete"

@@ -39,14 +39,19 @@ def write_picture(path: Path, picture: np.ndarray) -> None:
     assert cv2.imwrite(str(path), picture)
 
 
-def test_freeze_checks_every_artefact(scenes, capsys):
+def test_freeze_checks_every_artefact(scenes, capsys, monkeypatch):
+    monkeypatch.setattr("legoworld.commands.progress._FIRST_S", 0.0)
+    monkeypatch.setattr("legoworld.commands.progress._LINE_S", 0.0)
     noise = np.random.default_rng(0).integers(0, 255, (8, 8, 3), np.uint8)
     write_picture(scenes / "good" / "final.png", noise)
     (scenes / "good" / "scene.py").write_text("# the program")
     assert cli.run(["freeze", str(scenes), "--json"]) == 1
-    document = json.loads(capsys.readouterr().out)
+    out, err = capsys.readouterr()
+    document = json.loads(out)
     found = {row["scene"]: row["status"] for row in document["scenes"]}
     assert found == {"good": "ok", "no_camera": "invalid", "odd_labels": "ok"}
+    said = [line.partition(" s")[0] for line in err.splitlines()]
+    assert said == ["1 of 3", "2 of 3", "3 of 3"]
     record = frozen(scenes / "good")
     assert set(record["files"]) == {"scene.blend", "final.png", "scene.py"}
     blend = scenes / "good" / "scene.blend"

@@ -146,12 +146,21 @@ def test_a_label_map_that_would_change_nothing_is_refused(track, photos, weights
 
 def test_progress_in_lines():
     now, said = [0.0], []
-    step = LineProgress(said.append, lambda: now[0])
+    step = LineProgress("image", said.append, lambda: now[0])
     step.total(100)
     for number in range(1, 101):
         now[0] = number * 1.0
         step(RunRow(image_id=number, file_name="", status="ok" if number != 50 else "failed"))
-    assert said[0] == "1 of 100 images, 1 s an image"
-    assert said[-1] == "100 of 100 images, 1 failed, 1 s an image"
+    assert said[0] == "2 of 100 images, 1 s each"
+    assert said[-1] == "100 of 100 images, 1 failed, 1 s each"
     assert len(said) == 5
+
+
+def test_a_run_of_two_seconds_says_no_progress():
+    now, said = [0.0], []
+    step = LineProgress("scene", said.append, lambda: now[0])
+    step.total(2)
+    for now[0] in (0.5, 1.9):
+        step(RunRow(image_id=1, file_name="", status="ok"))
+    assert said == []
     assert accelerators.needs_torch(load_baseline("sam3"))

@@ -7,7 +7,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -55,12 +55,14 @@ def execute(
     picture: bool,
     sandbox: Confinement = "auto",
     inputs: Sequence[Path] = (),
+    notice: Callable[[str], None] = lambda _: None,
 ) -> ExecutionFile:
     """Run a program in a sandbox and an empty folder, and export into `output`; its execution.json.
 
-    inputs: files and folders that the program may read. Its process exports the scene; another one,
-    which it never touched, opens the scene and renders the picture. Raises the program's verdict
-    (`execution_verdicts`, built nothing); what the output folder held is then as it was.
+    inputs: files and folders that the program may read. notice: called with each step. The
+    program's process exports the scene; another one, which it never touched, opens the scene and
+    renders the picture. Raises the program's verdict (`execution_verdicts`, built nothing); what
+    the output folder held is then as it was.
     """
     held = protections(sandbox)
     source = program.read_bytes()
@@ -71,6 +73,7 @@ def execute(
     ):
         made = scratch / "made"
         made.mkdir()
+        notice(f"running {program.name}")
         report = _run(program, inputs, scratch, made, limits, held)
         warnings = list(report.warnings)
         if "render" in report.skipped:
@@ -79,6 +82,7 @@ def execute(
             warnings += _not_shown(report.error.message, program, inputs)
         check = _check(reader, made, warnings)
         if picture and check.code != "no_camera":
+            notice(f"rendering {PICTURE}")
             warnings += final_picture(reader, made)
         return _deliver(source, made, output, report, warnings, check, held)
 
