@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from legoworld.plugin import solids
 from legoworld.plugin.entities import Entities
+from legoworld.plugin.penetration import penetration_m
+from legoworld.plugin.resting import rest_on
 from legoworld.plugin.state import LiveScene
 from legoworld.records import plugin_requirements as kinds
 
@@ -70,14 +72,28 @@ class InTheWorld:
         return float(sides[worst]), float(outside[worst])
 
     def support(self, requirement: kinds.Support) -> tuple[float, float]:
-        """The largest gap below a foot point, metres; below 0 where it is sunk in."""
+        """The least gap to what is below, metres; below 0 where it is sunk in."""
         own = self.surfaces(requirement.entity)
-        below = ~own if requirement.on is None else self.surfaces(requirement.on) & ~own
-        feet = solids.foot_points(self.points(requirement.entity))
-        gap = solids.support_gap_m(feet, self.entities.triangles_m(below))
-        if gap is None:
-            raise UnmetError("nothing is below a point that it stands on")
-        return gap, max(gap, 0.0)
+        triangles = self.entities.triangles_m(own)
+        below = (
+            self._around(own) if requirement.on is None else self.surfaces(requirement.on) & ~own
+        )
+        rest = rest_on(triangles, self.entities.triangles_m(below))
+        if rest is None:
+            raise UnmetError("nothing is below it")
+        if abs(rest.gap_m) <= requirement.tolerance_m and not rest.balanced:
+            raise UnmetError("its centre of mass is not above what it rests on")
+        return rest.gap_m, abs(rest.gap_m)
+
+    def _around(self, own: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(S,) bool: the other surfaces, without those in the entity's box, which it holds."""
+        points = self.entities.triangles_m(own).reshape(-1, 3)
+        low, high = points.min(axis=0), points.max(axis=0)
+        around = ~own
+        for surface in np.flatnonzero(around).tolist():
+            other = self.entities.surface_points_m(surface)
+            around[surface] = not len(other) or bool(((other < low) | (other > high)).any())
+        return around
 
     def containment(self, requirement: kinds.Containment) -> tuple[float, float]:
         """Share of vertices in the convex hull; the residual is what is missing."""
@@ -94,19 +110,35 @@ class InTheWorld:
         if (first & second).any():
             raise UnknownError("the two entities share surfaces")
         triangles = (self.entities.triangles_m(first), self.entities.triangles_m(second))
-        depth = solids.penetration_m(*triangles)
+        depth = penetration_m(*triangles)
         return depth, depth
 
     def facing(self, requirement: kinds.Facing) -> tuple[float, float]:
         """Angle on the ground between its front and the way to the other, degrees."""
-        first = int(np.flatnonzero(self.surfaces(requirement.entity))[0])
-        here = self.middle(requirement.entity)
-        angle = solids.facing_angle_deg(
-            self.scene.snapshot.world_from_mesh[first], here, self.middle(requirement.towards)
-        )
+        way = self.middle(requirement.towards) - self.middle(requirement.entity)
+        angle = solids.facing_angle_deg(self._front(requirement.entity), way)
         if angle is None:
             raise UnknownError("one has no direction on the ground")
         return angle, angle
+
+    def _front(self, name: str) -> NDArray[np.float64]:
+        """(3,) an object's own -Y axis in the world, whatever its children do."""
+        shot = self.scene.snapshot
+        index = next((i for i, o in enumerate(shot.objects) if o.name == name), None)
+        if index is None:
+            raise UnknownError(f"{name!r} is a collection, which has no front: name an object")
+        own = (shot.occurrence_object == index) & (shot.occurrence_instancer < 0)
+        surfaces = np.flatnonzero(own[shot.surface_occurrence])
+        if len(surfaces):
+            return np.asarray(-shot.world_from_mesh[surfaces[0]][:, 1])
+        placed = {(o.name, o.library): o for o in self.scene.state.objects}
+        world = np.eye(4)
+        while index >= 0:
+            thing = shot.objects[index]
+            basis, inverse = np.reshape(placed[thing.name, thing.library].transform, (2, 4, 4))
+            world = inverse @ basis @ world
+            index = thing.parent
+        return np.asarray(-world[:3, 1])
 
     def layout(self, requirement: kinds.Layout) -> tuple[float, float]:
         """Largest deviation of a step from the mean step, over its length."""

@@ -1,63 +1,18 @@
-"""Measurements in the world: gaps, hulls, contacts, directions, rows. Metres, z up, float64."""
+"""Measurements in the world: hulls, directions, rows. Metres, z up, float64."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
-Triangles = NDArray[np.float64]
 
-#: An entity rests on the points this close above its lowest one.
-_FOOT_M: Final = 0.01
-#: A surface up to this far above a foot is one the entity is sunk into.
-_SUNK_M: Final = 0.10
-
-
-def support_gap_m(feet: Points, below: Triangles) -> float | None:
-    """The largest gap straight below an entity's foot points to a surface under or in them.
-
-    feet: `foot_points`. A surface up to 10 cm above a foot counts as touching it (the entity is
-    sunk in): its gap is negative. None where a foot has no surface below: nothing carries it.
-    """
-    gaps = [_gap_below(foot, below) for foot in feet]
-    return None if not gaps or None in gaps else max(gap for gap in gaps if gap is not None)
-
-
-def foot_points(points: Points) -> Points:
-    """Up to four points an entity stands on: the extreme ones of its lowest centimetre.
-
-    The farthest along x and y in both directions; equal ones by their coordinates.
-    """
-    if not len(points):
-        return points
-    lowest = np.unique(points[points[:, 2] <= points[:, 2].min() + _FOOT_M], axis=0)
-    corners = {int(np.argmin(sign * lowest[:, axis])) for axis in (0, 1) for sign in (1, -1)}
-    # A hair inwards: a corner that stands flush with an edge is carried by it.
-    chosen = lowest[sorted(corners)]
-    return np.asarray(chosen + (lowest.mean(axis=0) - chosen) * [1e-3, 1e-3, 0.0])
-
-
-def _gap_below(foot: Points, triangles: Triangles) -> float | None:
-    x, y, z = foot.tolist()
-    low, high = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
-    near = ((low <= (x, y)) & (high >= (x, y))).all(axis=1)
-    a, b, c = np.moveaxis(triangles[near], 1, 0)
-    # Barycentric coordinates of the vertical line through the foot.
-    u, v, w = b[:, :2] - a[:, :2], c[:, :2] - a[:, :2], np.array([x, y]) - a[:, :2]
-    det = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    flat = det == 0
-    det[flat] = 1.0
-    s = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / det
-    t = (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / det
-    hit = ~flat & (s >= 0) & (t >= 0) & (s + t <= 1)
-    height = (a[:, 2] + s * (b[:, 2] - a[:, 2]) + t * (c[:, 2] - a[:, 2]))[hit]
-    under = height[height <= z + _SUNK_M]
-    return z - float(under.max()) if len(under) else None
+#: A direction's part on the ground below this share of its length is rounding, not a direction.
+_ON_GROUND: Final = 1e-3
 
 
 def share_inside(points: Points, container: Points) -> float | None:
@@ -75,45 +30,16 @@ def share_inside(points: Points, container: Points) -> float | None:
     return float((outside <= 1e-4).all(axis=1).mean())
 
 
-def penetration_m(first: Triangles, second: Triangles) -> float:
-    """How far two triangle meshes reach into each other, metres; 0 where they do not touch.
+def facing_angle_deg(front: Points, way: Points) -> float | None:
+    """Angle on the ground between two directions, (3,) each, 0 to 180 degrees.
 
-    The deepest contact that FCL reports between their triangles: exact for flat sides, a lower
-    bound for curved ones. Surfaces that only touch have a depth of 0, and so has an entity inside
-    another whose surfaces do not meet: `share_inside` tells.
+    None where either has no direction on the ground: it points up or down to a thousandth.
     """
-    import fcl
-
-    request = fcl.CollisionRequest(num_max_contacts=10_000, enable_contact=True)
-    result = fcl.CollisionResult()
-    fcl.collide(_model(first), _model(second), request, result)
-    return max((abs(float(contact.penetration_depth)) for contact in result.contacts), default=0.0)
-
-
-def _model(triangles: Triangles) -> Any:
-    import fcl
-
-    model = fcl.BVHModel()
-    vertices = triangles.reshape(-1, 3)
-    model.beginModel(len(vertices), len(triangles))
-    model.addSubModel(vertices, np.arange(len(vertices)).reshape(-1, 3))
-    model.endModel()
-    return fcl.CollisionObject(model)
-
-
-def facing_angle_deg(
-    world_from_mesh: NDArray[np.float64], here: Points, there: Points
-) -> float | None:
-    """Angle on the ground between an object's -Y axis and the way to another place, degrees.
-
-    world_from_mesh: (3, 4). None where either has no direction on the ground.
-    """
-    front = -world_from_mesh[:2, 1]
-    way = (there - here)[:2]
-    if math.hypot(*front) < 1e-9 or math.hypot(*way) < 1e-9:
-        return None
+    for direction in (front, way):
+        if math.hypot(*direction[:2]) <= _ON_GROUND * math.hypot(*direction):
+            return None
     cross = front[0] * way[1] - front[1] * way[0]
-    return abs(math.degrees(math.atan2(cross, float(front @ way))))
+    return abs(math.degrees(math.atan2(cross, float(front[:2] @ way[:2]))))
 
 
 def step_deviation(centres: Sequence[Points]) -> float | None:

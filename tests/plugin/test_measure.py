@@ -171,7 +171,7 @@ def test_without_evidence_the_picture_is_unknown(live):
 
 
 def test_nothing_below_is_a_fail_without_a_number(live):
-    result = one(live("moved"), kinds.Support(entity="Floor"))
+    result = one(live("none"), kinds.Support(entity="Floor", on="Cup"))
     assert (result.verdict, result.residual) == ("fail", None)
 
 

@@ -65,12 +65,17 @@ def merged(a: Moments, b: Moments) -> Moments:
 def solve(moments: Moments) -> Fit:
     """The least-squares line y = scale * x + shift; x predicted, y true disparity.
 
-    Without spread in x the best line is the constant mean_y: "degenerate". A non-positive scale is
+    "degenerate" where the best line is the constant mean_y: without spread in x, or where it rises
+    by no more than rounding over the spread of x, as on a flat wall. Another non-positive scale is
     kept and flagged "inverted".
     """
-    if moments.n == 0 or math.sqrt(moments.m_xx / moments.n) <= _NO_SPREAD * abs(moments.mean_x):
-        return Fit(scale=0.0, shift=moments.mean_y, status="degenerate")
+    constant = Fit(scale=0.0, shift=moments.mean_y, status="degenerate")
+    spread = math.sqrt(moments.m_xx / moments.n) if moments.n else 0.0
+    if spread <= _NO_SPREAD * abs(moments.mean_x):
+        return constant
     scale = moments.m_xy / moments.m_xx
+    if abs(scale) * spread <= _NO_SPREAD * abs(moments.mean_y):
+        return constant
     return Fit(
         scale=scale,
         shift=moments.mean_y - scale * moments.mean_x,

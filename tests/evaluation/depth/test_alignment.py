@@ -60,9 +60,18 @@ def test_a_falling_line_is_kept_and_called_inverted() -> None:
     assert (fit.scale, fit.shift, fit.status) == (-1.0, 4.0, "inverted")
 
 
-def test_a_rising_prediction_of_no_relation_is_inverted_not_ok() -> None:
+def test_a_prediction_of_no_relation_is_degenerate() -> None:
     fit = solve(moments_of(np.array([1.0, 2.0, 3.0]), np.array([1.0, 5.0, 1.0])))
-    assert (fit.scale, fit.status) == (0.0, "inverted")
+    assert (fit.scale, fit.status) == (0.0, "degenerate")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rounding_does_not_decide_on_a_flat_wall(seed: int) -> None:
+    x = np.random.default_rng(seed).uniform(0.2, 1, 10_000)
+    flat = np.full(10_000, 1 / 3)
+    assert solve(chunked(x, flat, 77)).status == "degenerate"
+    slanted = flat * (1 + 1e-6 * x)  # a millimetre in a kilometre is a slope
+    assert solve(chunked(x, slanted, 77)).status == "ok"
 
 
 @pytest.mark.parametrize("value", [0.0, 0.1, 1e6])
