@@ -24,7 +24,7 @@ from legoworld.tracks.colmap import Camera
 #: Explanations of flagged fits. A disparity declared as depth can score well; only the sign tells.
 _FLAGS: Final = {
     "inverted": "the prediction falls where the truth rises: is its space declared right?",
-    "degenerate": "the best fit is a constant: prediction or truth does not vary, or they are unrelated",
+    "degenerate": "the best fit is a constant: one side does not vary, or they are unrelated",
 }
 #: Equal but for rounding is not worse.
 _ROUNDING: Final = 1e-9
