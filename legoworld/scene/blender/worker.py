@@ -102,17 +102,18 @@ def _state(request: Mapping[str, Any]) -> dict[str, Any]:
     unseen: why there is no snapshot, of a scene without a camera or a surface; null with one.
     """
     from legoworld.records.base import as_json
-    from legoworld.scene.blender.entities import entity_states, scene_hashes
+    from legoworld.scene.blender.entities import scene_states
     from legoworld.scene.blender.extract import snapshot_of_open
     from legoworld.scene.blender.opening import open_blend
     from legoworld.scene.snapshot import save
 
     opened = open_blend(Path(request["blend"]))
     camera = opened.scene.camera
+    objects, hashes = scene_states(opened.scene)
     states = {
-        "objects": as_json(entity_states(opened.scene)),
+        "objects": as_json(objects),
         "camera": camera.name if camera else None,
-        "hashes": scene_hashes(opened.scene),
+        "hashes": hashes,
     }  # before the snapshot, which changes render settings
     try:
         snapshot = snapshot_of_open(opened)
