@@ -72,6 +72,7 @@ def table_command(
 
 @click.command("judges", context_settings=_HELP)
 @click.argument("judgements", type=options.EXISTING_FILE)
+@click.argument("evaluations", nargs=-1, type=options.EXISTING_FOLDER)
 @click.option(
     "-o",
     "--output",
@@ -80,12 +81,19 @@ def table_command(
 )
 @options.output_options
 def judges_command(
-    judgements: Path, output: Path | None, as_json: bool, quiet: bool, verbose: bool
+    judgements: Path,
+    evaluations: tuple[Path, ...],
+    output: Path | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
 ) -> int:
     """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
 
     A line of the file is {"builder", "judge", "aspect", "item", "shown", "chosen", "better"}: of
-    the two submissions shown, the one the judge chose and the one with the higher score. Prints
+    the two submissions shown, the one the judge chose ("tie" and "both_bad" count, too) and the one
+    with the higher score ("tie" within 1e-6). With EVALUATIONS the scores come from there: `shown`
+    holds two of their folders' names, `item` a case's file name, and `better` is left out. Prints
     the agreement in percent, means of judges over their own builds and over others', and how often
     a judge chose the same when the order was swapped.
 
@@ -93,13 +101,21 @@ def judges_command(
     Examples:
       legoworld bench judges judgements.jsonl
       legoworld bench judges judgements.jsonl -o judges.json
+      legoworld bench judges judgements.jsonl evals/a evals/b
     """
+    from legoworld.comparison.leaderboard import case_scores, read_entries
     from legoworld.evaluation.reconstruction.judges import judge_agreement
-    from legoworld.files import write_text
+    from legoworld.files import sha256_of_file, write_text
     from legoworld.records.base import as_json as plain
     from legoworld.records.base import readable
+    from legoworld.records.folders.evaluation_reading import EVIDENCE
 
-    agreement = judge_agreement(judgements)
+    sides = read_entries(evaluations) if evaluations else []
+    agreement = judge_agreement(
+        judgements,
+        {side.name: case_scores(side) for side in sides} if sides else None,
+        {side.name: sha256_of_file(side.folder / EVIDENCE) for side in sides},
+    )
     if output is not None:
         write_text(output, readable(agreement))
     if as_json:
@@ -117,6 +133,12 @@ def _matrix(agreement: AspectAgreement) -> str:
         for builder, row in agreement.matrix.items()
     ]
     lines = [options.table(("builder", *judges), rows)]
+    cells = [cell for row in agreement.matrix.values() for cell in row.values()]
+    n, ties, bad, score_ties = (
+        sum(getattr(cell, name) for cell in cells)
+        for name in ("n", "ties", "both_bad", "score_ties")
+    )
+    lines.append(f"{n} judgements: {ties} ties, {bad} both_bad; the score ties in {score_ties}")
     means = (agreement.self_mean, agreement.cross_mean)
     own, cross = ("-" if mean is None else f"{100 * mean:.2f}" for mean in means)
     lines.append(

@@ -52,6 +52,11 @@ def read_entries(evaluations: Sequence[Path]) -> list[Evaluated]:
     return named
 
 
+def case_scores(side: Evaluated) -> dict[str, tuple[float | None, float | None]]:
+    """R and A of each case of a bench evaluation, by its file name; zeros where it is not valid."""
+    return {row.file_name: (row.R, row.A) for row in side.bench_rows}
+
+
 def leaderboard(sides: Sequence[Evaluated], *, draws: int = 10_000, seed: int = 0) -> Leaderboard:
     """One row for each agent and model, over as many runs as there are evaluations of it."""
     by_maker: dict[tuple[str, str], list[Evaluated]] = {}

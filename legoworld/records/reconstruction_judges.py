@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.records.base import Record
+from legoworld.records.base import UNSET, Record, UnsetType
 
 Aspect = Literal["reconstruction", "appearance"]
 Text = Annotated[str, Meta(min_length=1)]
+#: What a judge says, and a metric shows, of two that it does not tell apart.
+TIE = "tie"
+#: What a judge says of two that it would have neither of.
+BOTH_BAD = "both_bad"
 
 
 class Judgement(Record, frozen=True, kw_only=True):
     """One line: a judge saw two submissions of one builder and chose.
 
-    item: what is compared, the same in both orders; shown: the two submissions in the order shown;
-    chosen: one of them, null for a tie; better: the one that the score prefers.
+    item: what is compared, the same in both orders: with evaluations, the case's file name; shown:
+    the two submissions in the order shown: with evaluations, their folders' names; chosen: one of
+    them, "tie" (also null) or "both_bad"; better: the one that the score prefers, or "tie"; left
+    out where evaluations say it.
     """
 
     builder: Text
@@ -26,15 +32,27 @@ class Judgement(Record, frozen=True, kw_only=True):
     item: Text
     shown: tuple[Text, Text]
     chosen: str | None
-    better: Text
+    better: Text | UnsetType = UNSET
+
+    @property
+    def answer(self) -> str:
+        """What was chosen; "tie" for null."""
+        return TIE if self.chosen is None else self.chosen
 
 
 class Agreement(Record, frozen=True, kw_only=True):
-    """Judgements that chose what the score prefers; a tie agrees with neither."""
+    """Judgements of which the choice is the score's direction, over all of them.
+
+    A tie agrees with a tie of the score, "both_bad" with nothing; both count in n. ties, both_bad:
+    how many were answered so; score_ties: how many the score does not tell apart.
+    """
 
     agreed: int
     n: int
     share: float
+    ties: int = 0
+    both_bad: int = 0
+    score_ties: int = 0
 
 
 class OrderSwaps(Record, frozen=True, kw_only=True):
@@ -66,9 +84,14 @@ class AspectAgreement(Record, frozen=True, kw_only=True):
 
 
 class JudgesFile(Record, frozen=True, kw_only=True):
-    """judges.json. aspects: by their names, those that were judged."""
+    """judges.json. aspects: by their names, those that were judged.
+
+    evidence_sha256: of the evaluations that gave the directions, by name; empty where the
+    judgements hold them.
+    """
 
     schema_version: int = SCHEMA_VERSION
     judgements_sha256: str
+    evidence_sha256: dict[str, str] = field(default_factory=dict)
     judgements: int
     aspects: dict[str, AspectAgreement]

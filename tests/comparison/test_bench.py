@@ -127,6 +127,28 @@ def test_the_compare_command_prints_the_headline(made, tmp_path, capsys):
     assert cli.run([*words, "--draws", "50", "--fail-below", "S=0.9"]) == 3
 
 
+def test_judges_beside_two_evaluations(made, tmp_path, capsys):
+    _, _, folders = made
+    rows = {
+        name: {row.file_name: row for row in read_entries([folder])[0].bench_rows}
+        for name, folder in folders.items()
+    }
+    judged = tmp_path / "j.jsonl"
+    with judged.open("w") as stream:
+        for item, row in rows["a1"].items():
+            higher = "a1" if row.R > rows["b1"][item].R else "b1"
+            line = {"builder": "agent a", "judge": "j", "aspect": "reconstruction", "item": item,
+                    "shown": ["b1", "a1"], "chosen": higher}  # fmt: skip
+            stream.write(json.dumps(line) + "\n")
+    words = ["bench", "judges", str(judged), str(folders["a1"]), str(folders["b1"])]
+    assert cli.run(words) == 0
+    assert "6 judgements: 0 ties, 0 both_bad; the score ties in 0" in capsys.readouterr().out
+    assert cli.run([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["aspects"]["reconstruction"]["matrix"]["agent a"]["j"]["agreed"] == 6
+    assert set(found["evidence_sha256"]) == {"a1", "b1"}
+
+
 def test_an_export_of_a_bench_run_is_refused_in_one_line(made, tmp_path, capsys):
     root, _, _ = made
     assert cli.run(["export", str(root / "run-a1"), "-o", str(tmp_path / "coco.json")]) == 2

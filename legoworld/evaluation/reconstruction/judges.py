@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import sha256_of_file
-from legoworld.records.base import RecordError, decode_lines
+from legoworld.records.base import UNSET, RecordError, decode_lines
 from legoworld.records.reconstruction_judges import (
+    BOTH_BAD,
+    TIE,
     Agreement,
     AspectAgreement,
     Judgement,
     JudgesFile,
     OrderSwaps,
 )
+
+#: Scores of a case: by evaluation and file name, R and A.
+Scores = Mapping[str, Mapping[str, tuple[float | None, float | None]]]
+
+#: Scores this close are a tie.
+_TIE_WITHIN: Final = 1e-6
 
 
 class JudgementsError(LegoWorldError):
@@ -25,8 +35,14 @@ class JudgementsError(LegoWorldError):
     code = "judgements"
 
 
-def judge_agreement(path: Path) -> JudgesFile:
-    """The agreement of a JSON Lines file of judgements. JudgementsError."""
+def judge_agreement(
+    path: Path, scores: Scores | None = None, evidence_sha256: Mapping[str, str] | None = None
+) -> JudgesFile:
+    """The agreement of a JSON Lines file of judgements. JudgementsError.
+
+    scores: of the evaluations that say which submission is better, R for the reconstruction, A for
+    the appearance; without them each judgement says it. evidence_sha256: of the same.
+    """
     try:
         judgements = decode_lines(Judgement, path.read_bytes())
     except (OSError, RecordError) as error:
@@ -34,19 +50,52 @@ def judge_agreement(path: Path) -> JudgesFile:
     if not judgements:
         raise _refusal(path, "no judgement")
     for number, one in enumerate(judgements, start=1):
-        if one.shown[0] == one.shown[1] or one.better not in one.shown:
-            raise _refusal(path, f"judgement {number}: better {one.better!r} of {one.shown}")
-        if one.chosen is not None and one.chosen not in one.shown:
+        if one.shown[0] == one.shown[1] or {TIE, BOTH_BAD} & set(one.shown):
+            raise _refusal(path, f"judgement {number}: shown {one.shown}")
+        if one.answer not in (*one.shown, TIE, BOTH_BAD):
             raise _refusal(path, f"judgement {number}: chosen {one.chosen!r} of {one.shown}")
+        if one.better is UNSET and scores is None:
+            raise _refusal(
+                path, f"judgement {number}: neither `better` nor evaluations that say it"
+            )
+        if one.better is not UNSET and one.better not in (*one.shown, TIE):
+            raise _refusal(path, f"judgement {number}: better {one.better!r} of {one.shown}")
+    if scores is not None:
+        judgements = [
+            _with_direction(path, number, one, scores)
+            for number, one in enumerate(judgements, start=1)
+        ]
     aspects = sorted({one.aspect for one in judgements}, reverse=True)
     return JudgesFile(
         judgements_sha256=sha256_of_file(path),
+        evidence_sha256=dict(evidence_sha256 or {}),
         judgements=len(judgements),
         aspects={
             aspect: aspect_agreement([one for one in judgements if one.aspect == aspect])
             for aspect in aspects
         },
     )
+
+
+def _with_direction(path: Path, number: int, one: Judgement, scores: Scores) -> Judgement:
+    """A judgement with the better submission by two evaluations of the same case."""
+    values = []
+    for name in one.shown:
+        if name not in scores:
+            raise _refusal(path, f"judgement {number}: no evaluation {name!r}, but {list(scores)}")
+        if one.item not in scores[name]:
+            raise _refusal(path, f"judgement {number}: {name} has no case {one.item!r}")
+        value = scores[name][one.item][one.aspect == "appearance"]
+        if value is None:
+            raise _refusal(path, f"judgement {number}: {name} has no {one.aspect} of {one.item!r}")
+        values.append(value)
+    difference = values[0] - values[1]
+    better = TIE if abs(difference) <= _TIE_WITHIN else one.shown[difference < 0]
+    if one.better not in (UNSET, better):
+        raise _refusal(
+            path, f"judgement {number}: better {one.better!r}, but {better!r} by the evaluations"
+        )
+    return replace(one, better=better)
 
 
 def aspect_agreement(judgements: Sequence[Judgement]) -> AspectAgreement:
@@ -80,8 +129,16 @@ def of_matrix(
 
 
 def _agreement(judgements: Sequence[Judgement]) -> Agreement:
-    agreed = sum(one.chosen == one.better for one in judgements)
-    return Agreement(agreed=agreed, n=len(judgements), share=agreed / len(judgements))
+    answers = [one.answer for one in judgements]
+    agreed = sum(one.answer == one.better for one in judgements)
+    return Agreement(
+        agreed=agreed,
+        n=len(judgements),
+        share=agreed / len(judgements),
+        ties=answers.count(TIE),
+        both_bad=answers.count(BOTH_BAD),
+        score_ties=sum(one.better == TIE for one in judgements),
+    )
 
 
 def _swaps(judgements: Sequence[Judgement]) -> dict[str, OrderSwaps]:
@@ -89,9 +146,9 @@ def _swaps(judgements: Sequence[Judgement]) -> dict[str, OrderSwaps]:
     found = {}
     for judge in dict.fromkeys(one.judge for one in judgements):
         mine = [one for one in judgements if one.judge == judge]
-        orders: dict[tuple[str, str], dict[tuple[str, str], str | None]] = {}
+        orders: dict[tuple[str, str], dict[tuple[str, str], str]] = {}
         for one in mine:
-            orders.setdefault((one.builder, one.item), {})[one.shown] = one.chosen
+            orders.setdefault((one.builder, one.item), {})[one.shown] = one.answer
         pairs = [
             (chosen, by_order[second, first])
             for by_order in orders.values()
@@ -103,7 +160,7 @@ def _swaps(judgements: Sequence[Judgement]) -> dict[str, OrderSwaps]:
             swapped=len(pairs),
             consistent=consistent,
             share=consistent / len(pairs) if pairs else None,
-            first_share=sum(one.chosen == one.shown[0] for one in mine) / len(mine),
+            first_share=sum(one.answer == one.shown[0] for one in mine) / len(mine),
         )
     return found
 
@@ -113,5 +170,7 @@ def _refusal(path: Path, found: str) -> JudgementsError:
         f"{path.name} holds no judgements that can be used",
         found=found,
         expected='JSON lines {"builder", "judge", "aspect": "reconstruction" or "appearance", '
-        '"item", "shown": [first, second], "chosen": one of them or null, "better": one of them}',
+        '"item", "shown": [first, second], "chosen": one of them, "tie" or "both_bad", "better": '
+        'one of them or "tie"}; with evaluations, `better` is left out, `shown` has the names of '
+        "two of their folders, and `item` a case's file name",
     )

@@ -102,8 +102,9 @@ def test_a_judge_that_is_level_with_the_others_is_not_above_them():
 
 @pytest.mark.parametrize(
     "change",
-    [{"better": "z"}, {"chosen": "z"}, {"shown": ["x", "x"]}, {"aspect": "beauty"}, {"judge": ""}],
-)
+    [{"better": "z"}, {"chosen": "z"}, {"shown": ["x", "x"]}, {"aspect": "beauty"}, {"judge": ""},
+     {"better": "both_bad"}, {"shown": ["x", "tie"]}],
+)  # fmt: skip
 def test_a_judgement_that_cannot_be_counted_is_refused(tmp_path, change):
     good = next(judgements())
     with pytest.raises(JudgementsError):
@@ -118,3 +119,46 @@ def test_the_command(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "own builds 45.83, others' 45.39; own above the others' mean for 3 of 6 builders" in out
     assert json.loads((tmp_path / "judges.json").read_text())["judgements"] == 36 * 2 * ITEMS
+
+
+def test_ties_and_both_bad_count(tmp_path):
+    answers = [("x", "x"), ("tie", "x"), (None, "tie"), ("tie", "tie"), ("both_bad", "tie"),
+               ("both_bad", "y"), ("y", "tie")]  # fmt: skip
+    lines = [
+        {"builder": "b", "judge": "j", "aspect": "appearance", "item": str(number),
+         "shown": ["x", "y"], "chosen": chosen, "better": better}
+        for number, (chosen, better) in enumerate(answers)
+    ]  # fmt: skip
+    found = judge_agreement(write(tmp_path / "j.jsonl", lines)).aspects["appearance"]
+    assert found.matrix["b"]["j"] == Agreement(
+        agreed=3, n=7, share=3 / 7, ties=3, both_bad=2, score_ties=4
+    )
+
+
+def test_evaluations_say_what_is_better(tmp_path):
+    scores = {
+        "one": {"a.png": (0.5, 0.5), "b.png": (0.5, None)},
+        "two": {"a.png": (0.5 + 9e-7, 0.500002), "b.png": (0.0, 0.1)},
+    }
+
+    def said(chosen, item="a.png", aspect="reconstruction", **more):
+        return {"builder": "b", "judge": "j", "aspect": aspect, "item": item,
+                "shown": ["one", "two"], "chosen": chosen, **more}  # fmt: skip
+
+    lines = [said("tie"), said("two", aspect="appearance"), said("one", "b.png", better="one")]
+    path = write(tmp_path / "j.jsonl", lines)
+    found = judge_agreement(path, scores, {"one": "0" * 64})
+    assert {a: f.matrix["b"]["j"].agreed for a, f in found.aspects.items()} == {
+        "reconstruction": 2, "appearance": 1
+    }  # fmt: skip
+    assert found.evidence_sha256 == {"one": "0" * 64}
+    for line, why in [
+        (said("one", better="one"), "better 'one', but 'tie' by the evaluations"),
+        (said("one", "c.png"), "one has no case 'c.png'"),
+        (said("one", "b.png", "appearance"), "one has no appearance of 'b.png'"),
+        (said("one") | {"shown": ["one", "three"]}, "no evaluation 'three'"),
+    ]:
+        with pytest.raises(JudgementsError, match=why):
+            judge_agreement(write(tmp_path / "k.jsonl", [*lines, line]), scores)
+    with pytest.raises(JudgementsError, match="neither `better` nor evaluations"):
+        judge_agreement(path)
