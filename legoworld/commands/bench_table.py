@@ -91,11 +91,11 @@ def judges_command(
     """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
 
     A line of the file is {"builder", "judge", "aspect", "item", "shown", "chosen", "better"}: of
-    the two submissions shown, the one the judge chose ("tie" and "both_bad" count, too) and the one
-    with the higher score ("tie" within 1e-6). With EVALUATIONS the scores come from there: `shown`
-    holds two of their folders' names, `item` a case's file name, and `better` is left out. Prints
-    the agreement in percent, means of judges over their own builds and over others', and how often
-    a judge chose the same when the order was swapped.
+    the two submissions shown, the one the judge chose ("tie", "both_bad" and "failed" count, too)
+    and the one with the higher score ("tie" within 1e-6). With EVALUATIONS the scores come from
+    there: `shown` holds two of their folders' names, `item` a case's file name, and `better` is
+    left out. Prints the agreement in percent, means of judges over their own builds and over
+    others', and how often a judge chose the same when the order was swapped.
 
     \b
     Examples:
@@ -134,11 +134,14 @@ def _matrix(agreement: AspectAgreement) -> str:
     ]
     lines = [options.table(("builder", *judges), rows)]
     cells = [cell for row in agreement.matrix.values() for cell in row.values()]
-    n, ties, bad, score_ties = (
-        sum(getattr(cell, name) for cell in cells)
-        for name in ("n", "ties", "both_bad", "score_ties")
+    counts = {
+        name: sum(getattr(cell, name) for cell in cells)
+        for name in ("n", "ties", "both_bad", "failed", "score_ties")
+    }
+    lines.append(
+        "{n} judgements: {ties} ties, {both_bad} both_bad, {failed} failed; "
+        "the score ties in {score_ties}".format(**counts)
     )
-    lines.append(f"{n} judgements: {ties} ties, {bad} both_bad; the score ties in {score_ties}")
     means = (agreement.self_mean, agreement.cross_mean)
     own, cross = ("-" if mean is None else f"{100 * mean:.2f}" for mean in means)
     lines.append(

@@ -15,6 +15,8 @@ Text = Annotated[str, Meta(min_length=1)]
 TIE = "tie"
 #: What a judge says of two that it would have neither of.
 BOTH_BAD = "both_bad"
+#: What stands for a judge that gave no answer.
+FAILED = "failed"
 
 
 class Judgement(Record, frozen=True, kw_only=True):
@@ -22,8 +24,8 @@ class Judgement(Record, frozen=True, kw_only=True):
 
     item: what is compared, the same in both orders: with evaluations, the case's file name; shown:
     the two submissions in the order shown: with evaluations, their folders' names; chosen: one of
-    them, "tie" (also null) or "both_bad"; better: the one that the score prefers, or "tie"; left
-    out where evaluations say it.
+    them, "tie" (also null), "both_bad" or "failed"; better: the one that the score prefers, or
+    "tie"; left out where evaluations say it.
     """
 
     builder: Text
@@ -43,8 +45,8 @@ class Judgement(Record, frozen=True, kw_only=True):
 class Agreement(Record, frozen=True, kw_only=True):
     """Judgements of which the choice is the score's direction, over all of them.
 
-    A tie agrees with a tie of the score, "both_bad" with nothing; both count in n. ties, both_bad:
-    how many were answered so; score_ties: how many the score does not tell apart.
+    A tie agrees with a tie of the score; "both_bad" and "failed" are wrong; all count in n. ties,
+    both_bad, failed: how many were answered so; score_ties: how many the score does not tell apart.
     """
 
     agreed: int
@@ -52,6 +54,7 @@ class Agreement(Record, frozen=True, kw_only=True):
     share: float
     ties: int = 0
     both_bad: int = 0
+    failed: int = 0
     score_ties: int = 0
 
 

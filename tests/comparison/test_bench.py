@@ -142,7 +142,9 @@ def test_judges_beside_two_evaluations(made, tmp_path, capsys):
             stream.write(json.dumps(line) + "\n")
     words = ["bench", "judges", str(judged), str(folders["a1"]), str(folders["b1"])]
     assert cli.run(words) == 0
-    assert "6 judgements: 0 ties, 0 both_bad; the score ties in 0" in capsys.readouterr().out
+    assert (
+        "6 judgements: 0 ties, 0 both_bad, 0 failed; the score ties in 0" in capsys.readouterr().out
+    )
     assert cli.run([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["aspects"]["reconstruction"]["matrix"]["agent a"]["j"]["agreed"] == 6

@@ -14,6 +14,7 @@ from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode_lines
 from legoworld.records.reconstruction_judges import (
     BOTH_BAD,
+    FAILED,
     TIE,
     Agreement,
     AspectAgreement,
@@ -50,9 +51,9 @@ def judge_agreement(
     if not judgements:
         raise _refusal(path, "no judgement")
     for number, one in enumerate(judgements, start=1):
-        if one.shown[0] == one.shown[1] or {TIE, BOTH_BAD} & set(one.shown):
+        if one.shown[0] == one.shown[1] or {TIE, BOTH_BAD, FAILED} & set(one.shown):
             raise _refusal(path, f"judgement {number}: shown {one.shown}")
-        if one.answer not in (*one.shown, TIE, BOTH_BAD):
+        if one.answer not in (*one.shown, TIE, BOTH_BAD, FAILED):
             raise _refusal(path, f"judgement {number}: chosen {one.chosen!r} of {one.shown}")
         if one.better is UNSET and scores is None:
             raise _refusal(
@@ -137,6 +138,7 @@ def _agreement(judgements: Sequence[Judgement]) -> Agreement:
         share=agreed / len(judgements),
         ties=answers.count(TIE),
         both_bad=answers.count(BOTH_BAD),
+        failed=answers.count(FAILED),
         score_ties=sum(one.better == TIE for one in judgements),
     )
 
@@ -170,7 +172,7 @@ def _refusal(path: Path, found: str) -> JudgementsError:
         f"{path.name} holds no judgements that can be used",
         found=found,
         expected='JSON lines {"builder", "judge", "aspect": "reconstruction" or "appearance", '
-        '"item", "shown": [first, second], "chosen": one of them, "tie" or "both_bad", "better": '
-        'one of them or "tie"}; with evaluations, `better` is left out, `shown` has the names of '
-        "two of their folders, and `item` a case's file name",
+        '"item", "shown": [first, second], "chosen": one of them, "tie", "both_bad" or "failed", '
+        '"better": one of them or "tie"}; with evaluations, `better` is left out, `shown` has the '
+        "names of two of their folders, and `item` a case's file name",
     )

@@ -123,7 +123,7 @@ def test_the_command(tmp_path, capsys):
 
 def test_ties_and_both_bad_count(tmp_path):
     answers = [("x", "x"), ("tie", "x"), (None, "tie"), ("tie", "tie"), ("both_bad", "tie"),
-               ("both_bad", "y"), ("y", "tie")]  # fmt: skip
+               ("both_bad", "y"), ("y", "tie"), ("failed", "x")]  # fmt: skip
     lines = [
         {"builder": "b", "judge": "j", "aspect": "appearance", "item": str(number),
          "shown": ["x", "y"], "chosen": chosen, "better": better}
@@ -131,7 +131,7 @@ def test_ties_and_both_bad_count(tmp_path):
     ]  # fmt: skip
     found = judge_agreement(write(tmp_path / "j.jsonl", lines)).aspects["appearance"]
     assert found.matrix["b"]["j"] == Agreement(
-        agreed=3, n=7, share=3 / 7, ties=3, both_bad=2, score_ties=4
+        agreed=3, n=8, share=3 / 8, ties=3, both_bad=2, failed=1, score_ties=4
     )
 
 
