@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from typing import Final
 
 from msgspec.structs import replace
 
@@ -10,32 +12,62 @@ from legoworld.records.atif import AtifStep, AtifTrajectory
 from legoworld.records.endpoint import Call
 
 _CODE = "code"
+#: The tools of an MCP server through which an agent looks at a scene; programs put a prefix before.
+_LOOKS: Final = ("look", "get_scene_info", "get_object_info", "get_viewport_screenshot",
+                 "list_scene_items")  # fmt: skip
 
 
 def with_calls(trajectory: AtifTrajectory, calls: Sequence[Call]) -> AtifTrajectory:
     """The trajectory with `extra.legoworld` at each step that made calls: their numbers and times.
 
-    A step's call of code is the first call of the same code that no step before has. Calls that the
-    MCP server made on its own (a scene's summary is code, too) belong to no step.
+    A step's call of code is the first call of the same code that no step before has. For a look the
+    MCP server sends code of its own, or asks for a picture: the calls between two of an agent's are
+    the looks' between them, where there are as many of both, or one look. All others belong to no
+    step.
     """
-    waiting = [call for call in calls if call.code is not None and call.by == "agent"]
-    steps = []
-    for step in trajectory.steps:
-        made: list[Call] = []
-        for code in _codes(step):
-            call_made = next((call for call in waiting if call.code == code), None)
-            if call_made is not None:
-                made.append(call_made)
-                del waiting[: waiting.index(call_made) + 1]
-        steps.append(_with(step, made) if made else step)
+    waiting = [call for call in calls if call.by == "agent"]
+    made: dict[int, list[Call]] = {}
+    looks: list[int] = []
+    at = 0
+    for number, code in _asked(trajectory):
+        if code is None:
+            looks.append(number)
+            continue
+        place = next((i for i in range(at, len(waiting)) if waiting[i].code == code), None)
+        if place is None:
+            continue
+        _share_looks(looks, waiting[at:place], made)
+        made.setdefault(number, []).append(waiting[place])
+        looks, at = [], place + 1
+    _share_looks(looks, waiting[at:], made)
+    steps = [
+        _with(step, sorted(made[number], key=lambda call: call.number)) if number in made else step
+        for number, step in enumerate(trajectory.steps)
+    ]
     return replace(trajectory, steps=steps)
 
 
-def _codes(step: AtifStep) -> list[str]:
-    calls = step.tool_calls
-    if not isinstance(calls, list):
-        return []
-    return [code for call in calls if isinstance(code := call.arguments.get(_CODE), str)]
+def _asked(trajectory: AtifTrajectory) -> list[tuple[int, str | None]]:
+    """The steps' calls of code, and their looks as None, in order, each with its step's place."""
+    found: list[tuple[int, str | None]] = []
+    for number, step in enumerate(trajectory.steps):
+        for call in step.tool_calls if isinstance(step.tool_calls, list) else []:
+            code = call.arguments.get(_CODE)
+            if isinstance(code, str):
+                found.append((number, code))
+            elif call.function_name.endswith(_LOOKS):
+                found.append((number, None))
+    return found
+
+
+def _share_looks(looks: Sequence[int], calls: Sequence[Call], made: dict[int, list[Call]]) -> None:
+    """Give the calls between two of an agent's to the looks between them."""
+    calls = [call for call in calls if call.command in ("execute_code", *_LOOKS)]
+    if len(looks) == 1:
+        looks = list(itertools.repeat(looks[0], len(calls)))
+    if len(looks) == len(calls):
+        for number, call in zip(looks, calls, strict=True):
+            made.setdefault(number, []).append(call)
 
 
 def _with(step: AtifStep, made: list[Call]) -> AtifStep:
