@@ -16,10 +16,13 @@ TRUTH = CHECKOUT / "datasets" / "skimage_examples" / "truth_coco.json"
 #: Each command, with `HERE` for the folder that holds nothing to look at.
 COMMANDS = [
     "bench reward HERE -o reward.json",
+    "bench judges HERE",
+    "bench judges HERE/per_image.jsonl HERE HERE -o judges.json",
     "bench table HERE -o table",
     "bench serve HERE --no-render",
     "bench make HERE -o made",
     "plugin replay HERE",
+    "track check HERE --photos HERE",
     "freeze HERE",
     "evidence verify HERE",
     "inspect HERE",

@@ -9,17 +9,17 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 
 import click
 import pytest
+from checkout import CHECKOUT
 
 from legoworld import cli, errors, exit_codes
 from legoworld import remote as places
 from legoworld.commands import options
 from legoworld.workers import engines, task_process
 
-ROOT = Path(__file__).parents[1]
+ROOT = CHECKOUT
 
 
 def test_warnings_of_arithmetic_do_not_reach_the_user(monkeypatch):

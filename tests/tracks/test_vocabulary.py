@@ -1,19 +1,12 @@
-"""Vocabularies and tracks, without Blender."""
+"""Words to categories."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
-
 import pytest
 
-from legoworld.cards import load_card, read_card
 from legoworld.errors import CatalogError
-from legoworld.evaluation.depth.protocol import depth_protocol
-from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.readouts.tasks import protocol
 from legoworld.shipped.catalog import folder
-from legoworld.tracks.track import load_track, scene_name
 from legoworld.tracks.vocabulary import from_json, load
 
 
@@ -130,83 +123,3 @@ def test_coco_knows_no_synonyms_even_when_the_track_brings_some():
 def test_a_broken_vocabulary_is_refused(entries):
     with pytest.raises(CatalogError):
         from_json(entries, "test")
-
-
-@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
-def test_a_card_that_declares_something_else_is_refused(task, tmp_path):
-    load_card(task)
-    text = (folder("readouts") / f"{task}.toml").read_text(encoding="utf-8")
-    changed = tmp_path / "card.toml"
-    changed.write_text(text.replace("alpha_threshold = 0.5", "alpha_threshold = 0.3"))
-    with pytest.raises(CatalogError, match=r"alpha_threshold = 0\.3"):
-        read_card(changed, task)
-    changed.write_text(text.replace("alpha_threshold = 0.5", ""))
-    with pytest.raises(CatalogError, match="alpha_threshold"):
-        read_card(changed, task)
-
-
-@pytest.mark.parametrize(("read", "task"), [(depth_protocol, "eth3d"), (bench_protocol, "bench")])
-def test_a_card_that_scores_otherwise_is_refused(read, task):
-    card = load_card(task)
-    other = {**card.values, "scoring": {**card.values["scoring"], "bootstrap_unit": "pixel"}}
-    with pytest.raises(CatalogError, match=r"scoring\.bootstrap_unit = 'pixel'"):
-        read(replace(card, values=other))
-
-
-def write(tmp_path, images, **more):
-    path = tmp_path / "track.json"
-    path.write_text(json.dumps({"info": {}, "images": images, "categories": [], **more}))
-    return path
-
-
-IMAGE = {"id": 5, "file_name": "a/b.c.JPG", "width": 4, "height": 3}
-
-
-def test_a_scene_is_named_by_its_photo(tmp_path):
-    assert scene_name("courtyard/images/dslr_images/DSC_0286.JPG") == (
-        "courtyard/images/dslr_images/DSC_0286"
-    )
-    track = load_track(write(tmp_path, [{**IMAGE, "id": 9, "file_name": "z.png"}, IMAGE]))
-    assert [(i.id, i.scene, i.size_wh) for i in track.images] == [
-        (5, "a/b.c", (4, 3)),
-        (9, "z", (4, 3)),
-    ]
-
-
-def test_an_lvis_image_is_named_by_its_coco_url(tmp_path):
-    url = "http://images.cocodataset.org/val2017/000000000139.jpg"
-    v1 = {"id": 1, "coco_url": url, "width": 4, "height": 3}
-    v05 = {**v1, "id": 2, "file_name": "COCO_val2017_000000000139.jpg"}
-    for image in (v1, v05):
-        assert load_track(write(tmp_path, [image])).images[0].scene == "000000000139"
-
-
-@pytest.mark.parametrize(
-    "images",
-    [
-        [],
-        [{**IMAGE, "width": 0}],
-        [{**IMAGE, "height": "3"}],
-        [{**IMAGE, "id": "5"}],
-        [{**IMAGE, "id": -5}],
-        [{**IMAGE, "id": True}],
-        [{**IMAGE, "id": 10**30}],
-        [{**IMAGE, "file_name": "../outside.jpg"}],
-        [{**IMAGE, "file_name": "/absolute.jpg"}],
-        [IMAGE, {**IMAGE, "file_name": "other.jpg"}],
-        [IMAGE, {**IMAGE, "id": 6}],
-        ["not an image"],
-        [{**IMAGE, "bbox": [0, 0, 1, 1]}],
-    ],
-)
-def test_a_broken_track_is_refused(images, tmp_path):
-    with pytest.raises(CatalogError):
-        load_track(write(tmp_path, images))
-
-
-def test_annotations_have_no_place_in_a_track(tmp_path):
-    with pytest.raises(CatalogError, match="public"):
-        load_track(write(tmp_path, [IMAGE], annotations=[]))
-    (tmp_path / "track.json").write_text("{")
-    with pytest.raises(CatalogError, match="cannot be read"):
-        load_track(tmp_path / "track.json")

@@ -1,0 +1,69 @@
+"""Track files, and scenes named by their photos."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from legoworld.errors import CatalogError
+from legoworld.tracks.track import load_track, scene_name
+
+
+def write(tmp_path, images, **more):
+    path = tmp_path / "track.json"
+    path.write_text(json.dumps({"info": {}, "images": images, "categories": [], **more}))
+    return path
+
+
+IMAGE = {"id": 5, "file_name": "a/b.c.JPG", "width": 4, "height": 3}
+
+
+def test_a_scene_is_named_by_its_photo(tmp_path):
+    assert scene_name("courtyard/images/dslr_images/DSC_0286.JPG") == (
+        "courtyard/images/dslr_images/DSC_0286"
+    )
+    track = load_track(write(tmp_path, [{**IMAGE, "id": 9, "file_name": "z.png"}, IMAGE]))
+    assert [(i.id, i.scene, i.size_wh) for i in track.images] == [
+        (5, "a/b.c", (4, 3)),
+        (9, "z", (4, 3)),
+    ]
+
+
+def test_an_lvis_image_is_named_by_its_coco_url(tmp_path):
+    url = "http://images.cocodataset.org/val2017/000000000139.jpg"
+    v1 = {"id": 1, "coco_url": url, "width": 4, "height": 3}
+    v05 = {**v1, "id": 2, "file_name": "COCO_val2017_000000000139.jpg"}
+    for image in (v1, v05):
+        assert load_track(write(tmp_path, [image])).images[0].scene == "000000000139"
+
+
+@pytest.mark.parametrize(
+    "images",
+    [
+        [],
+        [{**IMAGE, "width": 0}],
+        [{**IMAGE, "height": "3"}],
+        [{**IMAGE, "id": "5"}],
+        [{**IMAGE, "id": -5}],
+        [{**IMAGE, "id": True}],
+        [{**IMAGE, "id": 10**30}],
+        [{**IMAGE, "file_name": "../outside.jpg"}],
+        [{**IMAGE, "file_name": "/absolute.jpg"}],
+        [IMAGE, {**IMAGE, "file_name": "other.jpg"}],
+        [IMAGE, {**IMAGE, "id": 6}],
+        ["not an image"],
+        [{**IMAGE, "bbox": [0, 0, 1, 1]}],
+    ],
+)
+def test_a_broken_track_is_refused(images, tmp_path):
+    with pytest.raises(CatalogError):
+        load_track(write(tmp_path, images))
+
+
+def test_annotations_have_no_place_in_a_track(tmp_path):
+    with pytest.raises(CatalogError, match="public"):
+        load_track(write(tmp_path, [IMAGE], annotations=[]))
+    (tmp_path / "track.json").write_text("{")
+    with pytest.raises(CatalogError, match="cannot be read"):
+        load_track(tmp_path / "track.json")
