@@ -24,6 +24,7 @@ from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.means import mean_and_sd
 from legoworld.records.evidence import ComparisonSettings
 
 SETTINGS = ComparisonSettings(draws=200, seed=0, allow_truth_prompts=False)
@@ -284,3 +285,8 @@ class TestTable:
         scene, _ = depth_scene_and_baseline(tmp_path)
         with pytest.raises(UsageError, match="no evaluation of a bench"):
             read_entries([scene])
+
+
+def test_a_run_that_lacks_a_number_is_not_in_its_spread():
+    assert mean_and_sd([0.5]) == (0.5, None)
+    assert mean_and_sd([0.25, 0.75]) == (0.5, pytest.approx(np.std([0.25, 0.75], ddof=1)))

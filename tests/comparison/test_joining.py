@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from comparison.evaluations import (
@@ -16,6 +17,7 @@ from comparison.evaluations import (
 from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld import cli
+from legoworld.comparison.joining import _common_images
 from legoworld.comparison.making import make_joined
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import LegoWorldError, UsageError
@@ -162,3 +164,14 @@ def test_differences_between_tracks_are_listed_when_they_are_joined(three, tmp_p
         "eth3d scene": {"not recorded": 5},
     }
     assert any("coco scene a (12); eth3d scene not recorded (5)" in n for n in document.notes)
+
+
+def test_photos_are_the_same_by_name_and_id_and_not_by_id_alone():
+    def document(task, *images):
+        return SimpleNamespace(
+            task=task, images=[SimpleNamespace(image_id=i, file_name=n) for i, n in images]
+        )
+
+    first = document("coco", (1, "a.jpg"), (2, "b.jpg"), (3, "c.jpg"))
+    second = document("lvis", (1, "a.jpg"), (2, "other.jpg"), (9, "c.jpg"))
+    assert _common_images([first, second]) == 1

@@ -115,3 +115,14 @@ def test_an_agent_s_linked_output_brings_nothing_from_outside(workspace, tmp_pat
     assert list((unfinished.made / TRIAL).iterdir()) == []
     assert not unfinished.session.exists()
     assert sorted(path.name for path in outside.iterdir()) == ["session", "stdout.jsonl"]
+
+
+def test_a_save_that_changed_nothing_is_no_checkpoint(workspace, tmp_path):
+    record = TrialRecord(tmp_path / "record")
+    kept = []
+    for data in (b"BLENDER-v500 a", b"BLENDER-v500 a", b"BLENDER-v500 b", b"BLENDER-v500 a"):
+        (workspace / BLEND).write_bytes(data)
+        kept.append(record.keep_saved(workspace, call=len(kept) + 1, at_s=0.0) is not None)
+    assert kept == [True, False, True, True]
+    assert [c.call for c in record.checkpoints] == [1, 3, 4]
+    assert not list((tmp_path / "record").rglob("incoming*"))

@@ -280,3 +280,27 @@ def test_of_equal_overlaps_the_later_truth_is_taken_as_in_the_official_evaluator
         ours = [metric_value(m, curves, frequencies_of(read)) for m in protocol.metrics]
         scores = run_evaluator(read, found, protocol, "official")
         assert ours == pytest.approx(scores.official, abs=1e-12)
+
+
+def test_an_overlap_of_exactly_half_is_a_hit_and_no_match_of_panoptic_quality(tmp_path):
+    """COCO counts IoU >= .5; PQ takes IoU > .5 (Kirillov et al., CVPR 2019, section 4.1)."""
+    truth = {
+        "images": [{"id": 1, "file_name": "a.jpg", "width": 120, "height": 90}],
+        "categories": [{"id": 5, "name": "thing", "frequency": "f"}],
+        "annotations": [
+            {"id": i, "image_id": 1, "category_id": 5, "bbox": [x, 0, 10, 10], "area": 100,
+             "iscrowd": 0, "segmentation": [[x, 0, x + 10, 0, x + 10, 10, x, 10]]}
+            for i, x in enumerate((0, 50), start=1)
+        ],
+    }  # fmt: skip
+    found = [
+        {"image_id": 1, "category_id": 5, "score": 1.0, "bbox": [0, 0, 10, 5]},
+        {"image_id": 1, "category_id": 5, "score": 1.0, "bbox": [50, 0, 10, 6]},
+    ]
+    protocol, read, predictions = checked(tmp_path, "coco", truth, found)
+    problem, _ = match_everything(protocol, read, predictions)
+    once = np.ones((1, 1), np.int32)
+    numbers = pair_metrics(problem, read, predictions, once, class_aware=True)
+    assert [float(numbers[name][0]) for name in ("recall_50", "precision_50")] == [1.0, 1.0]
+    assert float(numbers["rq"][0]) == 0.5
+    assert float(numbers["pq"][0]) == pytest.approx(0.3)

@@ -15,7 +15,14 @@ from legoworld.baselines.results_file import read_results
 from legoworld.errors import CatalogError, LegoWorldError
 from legoworld.evaluation.depth.declaration import read_declaration
 from legoworld.files import EncodingError, utf8_text
-from legoworld.records.base import RecordError, decode, decode_lines, read_json
+from legoworld.records.base import (
+    Record,
+    RecordError,
+    decode,
+    decode_foreign,
+    decode_lines,
+    read_json,
+)
 from legoworld.records.track import TrackFile
 from legoworld.scene.labels import read_labels_file
 from legoworld.track_making.making import annotation_source
@@ -110,3 +117,19 @@ def test_a_name_that_could_forge_a_line_is_refused(
     assert cli.run(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "file name without control characters" in line
+
+
+@pytest.mark.parametrize("kind", [list, dict])
+def test_nesting_is_refused_from_one_level_beyond_its_limit(kind):
+    def nested(levels):
+        value = 1
+        for _ in range(levels):
+            value = [value] if kind is list else {"a": value}
+        return json.dumps({"schema_version": 1, "more": value}).encode()
+
+    class Known(Record, frozen=True, kw_only=True):
+        schema_version: int
+
+    assert decode_foreign(Known, nested(4), levels=5) == Known(schema_version=1)
+    with pytest.raises(RecordError, match="nested beyond 5 levels"):
+        decode_foreign(Known, nested(5), levels=5)

@@ -11,7 +11,7 @@ from legoworld.records.base import to_record
 from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
 from legoworld.records.run_rows import RunRow, Unmatched
-from legoworld.report.advice import _alike, detection_advice
+from legoworld.report.advice import _alike, _edges, detection_advice
 from legoworld.report.detection_images import DetectionImage, SideImage, _errors
 
 CUP, TABLE, DINING_TABLE = 1, 2, 3
@@ -213,3 +213,16 @@ def test_a_label_outside_the_vocabulary_is_named_where_its_category_is_missed() 
     )
     plain = advice("lvis", [((10, 20, 80, 60), TABLE)], [])[0]
     assert "`legoworld inspect` lists objects without category" in plain
+
+
+@pytest.mark.parametrize(
+    ("box", "said"),
+    [
+        ((8, 20, 30, 40), "left +2 px, top +0 px, right -2 px, bottom +0 px"),
+        ((10, 17, 30, 40), "left +0 px, top +3 px, right +0 px, bottom -3 px"),
+        ((10, 20, 34, 40), "left +0 px, top +0 px, right +4 px, bottom +0 px"),
+        ((10, 20, 30, 45), "left +0 px, top +0 px, right +0 px, bottom +5 px"),
+    ],
+)
+def test_an_edge_is_named_by_its_own_side(box, said):
+    assert _edges(box, (10, 20, 30, 40)) == f"edges out (+) or in (-): {said}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from gltf.documents import Document
@@ -11,6 +12,8 @@ from running.run_folders import readout as readout_of
 from running.run_folders import results
 
 from legoworld import cli
+from legoworld.errors import UsageError
+from legoworld.running.merging import _refuse_losses
 
 
 @pytest.fixture(scope="module")
@@ -155,3 +158,12 @@ def test_one_undivided_run_is_rewritten_in_files(scenes: Path, tmp_path: Path):
     assert results(tmp_path / "made") == results(tmp_path / "divided")
     assert cli.run(["merge", str(tmp_path / "made"), "-o", str(tmp_path / "back")]) == 1
     assert results(tmp_path / "back") == results(tmp_path / "whole")
+
+
+@pytest.mark.parametrize(("rows", "found"), [(2, 3), (3, 2)])
+def test_predictions_that_are_fewer_or_more_than_the_row_says_are_refused(rows, found):
+    row = SimpleNamespace(n_predictions=rows, image_id=7)
+    record = SimpleNamespace(predictions=[None] * found, row=row)
+    with pytest.raises(UsageError, match=f"{found} of image 7"):
+        _refuse_losses(Path("shard"), record)
+    _refuse_losses(Path("shard"), SimpleNamespace(predictions=[None] * rows, row=row))

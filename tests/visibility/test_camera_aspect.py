@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from scene.by_hand import HandScene
 
-from legoworld.visibility.camera import aspect_differs
+from legoworld.visibility.camera import aspect_differs, projection
 
 
 @pytest.mark.parametrize(
@@ -35,3 +35,24 @@ def test_one_pixel_of_rounding_is_no_other_aspect(own, size_wh, differs):
         resolution_percentage=100,
     )
     assert aspect_differs(render, size_wh) is differs
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize(
+    ("shift", "size_wh", "aspect", "centre"),
+    [
+        ((0.1, 0.0), (200, 100), (1, 1), (80.0, 50.0)),
+        ((0.0, 0.1), (200, 100), (1, 1), (100.0, 70.0)),  # up: the axis is lower in the picture
+        ((0.0, 0.1), (100, 200), (1, 1), (50.0, 120.0)),  # of the longer side
+        ((0.0, 0.1), (200, 100), (1, 2), (100.0, 60.0)),  # 200 wide, in pixels twice as high
+    ],
+)
+def test_shift_is_in_shares_of_the_fitted_side(kind, shift, size_wh, aspect, centre):
+    scene = HandScene()
+    scene.object("A")
+    scene.occurs("A")
+    shot = scene.snapshot()
+    camera = replace(shot.camera, type=kind, sensor_fit="AUTO", shift_x=shift[0], shift_y=shift[1])
+    render = replace(shot.render, pixel_aspect_x=aspect[0], pixel_aspect_y=aspect[1])
+    found = projection(camera, render, size_wh)
+    assert (found.cx, found.cy) == pytest.approx(centre)

@@ -71,3 +71,32 @@ def test_a_subset_gets_the_reasons_that_all_get(scene, monkeypatch):
     (near,) = {i.id for i in grouping.instances} - set(reasons)
     assert unseen_reasons(scene, grouping, seen, among=[near]) == {}
     assert len(asked) == 4
+
+
+def test_an_instance_has_the_nearest_of_its_surfaces_reasons(scene):
+    """Hidden comes before outside of the view: it takes less to show."""
+    grouping = group(scene, Labels(objects={}, collections={}, warnings=()))
+    names = [instance.name for instance in grouping.instances]
+    for first, second, expected in [
+        ("Beside", "Hidden", "hidden"), ("Hidden", "Beside", "hidden"),
+        ("Behind", "Tiny", "sub_pixel"), ("Behind", "Beside", "outside_view"),
+    ]:  # fmt: skip
+        owner = grouping.surface_instance.copy()
+        owner[owner == names.index(second)] = names.index(first)
+        both = replace(grouping, surface_instance=owner)
+        reasons = unseen_reasons(scene, both, view(scene, both, (64, 48)))
+        assert reasons[names.index(first)] == expected
+
+
+def test_held_out_is_what_has_no_other_surface(scene):
+    grouping = group(scene, Labels(objects={}, collections={}, warnings=()))
+    names = [instance.name for instance in grouping.instances]
+    behind, beside = names.index("Behind"), names.index("Beside")
+    held = (grouping.surface_instance == behind).astype(np.uint8)
+    alone = replace(scene, surface_holdout=held)
+    reasons = unseen_reasons(alone, grouping, view(alone, grouping, (64, 48)))
+    assert (reasons[behind], reasons[beside]) == ("holdout", "outside_view")
+    owner = grouping.surface_instance.copy()
+    owner[owner == beside] = behind
+    mixed = replace(grouping, surface_instance=owner)
+    assert unseen_reasons(alone, mixed, view(alone, mixed, (64, 48)))[behind] != "holdout"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.depth import scoring
 from legoworld.evaluation.depth.arrays import DepthArray, Space
+from legoworld.evaluation.depth.metrics import error_sums
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.resampling import sampler
 from legoworld.evaluation.depth.rows import worse_than_constant
@@ -255,3 +256,11 @@ def test_the_band_size_does_not_change_the_score(monkeypatch: pytest.MonkeyPatch
     assert whole is not None
     assert rows is not None
     assert all(rows[name] == pytest.approx(whole[name], rel=1e-12) for name in whole)
+
+
+def test_a_ratio_on_the_threshold_is_no_hit() -> None:
+    """Eigen et al. 2014: max(p / t, t / p) < 1.25^k, strictly."""
+    bounds = np.array([1.25, 1.25**2, 1.25**3])
+    for predicted, true in ((bounds, np.ones(3)), (1 / bounds, np.ones(3))):
+        sums = error_sums(predicted, true, 1.25)
+        assert (sums.delta1, sums.delta2, sums.delta3) == (0, 1, 2)
