@@ -132,3 +132,20 @@ def test_the_official_lines_of_the_reference_sample(real_data, tmp_path):
         own = replace(predictions, entries=columns_of(to_record(list[Prediction], entries)))
         scores = run_evaluator(read, own, protocol, "official")
         assert [round(x, 3) for x in scores.official] == expected
+
+
+@pytest.mark.parametrize(
+    ("side", "areas"), [(32, "sm"), (96, "ml"), (31, "s"), (33, "m"), (97, "l")]
+)
+def test_an_area_on_a_border_is_in_both_ranges(side, areas, tmp_path):
+    """COCOeval ignores area < low and area > high: 1024 is small and medium."""
+    truth = {
+        "images": [{"id": 1, "file_name": "a.jpg", "width": 120, "height": 90 + side}],
+        "categories": [{"id": 5, "name": "thing"}],
+        "annotations": [{"id": 1, "image_id": 1, "category_id": 5, "bbox": [3, 4, side, side],
+                         "area": side * side, "iscrowd": 0}],
+    }  # fmt: skip
+    found = [{"image_id": 1, "category_id": 5, "score": 1.0, "bbox": [3, 4, side, side]}]
+    metrics = evaluate(tmp_path, "coco", truth, found).summary.metrics
+    scored = {name: metrics[f"AP{name}"] for name in "sml"}
+    assert scored == {name: 1.0 if name in areas else None for name in "sml"}

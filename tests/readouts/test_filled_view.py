@@ -57,9 +57,8 @@ def test_one_object_alone_and_none_at_all_hide_nothing():
 
 def test_the_share_is_of_what_is_seen_and_not_of_the_sky():
     """A wall on half of the picture; above and below of it is sky, which is no part of the view."""
-    half = SQUARE * np.array([20, 0.375, 1], np.float32)
-    found = filled(("Wall", half, at(0, 0, 9)), ("Scene", half * 0.5, at(0, 0, 0)))
-    assert found is None or found.share == 1.0
-    whole = filled(("Wall", half, at(0, 0, 9)), ("Scene", SQUARE * 3, at(0, 0, 0)))
-    assert whole is not None
-    assert whole.share == 1.0
+    half = SQUARE * np.array([20, 0.2, 1], np.float32)
+    hidden = SQUARE * np.array([2, 1.8, 1], np.float32)  # 0.19 of the picture, the wall has 0.53
+    found = filled(("Wall", half, at(0, 0, 9)), ("Scene", hidden, at(0, 0, 0)))
+    assert found is not None
+    assert (found.object, found.share, found.hidden) == ("Wall", 1.0, 1)

@@ -167,3 +167,13 @@ def test_predictions_that_are_fewer_or_more_than_the_row_says_are_refused(rows, 
     with pytest.raises(UsageError, match=f"{found} of image 7"):
         _refuse_losses(Path("shard"), record)
     _refuse_losses(Path("shard"), SimpleNamespace(predictions=[None] * rows, row=row))
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_shards_of_different_numbers_are_refused_in_any_order(order, scenes, tmp_path, capsys):
+    shards = [tmp_path / "a", tmp_path / "b"]
+    for shard, part in zip(shards, ("1/2", "3/3"), strict=True):
+        readout(scenes, shard, "--shard", part)
+    capsys.readouterr()
+    assert merge(tmp_path / "merged", *(shards[i] for i in order)) == 2
+    assert "different numbers of shards" in capsys.readouterr().err
