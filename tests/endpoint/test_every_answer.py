@@ -19,7 +19,7 @@ from legoworld.endpoint.blender import BlenderEndedError
 from legoworld.endpoint.listener import HOST, Listener
 from legoworld.endpoint.server import MOST_CLIENTS, EndpointServer
 from legoworld.endpoint.session import Session, Trial
-from legoworld.records.endpoint import BlenderReply
+from legoworld.records.endpoint import BlenderReply, Command, Success
 from legoworld.workers.protections import protections
 
 PNG = b"\x89PNG\r\n\x1a\n" + (13).to_bytes(4, "big") + b"IHDR" + b"\0\0\0\1" * 2 + bytes(32)
@@ -196,3 +196,16 @@ def test_a_scene_that_does_not_open_any_more_is_passed_over(tmp_path, monkeypatc
             assert "SIGSEGV" in said
             assert "as call 1 left it" in said
             assert client.run("print()") == "b'BLENDER good'"
+
+
+@pytest.mark.parametrize(("used_s", "answered"), [(0.0, True), (1e9, False)])
+def test_after_its_time_a_trial_answers_no_further_call(tmp_path, used_s, answered, monkeypatch):
+    """Whatever Blender could do: it is not even asked."""
+    (tmp_path / "workspace").mkdir()
+    monkeypatch.setattr(Session, "_answered", lambda *_: Success(result={}))
+    with closing(Session(trial_in(tmp_path))) as session:
+        session.restart_clock(used_s)
+        found = session.answer(Command(type="execute_code", params={"code": "1"}))
+    assert isinstance(found, Success) is answered
+    if not answered:
+        assert "s are over; no further call is possible" in found.message
