@@ -120,6 +120,7 @@ $(VENV)/libraries-checked: $(VENV)/made legoworld/system_libraries.py
 # opencv-python-headless, and needs neither for scoring.
 PIP_INSTALL := -m pip install --disable-pip-version-check --quiet --no-compile
 LOCK := constraints/python-$(PYTHON_VERSION).txt
+HASHED := $(LOCK:.txt=.hashes.txt)
 LVIS := lvis==0.5.3
 INSTALL = $(PYTHON) $(PIP_INSTALL) -c $(LOCK)
 KERNEL_AND_PINS := pyproject.toml setup.py $(KERNEL) $(LOCK)
@@ -157,9 +158,10 @@ $(VENV)/cluster-installed: $(VENV)/tests-installed
 	@touch $@
 
 # What checks, tests and cluster need in one go: pip builds the kernel anew at every call.
-$(VENV)/all-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
-	$(INSTALL) -e '.[examples,test,dev,cluster]'
-	$(INSTALL) --no-deps $(LVIS)
+# Every package is held to its hash: the lock is exactly what these four extras and lvis need.
+$(VENV)/all-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS) $(HASHED)
+	$(PYTHON) $(PIP_INSTALL) --no-deps --require-hashes -r $(HASHED)
+	$(PYTHON) $(PIP_INSTALL) --no-deps -e .
 	@touch $(VENV)/tests-installed $(VENV)/dev-installed $(VENV)/cluster-installed $@
 
 BASELINES_LOCK := constraints/baselines.txt
@@ -188,12 +190,14 @@ lock:
 	build/lock/bin/python $(PIP_INSTALL) 'build/lock-tree[examples,test,dev,cluster]'
 	build/lock/bin/python $(PIP_INSTALL) --no-deps $(LVIS)
 	(head -1 $(LOCK); build/lock/bin/python $(VERSIONS_OF)) >build/lock/new && mv build/lock/new $(LOCK)
+	$(PYTHON) tools/lock_hashes.py $(LOCK)
 
 lock-baselines:
 	rm -rf build/lock-baselines && printf '' >build/none
 	$(MAKE) BASELINES=build/lock-baselines BASELINES_LOCK=build/none build/lock-baselines/installed
 	(head -1 $(BASELINES_LOCK); build/lock-baselines/bin/python $(VERSIONS_OF)) >build/none
 	mv build/none $(BASELINES_LOCK)
+	$(PYTHON) tools/lock_hashes.py $(BASELINES_LOCK)
 
 # A wheel for every Linux with glibc 2.17 or newer: zig compiles against old symbols and links its C++
 # library statically, auditwheel checks and tags it. See docs/installation.md.
