@@ -1,0 +1,98 @@
+"""Scene folders as a track, and folders that match no image."""
+
+from __future__ import annotations
+
+import pytest
+
+from legoworld.errors import CatalogError
+from legoworld.shipped.catalog import folder
+from legoworld.tracks.dataset_versions import dataset_of, dataset_version
+from legoworld.tracks.scene_names import Stranger, lower_top, strangers
+from legoworld.tracks.track import folders_without_scene, serves, track_of_folder
+from legoworld.tracks.vocabulary import Vocabulary, load
+
+
+def put(top, *names):
+    for name in names:
+        (top / name).parent.mkdir(parents=True, exist_ok=True)
+        (top / name).write_bytes(b"")
+
+
+def test_every_folder_with_a_scene_is_an_image_in_sorted_order(tmp_path):
+    put(tmp_path, "b/scene.blend", "a/deep/scene.glb", "c/notes.txt", ".hidden/scene.blend")
+    (tmp_path / "b" / "again").symlink_to(tmp_path, target_is_directory=True)
+    track = track_of_folder(tmp_path)
+    assert [(i.id, i.file_name, i.scene) for i in track.images] == [
+        (1, "a/deep", "a/deep"), (2, "b", "b")
+    ]  # fmt: skip
+    assert (track.vocabulary, track.sha256, track.made_for) == (None, None, None)
+
+
+def test_one_scene_folder_is_a_track_of_its_name(tmp_path):
+    put(tmp_path, "kitchen/scene.blend")
+    (image,) = track_of_folder(tmp_path / "kitchen").images
+    assert (image.file_name, image.scene, image.size_wh) == ("kitchen", ".", None)
+
+
+def test_a_folder_without_scenes_is_refused_by_its_name(tmp_path):
+    put(tmp_path, "photos/a.jpg")
+    with pytest.raises(CatalogError) as caught:
+        track_of_folder(tmp_path / "photos")
+    assert caught.value.found == "no scene.blend or scene.glb below photos"
+
+
+def test_folders_that_were_meant_as_scenes(tmp_path):
+    put(tmp_path, "scene.py", "good/scene.blend", "good/scene.py", "program/scene.py", "else/a.txt")
+    (tmp_path / "folder" / "scene.blend").mkdir(parents=True)
+    put(tmp_path, ".hidden/scene.py")
+    assert folders_without_scene(tmp_path) == ["folder", "program"]
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("000000000139.jpg", "000000000139"),
+        ("139", "000000000139"),
+        ("scene_139", "000000000139"),
+        ("COCO_val2017_000000000139", "000000000139"),
+        ("Living Room", "living_room"),
+        ("living_room_final", "living_room"),
+        ("livingroom", "living_room"),
+        ("140", None),
+        ("000000000138", None),
+        ("garden", None),
+    ],
+)
+def test_a_folder_is_matched_to_the_image_it_is_meant_for(name, meant):
+    known = ["000000000139", "living_room"]
+    assert strangers([name, *known], known, known) == [Stranger(folder=name, meant=meant)]
+
+
+def test_an_image_that_has_its_scene_is_meant_by_nobody():
+    assert strangers(["room.png"], ["room"], []) == [Stranger(folder="room.png", meant=None)]
+    assert strangers(["1_a", "1_b"], ["1"], ["1"])[0].folder == "1_a"
+
+
+def test_the_folder_below_that_holds_the_scenes():
+    found = strangers(["run/a", "run/b"], ["a", "b"], ["a", "b"])
+    assert lower_top(found) == "run"
+    apart = strangers(["run/a", "other/b"], ["a", "b"], ["a", "b"])
+    assert lower_top(apart) is None
+    assert lower_top([Stranger(folder="run/x", meant=None)]) is None
+
+
+def test_versions_of_datasets():
+    coco, lvis = (load(folder("datasets") / n / "categories.json") for n in ("coco", "lvis"))
+    assert (dataset_of("coco-masks"), dataset_of("lvis")) == ("coco", "lvis")
+    assert dataset_version(coco, "coco-masks") == "2017"
+    assert dataset_version(lvis, "lvis") == "1.0"
+    old = Vocabulary(lvis.categories[:1] * 1230)
+    assert dataset_version(old, "lvis") == "0.5"
+    assert dataset_version(old, "coco") == "custom"
+    assert dataset_version(Vocabulary(lvis.categories[:5]), "lvis") == "custom"
+
+
+def test_a_track_serves_the_tasks_of_its_dataset(tmp_path):
+    put(tmp_path, "a/scene.blend")
+    track = track_of_folder(tmp_path)
+    assert serves(track, "lvis")
