@@ -18,6 +18,7 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import CatalogError, UsageError
 from legoworld.records.base import canonical
 from legoworld.shipped import catalog
+from legoworld.track_making.depth_folders import _photos_below
 from legoworld.track_making.making import DepthChoice, make_track
 from legoworld.tracks.track import load_track
 
@@ -308,3 +309,10 @@ def test_a_unit_that_is_none(desk: Path, unit: str) -> None:
     make += ["--photos", str(desk / "photos"), "-o", str(desk / "t.json"), "--unit", unit]
     assert cli.run(make) == 2
     assert not (desk / "depths/depth.toml").exists()
+
+
+def test_hidden_pictures_are_no_photos(tmp_path: Path) -> None:
+    for name in ("b.png", "a/c.JPG", ".hidden.png", ".cache/d.png", "e.txt", "f.png.bak", "g..png"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert _photos_below(tmp_path) == ["a/c.JPG", "b.png", "g..png"]

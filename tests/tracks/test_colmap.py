@@ -216,3 +216,17 @@ def test_a_file_that_the_system_refuses_is_named(tmp_path: Path, name: str) -> N
     with pytest.raises(CalibrationError) as caught:
         read_calibration(folder)
     assert f"dslr_calibration/{name} cannot be read; found: Input/output error" in str(caught.value)
+
+
+def test_models_and_their_parameters_are_colmaps() -> None:
+    """colmap/sensor/models.h: model_id, model_name, num_params."""
+    assert {number: f"{name} {count}" for number, (name, count) in BINARY_MODELS.items()} == {
+        0: "SIMPLE_PINHOLE 3", 1: "PINHOLE 4", 2: "SIMPLE_RADIAL 4", 3: "RADIAL 5", 4: "OPENCV 8",
+        5: "OPENCV_FISHEYE 8", 6: "FULL_OPENCV 12", 7: "FOV 5", 8: "SIMPLE_RADIAL_FISHEYE 4",
+        9: "RADIAL_FISHEYE 5", 10: "THIN_PRISM_FISHEYE 12", 11: "RAD_TAN_THIN_PRISM_FISHEYE 16",
+    }  # fmt: skip
+
+
+def test_a_photo_without_a_name_is_no_photo(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError):
+        photo_ids(tmp_path, f"1 {POSE} 0\n")

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from legoworld.errors import CatalogError
-from legoworld.tracks.track import load_track, scene_name
+from legoworld.tracks.track import load_track, scene_name, serves
 
 
 def write(tmp_path, images, **more):
@@ -67,3 +67,12 @@ def test_annotations_have_no_place_in_a_track(tmp_path):
     (tmp_path / "track.json").write_text("{")
     with pytest.raises(CatalogError, match="cannot be read"):
         load_track(tmp_path / "track.json")
+
+
+def test_a_track_says_what_it_was_made_for(tmp_path):
+    made = load_track(write(tmp_path, [IMAGE], info={"task": "lvis"}))
+    assert made.made_for == "lvis"
+    assert (serves(made, "lvis"), serves(made, "coco")) == (True, False)
+    coco = load_track(write(tmp_path, [IMAGE], info={"task": "coco"}))
+    assert serves(coco, "coco-masks")
+    assert load_track(write(tmp_path, [IMAGE])).made_for is None
