@@ -49,6 +49,14 @@ def test_folders_that_were_meant_as_scenes(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "name", ["scene.py", "final.png", "labels.json", "provenance.json", "frozen.json"]
+)
+def test_any_file_of_a_scene_folder_tells_that_one_was_meant(name, tmp_path):
+    put(tmp_path, f"a/{name}", "good/scene.blend")
+    assert folders_without_scene(tmp_path) == ["a"]
+
+
+@pytest.mark.parametrize(
     ("name", "meant"),
     [
         ("000000000139.jpg", "000000000139"),
