@@ -36,7 +36,8 @@ _IGNORED: Final = {
         paint_active_slot paint_clone_slot texture_paint_images texture_paint_slots
         debug_lazy_function_graph debug_zone_body_lazy_function_graph
         debug_zone_lazy_function_graph""",
-    "made from other settings": "dimensions location_absolute links interface depsgraph",
+    "made from other settings": "dimensions location_absolute links depsgraph",
+    "what a new node of a group begins with": "interface",
     "read through an object's slots": "materials",
     "points back to who holds it": "user owner id_root",
 }
@@ -49,7 +50,7 @@ _IGNORED_OF: Final = {
         delta_rotation_quaternion delta_scale active_material active_shape_key display display_type
         display_bounds_type show_axis show_bounds show_in_front show_name show_texture_space
         show_transparent show_wire show_all_edges empty_display_size empty_display_type
-        motion_path animation_visualization pose_library color lineart""",
+        motion_path animation_visualization pose_library""",
     "PoseBone": "matrix head tail bone children motion_path color custom_shape",
     "Pose": "animation_visualization",
     "Bone": "children color",
