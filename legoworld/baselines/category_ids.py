@@ -63,7 +63,9 @@ def readings(ids: Counter[int], vocabulary: Vocabulary, task: str) -> dict[Categ
     ids: with their counts. Of numberings that mean the same, the first.
     """
     known = numberings(vocabulary, task)
-    fits = {n: ours for n, ours in known.items() if ids.keys() <= ours.keys()}
+    fits: dict[CategoryIds, dict[int, int]] = {
+        name: ours for name, ours in known.items() if ids.keys() <= ours.keys()
+    }
     meant = {name: tuple(ours[i] for i in ids) for name, ours in fits.items()}
     return {
         name: _named({ours[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
@@ -121,9 +123,10 @@ def other_readings(
 ) -> str | None:
     """What declared ids would be in other numberings that have them; None if in no other."""
     own = numberings(vocabulary, task)[declared]
-    others = readings(ids, vocabulary, task)
     mine = _named({own[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
-    others = {name: what for name, what in others.items() if what != mine}
+    others: dict[CategoryIds, str] = {
+        name: what for name, what in readings(ids, vocabulary, task).items() if what != mine
+    }
     if not others:
         return None
     return f"category ids as {declared}: {mine}; they would fit {as_options(others)} as well"

@@ -72,6 +72,7 @@ class ScoreWorker:
         scene = scene_below(self._options.root, request.scene)
         if scene is None:
             return _no_score(request, "the scene is not below the server's root folder (--root)")
+        reason = ""
         for _ in range(2):
             try:
                 return _answer(request, self._scored(request, scene))
