@@ -142,4 +142,5 @@ def _size(side: Evaluated) -> str:
 
 
 def _short(sha256: object) -> str:
-    return str(sha256)[:12]
+    """The first digits of a hash; what was left out and what is null were not recorded alike."""
+    return str(sha256)[:12] if sha256 else "not recorded"

@@ -22,11 +22,12 @@ from evaluation.depth.folders import COURTYARD, write_arrays, write_eth3d
 from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import random_predictions, random_truth
 
-from legoworld.comparison.compatibility import IncomparableError
+from legoworld.comparison.compatibility import IncomparableError, _short
 from legoworld.comparison.sides import distinct_names
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.stored import EvaluationChangedError
+from legoworld.records.base import UNSET
 from legoworld.records.folders.evaluation_reading import EvaluationFolderError
 
 
@@ -268,3 +269,9 @@ def test_another_depth_truth(tmp_path):
     refused((scene, other), tmp_path / "out", r"found: the ground truth of image \d; expected")
     evidence = json.loads((scene / "evidence.json").read_text())
     assert sum(e["role"] == "truth" for e in evidence["inputs"]) == 5
+
+
+def test_a_hash_that_is_left_out_is_as_one_that_is_null():
+    """Of depth, which has no categories: a run of another program may leave the field out."""
+    assert _short(UNSET) == _short(None) == "not recorded"
+    assert _short("ab" * 32) == "abababababab"
