@@ -9,14 +9,17 @@ ends this with an error that names it.
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-#: Package indices (PEP 503), whose links end in a hash.
-_PYPI = "https://pypi.org/simple/{name}/"
+from pip._internal.models.index import PyPI
+
+#: The package index that pip takes (PEP 503), whose links end in a hash.
+_INDEX = os.environ.get("PIP_INDEX_URL") or PyPI.simple_url
 _LINK = re.compile(r"/([^/\"#]+)#sha256=([0-9a-f]{64})")
 
 
@@ -34,7 +37,8 @@ def hashed_lock(lock: str, tag: str) -> str:
 
 
 def _sha256s(name: str, version: str, tag: str) -> list[str]:
-    listed = _LINK.findall(_read(_PYPI.format(name=re.sub(r"[-_.]+", "-", name).lower())))
+    project = re.sub(r"[-_.]+", "-", name).lower()  # PEP 503
+    listed = _LINK.findall(_read(f"{_INDEX.rstrip('/')}/{project}/"))
     files = {file: sha256 for file, sha256 in listed if _version_of(file) == version}
     usable = sorted({sha256 for file, sha256 in files.items() if _is_for(file, tag)})
     if not usable:
