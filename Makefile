@@ -22,12 +22,12 @@ PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 # Two: a network takes up to 1.3 GB.
 PARALLEL_MODELS := -n auto --maxprocesses 2 --dist worksteal
 
-demo: $(VENV)/examples-installed
+demo: $(VENV)/tests-installed
 	$(PYTHON) docs/demo.py -o $(DEMO)
 
 # KayKit's assets (CC0) are in no repository of ours: LEGOWORLD_KAYKIT names their folder.
 .PHONY: bench-demo
-bench-demo: $(VENV)/examples-installed
+bench-demo: $(VENV)/tests-installed
 	$(PYTHON) examples/bench/demo.py -o $(BENCH_DEMO)
 
 # The tests run what users install: a wheel in an environment of its own, from a copy of the checkout
@@ -49,7 +49,7 @@ test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
 
 # Ray, and S3 from a server on this machine; see docs/clusters.md. In one process: one Ray cluster
 # serves all of them.
-test-cluster: $(VENV)/cluster-installed
+test-cluster: $(VENV)/all-installed
 	$(PYTHON) -m pytest -m cluster tests/cluster tests/running/test_places.py $(PYTEST_ARGS)
 
 # Harbor's own package reads what `bench export` writes; it needs Python 3.12, and no Docker.
@@ -58,7 +58,7 @@ test-harbor: $(HARBOR)/installed $(VENV)/tests-installed
 	LEGOWORLD_HARBOR_PYTHON=$(CURDIR)/$(HARBOR)/bin/python \
 	  $(PYTHON) -m pytest -m cluster tests/cluster/test_harbor_package.py $(PYTEST_ARGS)
 
-check: $(VENV)/dev-installed
+check: $(VENV)/all-installed
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
@@ -88,7 +88,7 @@ page-three: tools/page/node_modules/installed
 tools/page/node_modules/installed: tools/page/package-lock.json
 	cd tools/page && npm ci --silent --ignore-scripts && touch node_modules/installed
 
-format: $(VENV)/dev-installed
+format: $(VENV)/all-installed
 	$(VENV)/bin/ruff check --fix .
 	$(VENV)/bin/ruff format .
 
@@ -122,47 +122,35 @@ PIP_INSTALL := -m pip install --disable-pip-version-check --quiet --no-compile
 LOCK := constraints/python-$(PYTHON_VERSION).txt
 HASHED := $(LOCK:.txt=.hashes.txt)
 LVIS := lvis==0.5.3
-INSTALL = $(PYTHON) $(PIP_INSTALL) -c $(LOCK)
 KERNEL_AND_PINS := pyproject.toml setup.py $(KERNEL) $(LOCK)
-$(VENV)/examples-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
-	$(INSTALL) -e '.[examples]'
-	$(INSTALL) --no-deps $(LVIS)
-	@touch $@
 
-$(VENV)/tests-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
-	$(INSTALL) -e '.[examples,test]'
-	$(INSTALL) --no-deps $(LVIS)
+# Every package is held to its hash. The lock's first part is what examples and tests need.
+INSTALL_HASHED = $(PIP_INSTALL) --no-deps --require-hashes -r
+FOR_TESTS := build/$(notdir $(LOCK:.txt=.for-tests.txt))
+$(FOR_TESTS): $(HASHED)
+	@mkdir -p build && sed '/^# What checks/,$$d' $< >$@
+
+$(VENV)/tests-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS) $(FOR_TESTS)
+	$(PYTHON) $(INSTALL_HASHED) $(FOR_TESTS)
+	$(PYTHON) $(PIP_INSTALL) --no-deps -e .
 	@touch $@
 
 # setuptools never removes what an earlier build left in build/.
 CLEAR_BUILD = rm -rf build/lib* build/bdist*
-$(INSTALLED)/wheel-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(LOCK) $(SHIPPED)
+$(INSTALLED)/wheel-installed: $(VENV)/libraries-checked pyproject.toml setup.py $(FOR_TESTS) $(SHIPPED)
 	$(MAKE) --no-print-directory VENV=$(INSTALLED) $(INSTALLED)/made
 	$(CLEAR_BUILD) build/wheel-to-test
 	$(INSTALLED)/bin/python -m pip wheel --disable-pip-version-check --quiet --no-deps \
 	  --wheel-dir build/wheel-to-test .
-	$(INSTALLED)/bin/python $(PIP_INSTALL) -c $(LOCK) --force-reinstall --no-deps \
-	  build/wheel-to-test/legoworld-*.whl
-	$(INSTALLED)/bin/python $(PIP_INSTALL) -c $(LOCK) \
-	  "$$(echo build/wheel-to-test/legoworld-*.whl)[examples,test]"
-	$(INSTALLED)/bin/python $(PIP_INSTALL) -c $(LOCK) --no-deps $(LVIS)
+	$(INSTALLED)/bin/python $(INSTALL_HASHED) $(FOR_TESTS)
+	$(INSTALLED)/bin/python $(PIP_INSTALL) --force-reinstall --no-deps build/wheel-to-test/legoworld-*.whl
 	@touch $@
 
-$(VENV)/dev-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS)
-	$(INSTALL) -e '.[examples,test,dev]'
-	$(INSTALL) --no-deps $(LVIS)
-	@touch $(VENV)/tests-installed $@
-
-$(VENV)/cluster-installed: $(VENV)/tests-installed
-	$(INSTALL) -e '.[examples,test,cluster]'
-	@touch $@
-
-# What checks, tests and cluster need in one go: pip builds the kernel anew at every call.
-# Every package is held to its hash: the lock is exactly what these four extras and lvis need.
+# What checks and clusters need as well.
 $(VENV)/all-installed: $(VENV)/libraries-checked $(KERNEL_AND_PINS) $(HASHED)
-	$(PYTHON) $(PIP_INSTALL) --no-deps --require-hashes -r $(HASHED)
+	$(PYTHON) $(INSTALL_HASHED) $(HASHED)
 	$(PYTHON) $(PIP_INSTALL) --no-deps -e .
-	@touch $(VENV)/tests-installed $(VENV)/dev-installed $(VENV)/cluster-installed $@
+	@touch $(VENV)/tests-installed $@
 
 BASELINES_LOCK := constraints/baselines.txt
 BASELINES_INSTALL = $(BASELINES)/bin/python $(PIP_INSTALL) -c $(BASELINES_LOCK)

@@ -4,14 +4,19 @@
 
 The sha256 of every file of a version that PyPI offers for the lock's Python; then
 `pip install --no-deps --require-hashes -r FILE` takes nothing else. A version without a usable file
-ends this with an error that names it.
+ends this with an error that names it. What `make demo` and `make test` install comes first; what
+only checks and clusters need follows the line REST.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import subprocess
 import sys
+import tempfile
+import tomllib
 import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -21,24 +26,51 @@ from pip._internal.models.index import PyPI
 #: The package index that pip takes (PEP 503), whose links end in a hash.
 _INDEX = os.environ.get("PIP_INDEX_URL") or PyPI.simple_url
 _LINK = re.compile(r"/([^/\"#]+)#sha256=([0-9a-f]{64})")
+REST = "# What checks and clusters need besides."
 
 
-def hashed_lock(lock: str, tag: str) -> str:
-    """A requirements file with hashes of a lock's text. tag: the Python's, such as "cp311"."""
+def hashed_lock(lock: str, python: str, first: set[str]) -> str:
+    """A requirements file with hashes of a lock's text.
+
+    python: such as "3.11"; first: the names of packages that come before REST, normalised.
+    """
     head, *lines = lock.splitlines()
     pins = [line.split("==") for line in lines if line and not line.startswith("#")]
+    tag = "cp" + python.replace(".", "")
     with ThreadPoolExecutor(8) as pool:
         found = list(pool.map(lambda pin: _sha256s(*pin, tag), pins))
-    entries = [
-        " \\\n".join([f"{name}=={version}", *(f"    --hash=sha256:{h}" for h in hashes)])
-        for (name, version), hashes in zip(pins, found, strict=True)
-    ]
-    return "\n".join([head.partition(" Versions")[0], *entries, ""])
+    before, after = [], []
+    for (name, version), hashes in zip(pins, found, strict=True):
+        entry = " \\\n".join([f"{name}=={version}", *(f"    --hash=sha256:{h}" for h in hashes)])
+        (before if not first or _normalise(name) in first else after).append(entry)
+    rest = [REST, *after] if after else []
+    return "\n".join([head.partition(" Versions")[0], *before, *rest, ""])
+
+
+def names_of_tests(lock: Path, python: str) -> set[str]:
+    """The packages that examples and tests need with this Python, as pip resolves them."""
+    project = tomllib.loads(Path("pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    needed = [*project["dependencies"], *extras["examples"], *extras["test"]]
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.json"
+        pip = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--ignore-installed"]
+        pip += ["--only-binary", ":all:", "--python-version", python, "--target", folder]
+        # pip holds markers and Requires-Python against the Python that runs it.
+        pip += ["--ignore-requires-python"]
+        needed = [n.partition(";")[0] for n in needed if ";" not in n or f"'{python}'" in n]
+        subprocess.run([*pip, "--report", report, "-c", lock, *needed], check=True)
+        installed = json.loads(report.read_text(encoding="utf-8"))["install"]
+    return {_normalise(item["metadata"]["name"]) for item in installed} | {"lvis"}
+
+
+def _normalise(name: str) -> str:
+    """A project's name as an index has it (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def _sha256s(name: str, version: str, tag: str) -> list[str]:
-    project = re.sub(r"[-_.]+", "-", name).lower()  # PEP 503
-    listed = _LINK.findall(_read(f"{_INDEX.rstrip('/')}/{project}/"))
+    listed = _LINK.findall(_read(f"{_INDEX.rstrip('/')}/{_normalise(name)}/"))
     files = {file: sha256 for file, sha256 in listed if _version_of(file) == version}
     usable = sorted({sha256 for file, sha256 in files.items() if _is_for(file, tag)})
     if not usable:
@@ -70,8 +102,10 @@ def _read(url: str) -> str:
 def main() -> None:
     """Write the hashes of each lock that is named."""
     for path in map(Path, sys.argv[1:]):
-        version = re.search(r"python-3\.(\d+)", path.name)
-        text = hashed_lock(path.read_text(encoding="utf-8"), f"cp3{version[1] if version else 11}")
+        found = re.search(r"python-(3\.\d+)", path.name)
+        first = names_of_tests(path, found[1]) if found else set()
+        lock = path.read_text(encoding="utf-8")
+        text = hashed_lock(lock, found[1] if found else "3.11", first)
         path.with_suffix(".hashes.txt").write_text(text, encoding="utf-8")
 
 
