@@ -15,6 +15,8 @@ from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
 from legoworld.records.bench_run import BenchRow
 from legoworld.records.coco_file import CocoFile
 from legoworld.records.comparison import Comparison, JoinedComparison
+from legoworld.records.depth import DepthEvidence
+from legoworld.records.detection import DetectionEvidence
 from legoworld.records.evaluation_rows import (
     CategoryRow,
     DetectionRow,
@@ -22,7 +24,6 @@ from legoworld.records.evaluation_rows import (
     UnscoredDepthRow,
 )
 from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
-from legoworld.records.evidence import BenchEvidence, DepthEvidence, DetectionEvidence
 from legoworld.records.execution import ExecutionFile
 from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
@@ -34,6 +35,7 @@ from legoworld.records.plugin_requirements import Report
 from legoworld.records.plugin_room import ConstructionPlan, Room
 from legoworld.records.plugin_state import SceneState
 from legoworld.records.predictions import Prediction
+from legoworld.records.reconstruction import BenchEvidence
 from legoworld.records.reconstruction_judges import Judgement
 from legoworld.records.reconstruction_leaderboard import Leaderboard
 from legoworld.records.reconstruction_rows import ReconstructionRow

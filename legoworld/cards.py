@@ -9,12 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from legoworld.conventions import ALPHA_THRESHOLD, EQUAL_CONFIDENCE, NO_DEPTH, NO_INSTANCE
+from legoworld.conventions import ALPHA_THRESHOLD, NO_DEPTH, NO_INSTANCE
 from legoworld.errors import CatalogError, InstallationError, cause
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
 from legoworld.shipped import catalog
+from legoworld.tasks.registry import task_named
 
 T = TypeVar("T")
 
@@ -34,58 +35,6 @@ _FIXED: dict[str, Any] = {
     "visibility.no_hit_instance": NO_INSTANCE,
     "visibility.no_hit_depth": NO_DEPTH,
 }
-_FIXED_FOR: dict[str, dict[str, Any]] = {
-    "coco": {
-        "readout.reads": "boxes",
-        "export.fields": ["image_id", "category_id", "bbox", "score"],
-        "export.score": EQUAL_CONFIDENCE,
-        "export.order": ["image_id", "category_id", "payload"],
-        "export.bbox_format": "xywh",
-        "export.bbox_edges": "integer_pixel_edges",
-        "export.min_area_px": 1,
-        "vocabulary.override_property": "coco_category",
-        "vocabulary.synonyms": "none",
-        "vocabulary.qualifier": "required",
-    },
-    "coco-masks": {
-        "readout.reads": "masks",
-        "export.fields": ["image_id", "category_id", "segmentation", "score"],
-        "export.score": EQUAL_CONFIDENCE,
-        "export.order": ["image_id", "category_id", "payload"],
-        "export.segmentation": "rle_compressed",
-        "export.min_area_px": 1,
-        "vocabulary.override_property": "coco_category",
-        "vocabulary.synonyms": "none",
-    },
-    "lvis": {
-        "readout.reads": "masks",
-        "export.fields": ["image_id", "category_id", "segmentation", "score"],
-        "export.score": EQUAL_CONFIDENCE,
-        "export.order": ["image_id", "category_id", "payload"],
-        "export.segmentation": "rle_compressed",
-        "export.min_area_px": 1,
-        "vocabulary.override_property": "lvis_category",
-        "vocabulary.synonyms": "unambiguous",
-        "vocabulary.qualifier": "where_ambiguous",
-    },
-    "eth3d": {"readout.reads": "depth"},
-    "bench": {
-        "readout.reads": "surface_and_render",
-        "raster.frame": "full",
-        "raster.intrinsics": "reference",
-        "render.engine": "CYCLES",
-        "render.device": "CPU",
-        "render.adaptive_sampling": False,
-        "render.denoiser": False,
-        "render.compositor": False,
-        "render.sequencer": False,
-        "render.border": False,
-        "render.film_transparent": False,
-        "render.resolution_percentage": 100,
-        "scoring.comparison": "<=",
-        "scoring.failed_image": "zero",
-    },
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +49,11 @@ class Card:
     def version(self) -> str:
         """The card's version, which a run records."""
         return self.declared.readout.version
+
+    @property
+    def reads(self) -> str:
+        """What is read: "boxes", "masks", "depth" or others."""
+        return self.declared.readout.reads
 
     @cached_property
     def declared(self) -> ReadoutCard:
@@ -143,14 +97,15 @@ class Card:
 
 
 def load_card(task: str) -> Card:
-    """The shipped card of a task."""
-    return read_card(catalog.folder("readouts") / f"{task}.toml", task)
+    """The card of a task."""
+    shipped = catalog.folder("readouts") / f"{task}.toml"
+    return read_card(task_named(task).card or shipped, task)
 
 
 def read_card(path: Path, task: str) -> Card:
     """Read a card; InstallationError when a fixed value is not the one the code implements."""
     card = read_values(path, task)
-    card.hold_to({**_FIXED, **_FIXED_FOR[task]})
+    card.hold_to({**_FIXED, **task_named(task).fixed})
     return card
 
 

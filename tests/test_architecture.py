@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 import legoworld
+from legoworld.tasks.shipped import TASKS
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(legoworld.__file__).parent
@@ -29,6 +32,7 @@ ROOMS = [
         "extras",
     ),
     ("shipped",),
+    ("tasks",),
     ("records",),
     ("cards", "tracks", "depth_files"),
     ("workers",),
@@ -138,3 +142,49 @@ def test_what_only_a_cluster_s_environment_has_is_used_by_its_tests_alone():
     assert len(users) > 3
     for path in users - {folder / "cluster" / "conftest.py"}:
         assert "mark.cluster" in path.read_text(encoding="utf-8"), path
+
+
+#: Where a task or a family is at home, and where its name means something else.
+AT_HOME = {
+    "tasks/shipped.py": "the table itself",
+    "bench": "the room of the bench alone",
+    "evaluation/detection/lvis_package.py": "the package of that name",
+    "evaluation/detection/evaluators.py": "the package of that name",
+    "records/folders/evaluation_folder.py": "packages",
+    "report/provenance.py": "packages",
+    "records/bench_dataset.py": "a file's own word for what it is",
+    "evaluation/reconstruction/articulation_card.py": "a card's own word",
+    "commands/bench_command.py": "the command of that name",
+    "cli.py": "the command of that name",
+    "commands/export_command.py": "a file format",
+    "report/page_file.py": "a key of the page",
+}
+
+
+def test_no_room_but_its_own_names_a_task():
+    """A task is asked of the registry; depth alone is a plain word of the field as well."""
+    names = {task.name for task in TASKS} | {task.dataset.name for task in TASKS}
+    found = []
+    for path in FILES:
+        inside = path.relative_to(PACKAGE)
+        if str(inside) in AT_HOME or inside.parts[0] in AT_HOME:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and node.value in names:
+                found.append(f"{inside}:{node.lineno}: {node.value!r}")
+    assert found == []
+
+
+def test_scoring_boxes_loads_nothing_of_other_families():
+    program = (
+        "import sys\n"
+        "from legoworld.tasks.registry import family_of\n"
+        "for storey in ('records', 'evaluation', 'comparison'):\n"
+        "    family_of('coco').load(storey)\n"
+        "print(*sorted(m for m in sys.modules if m.startswith('legoworld.')))\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    loaded = {name for name in ran.stdout.split() if re.search("depth|reconstruction", name)}
+    assert loaded == set()

@@ -16,7 +16,7 @@ from legoworld import cli
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.readouts.instructions import accepted_synonyms, instructions
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.shipped import catalog
 from legoworld.tracks.dataset_versions import dataset_of
 from legoworld.tracks.vocabulary import Category, Vocabulary

@@ -13,10 +13,12 @@ from legoworld.errors import UsageError
 from legoworld.files import readable_json, sha256_of_file, write_text
 from legoworld.readouts.instructions import instructions
 from legoworld.readouts.instructions_text import instructions_text
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.records.base import decode
 from legoworld.records.plugin_modules import Module
 from legoworld.records.track import PRIVATE_KEYS
+from legoworld.tasks.registry import task_names
+from legoworld.tasks.shipped import BENCH
 from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import Track, TrackImage, load_track
 
@@ -36,7 +38,6 @@ _REFERENCE: Final = "reference"
 PUBLIC: Final = "task.json"
 PROMPT: Final = "prompt.md"
 #: Its tasks have no vocabulary and no labels: the plain prompt says all.
-BENCH: Final = "bench"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +85,7 @@ def commission(
         raise UsageError(
             "the track does not say what it is for",
             found=track_path.name,
-            expected="--task coco, lvis, eth3d or bench",
+            expected=f"--task {' or '.join(task_names())}",
             next_step="pass --task",
         )
     document = decode(dict[str, Any], track_path.read_bytes())

@@ -16,7 +16,7 @@ from legoworld.evaluation.detection.inputs.masks import (
 from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns
 from legoworld.evaluation.detection.inputs.prediction_order import order_of
 from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
-from legoworld.evaluation.detection.protocols import PROTOCOLS
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import (
     Run,
     RunUnusableError,
@@ -36,6 +36,8 @@ from legoworld.records.coco_file import (
 )
 from legoworld.records.predictions import Box, Rle
 from legoworld.shipped import catalog
+from legoworld.tasks.registry import family_of, tasks_of
+from legoworld.tasks.shipped import DETECTION
 from legoworld.tracks.dataset_versions import dataset_of
 from legoworld.tracks.track import load_track
 from legoworld.tracks.vocabulary import Vocabulary, load
@@ -55,10 +57,10 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
             next_step="choose another -o, or pass --overwrite",
         )
     run = read_run(run_folder)
-    if run.task not in PROTOCOLS:
+    if family_of(run.task) != DETECTION:
         raise UsageError(
             f"a run of {run.task} has no boxes or masks",
-            expected=f"a run of {', '.join(PROTOCOLS)}",
+            expected=f"a run of {', '.join(task.name for task in tasks_of(DETECTION))}",
             next_step="read depth from the run's own files, one per photo",
         )
     vocabulary = _vocabulary(run, track)
@@ -108,11 +110,11 @@ def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> Co
 
 def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
     return check_results(
-        read_predictions(run, kind_of(PROTOCOLS[run.task])),
+        read_predictions(run, kind_of(detection_protocol(run.task))),
         status_by_image={i.image_id: i.status for i in run.images},
         sizes_wh={i.image_id: i.size_wh for i in run.images if i.size_wh is not None},
         vocabulary=vocabulary,
-        protocol=PROTOCOLS[run.task],
+        protocol=detection_protocol(run.task),
         order=order_of(run.configuration),
         check_boxes=check_box_values,
     )

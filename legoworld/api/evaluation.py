@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -10,22 +9,16 @@ from typing import Any, Literal
 from legoworld.api.arguments import checked
 from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
-from legoworld.errors import UsageError
+from legoworld.api.settings import own_options
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
+from legoworld.evaluation.family import EvaluationRequest, evaluation_of
 from legoworld.evaluation.opening import Origins
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
-from legoworld.records.evaluation_kinds import TaskSummary
-from legoworld.records.evaluation_summary import (
-    Coverage,
-    DepthSummary,
-    Interval,
-    Means,
-    Values,
-)
+from legoworld.records.evaluation_summary import Coverage, Summary
 from legoworld.records.folders.evaluation_reading import EVIDENCE, read_image_rows, read_summary
-from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.remote import Place
+from legoworld.tasks.registry import family_of
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.tasks import WorkerPool
 
@@ -35,7 +28,7 @@ class Evaluation:
     """An evaluation folder. summary: summary.json; undefined numbers are None."""
 
     folder: Place
-    summary: TaskSummary
+    summary: Summary
 
     @classmethod
     @checked
@@ -51,11 +44,15 @@ class Evaluation:
         return self.summary.task
 
     @property
-    def metrics(self) -> Values | Means:
+    def metrics(self) -> dict[str, Any]:
         """Metric values as fractions; for depth a dict by hole policy."""
-        if isinstance(self.summary, ReconstructionSummary):
-            return {name: mean.value for name, mean in self.summary.metrics.items()}
-        return self.summary.metrics
+        found: dict[str, Any] = {}
+        for name, policy, value, _ in self.summary.metric_values():
+            if family_of(self.task).by_policy:
+                found.setdefault(name, {})[policy] = value
+            else:
+                found[name] = value
+        return found
 
     @property
     def coverage(self) -> Coverage:
@@ -69,7 +66,7 @@ class Evaluation:
         low, high: the 95 % bootstrap interval, or None.
         """
         rows: list[dict[str, str | int | float | None]] = []
-        for name, policy, value, interval in self._values():
+        for name, policy, value, interval in self.summary.metric_values():
             rows.append(
                 {
                     "task": self.task,
@@ -98,19 +95,6 @@ class Evaluation:
         from legoworld.report.notebook import evaluation_html
 
         return evaluation_html(self.summary)
-
-    def _values(self) -> Iterator[tuple[str, str | None, float | None, Interval | None]]:
-        summary = self.summary
-        if isinstance(summary, DepthSummary):
-            for name, by_policy in summary.metrics.items():
-                for policy, value in by_policy.items():
-                    yield name, policy, value, summary.intervals[name][policy]
-        elif isinstance(summary, ReconstructionSummary):
-            for name, mean in summary.metrics.items():
-                yield name, mean.over, mean.value, mean.interval
-        else:
-            for name, value in summary.metrics.items():
-                yield name, None, value, summary.intervals.get(name)
 
 
 @checked
@@ -153,74 +137,24 @@ def evaluate(
     with read_from(source) as here, written_whole(written, last=EVIDENCE) as folder:
         run_read = read_run(here)
         listener.total(len(run_read.images))
-        _refuse_others_options(
+        options = own_options(
             run_read.task, evaluator=evaluator, camera_model=camera_model,
-            reference_sampling=reference_sampling, diagnostics=diagnostics,
+            reference_sampling=reference_sampling, diagnostics=None if diagnostics else False,
         )  # fmt: skip
-        draws = draws or (10_000 if run_read.task == "bench" else 2000)
-        summary: TaskSummary
-        if run_read.task == "bench":
-            from legoworld.evaluation.reconstruction.choices import Choices
-            from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
-
-            summary = evaluate_bench(
-                here,
-                Path(truth),
-                folder,
-                choices=Choices(sampling=reference_sampling or "raster", diagnostics=diagnostics),
-                draws=draws,
+        summary = evaluation_of(run_read.task).evaluate(
+            EvaluationRequest(
+                run=here,
+                truth=Path(truth),
+                output=folder,
+                draws=draws or family_of(run_read.task).draws,
                 seed=seed,
+                options=options,
                 overwrite=overwrite,
                 progress=listener.scored,
-                pool=pool,
-                origins=origins,
-            )
-        elif run_read.task == "eth3d":
-            from legoworld.evaluation.depth.evaluate import evaluate_depth
-
-            summary = evaluate_depth(
-                here,
-                Path(truth),
-                folder,
-                camera_model=camera_model or "none",
-                draws=draws,
-                seed=seed,
-                overwrite=overwrite,
-                progress=listener.scored,
-                pool=pool,
-                origins=origins,
-            )
-        else:
-            from legoworld.evaluation.detection.evaluate import evaluate_detections
-
-            summary = evaluate_detections(
-                here,
-                Path(truth),
-                folder,
-                evaluator=evaluator,
-                draws=draws,
-                seed=seed,
-                overwrite=overwrite,
                 notice=listener.notice,
                 warn=listener.warn,
                 pool=pool,
                 origins=origins,
-            ).summary
+            )
+        )
     return Evaluation(folder=written, summary=summary)
-
-
-def _refuse_others_options(
-    task: str,
-    *,
-    evaluator: EvaluatorKind | None,
-    camera_model: str | None,
-    reference_sampling: str | None,
-    diagnostics: bool,
-) -> None:
-    """UsageError for an option of another task."""
-    if evaluator is not None and task in ("eth3d", "bench"):
-        raise UsageError("--evaluator is for boxes and masks: depth and bench have one evaluator")
-    if camera_model is not None and task != "eth3d":
-        raise UsageError("--camera-model is for depth: nothing else is warped")
-    if task != "bench" and (reference_sampling is not None or not diagnostics):
-        raise UsageError("--reference-sampling and --no-diagnostics are for a bench")

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.family import EvaluationRequest, evaluation_of
 from legoworld.readouts.pictures import read_photo
-from legoworld.readouts.tasks import Protocol, protocol
-from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+from legoworld.readouts.protocol import Protocol, protocol
+from legoworld.records.evaluation_summary import Summary
 from legoworld.records.execution import ExecutionFile
 from legoworld.records.report_page import Advice
 from legoworld.records.run_rows import RunRow
@@ -26,7 +25,8 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, Source, find_scene
 from legoworld.scene.programs.execution import execute
-from legoworld.track_making.making import DepthChoice, annotation_source, depth_source, make_track
+from legoworld.track_making.family import track_of as track_source
+from legoworld.track_making.making import make_track
 from legoworld.tracks.track import Track, load_track, photo_names
 
 Say = Callable[[str], None]
@@ -59,7 +59,7 @@ class PhotoScore:
     """
 
     row: RunRow
-    summary: DetectionSummary | DepthSummary | None
+    summary: Summary | None
     advice: tuple[Advice, ...]
     execution: ExecutionFile | None
     overlay: Path | None
@@ -121,10 +121,7 @@ def _image_name(request: PhotoRequest) -> str:
     """The photo's file name in the ground truth, with the folders used there."""
     if request.image is not None:
         return request.image
-    if request.task == "eth3d":
-        images = depth_source(request.truth, DepthChoice()).images
-    else:
-        images = annotation_source(request.task, request.truth).images
+    images = track_source(request.task).source(request.task, request.truth, {}).images
     parts = request.photo.resolve().parts
     tails = ["/".join(parts[-n:]) for n in range(len(parts), 0, -1)]
     names = {name for image in images for name in photo_names(image)}
@@ -198,18 +195,7 @@ def _look(request: PhotoRequest, scene: Path, reading: Protocol, folder: Path) -
     write_inspection(inspection, folder, request.photo)
 
 
-def _evaluate(request: PhotoRequest, run: Path, output: Path) -> DetectionSummary | DepthSummary:
-    if request.task == "eth3d":
-        return evaluate_depth(run, request.truth, output, draws=_DRAWS, overwrite=True)
-    evaluation = evaluate_detections(
-        run,
-        request.truth,
-        output,
-        evaluator=None,
-        draws=_DRAWS,
-        seed=0,
-        overwrite=True,
-        notice=lambda _text: None,
-        warn=lambda _text: None,
+def _evaluate(request: PhotoRequest, run: Path, output: Path) -> Summary:
+    return evaluation_of(request.task).evaluate(
+        EvaluationRequest(run=run, truth=request.truth, output=output, draws=_DRAWS, overwrite=True)
     )
-    return evaluation.summary

@@ -16,13 +16,14 @@ from legoworld.api.settings import (
     TIME_LIMIT_S,
     Cache,
     limits_of,
+    own_options,
     refuse_other_task,
     snapshot_cache,
     track_of,
 )
 from legoworld.errors import CatalogError, UsageError
 from legoworld.pluralize import counted
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.records.base import as_json
 from legoworld.records.folders.run_reading import RUN
 from legoworld.records.run_file import RunSummary
@@ -30,7 +31,6 @@ from legoworld.records.run_rows import RunRow
 from legoworld.remote import Place
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, run_readout, shard_images
-from legoworld.running.submission import bench_rules
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source
 from legoworld.tracks.track import Track, folders_without_scene, track_of_folder
@@ -108,7 +108,7 @@ def readout(
 ) -> Run:
     """Read labels out of scenes into a run folder; repeat the call to resume.
 
-    scenes, output: folders or their URLs. task: "coco", "coco-masks", "lvis", "eth3d" or "bench".
+    scenes, output: folders or their URLs. task: the name of one; `legoworld list tasks` lists them.
     track: the images; without one every scene folder is an image. source: the file of each scene to
     read. workers: Blender processes, None for one per core. limit: read the first images only;
     image_ids: read these images only; shard: (i, n), read every n-th image only, starting at the
@@ -124,23 +124,18 @@ def readout(
     KernelBuildError before anything is read.
     """
     place, written = place_of(scenes), place_of(output)
-    if max_side is not None and task != "eth3d":
-        raise UsageError(
-            "--max-side is for depth: boxes and masks are read at the image's own size",
-        )
-    if images_per_file is not None and task in ("eth3d", "bench"):
-        raise UsageError(
-            "--images-per-file is for boxes and masks: each image already has its own files",
-        )
+    given = own_options(
+        task,
+        max_side=max_side,
+        images_per_file=images_per_file,
+        render=None if render else False,
+        render_noise=render_noise or None,
+    )
     images = track_of(track) if track is not None else track_of_folder(place)
     refuse_other_task(images, task)
     reading = protocol(task, images.vocabulary)
-    bench = None
-    if reading.task.exports == "surface":
-        _refuse_what_a_bench_lacks(images, source)
-        bench = bench_rules(reading.card, render=render, noise=render_noise)
-    elif render_noise or not render:
-        raise UsageError("a render is made for the bench alone", found=f"--task {task}")
+    rules = reading.readout.rules
+    bench = rules(reading.card, images, source, given) if rules else None
     _refuse_output_in_a_scene(written, place)
     if track is None and shard is None and isinstance(place, Path):
         _note_folders_without_scene(place, listener)
@@ -181,20 +176,6 @@ def readout(
         )
     unmatched = _strangers(place, images) if track is not None and shard is None else []
     return Run(folder=written, rows=result.rows, summary=result.summary, strangers=tuple(unmatched))
-
-
-def _refuse_what_a_bench_lacks(images: Track, source: Source) -> None:
-    """UsageError for a track without fields of view, and for another scene file."""
-    blind = [image.file_name for image in images.images if image.hfov_deg is None]
-    if blind:
-        raise UsageError(
-            "the images are no bench's: they have no field of view",
-            found=f"{blind[0]} without hfov_deg",
-            expected="DATASET/public/track.json",
-            next_step="pass it with --track; `legoworld bench make` writes it",
-        )
-    if source != "blend":
-        raise UsageError("a submission's surface is read from scene.blend: leave --source out")
 
 
 def _strangers(scenes: Place, track: Track) -> list[Stranger]:

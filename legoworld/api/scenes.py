@@ -22,7 +22,8 @@ from legoworld.api.settings import (
 )
 from legoworld.errors import UsageError
 from legoworld.readouts import pictures
-from legoworld.readouts.tasks import Protocol
+from legoworld.readouts.family import AnsweredImage
+from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import as_json, canonical
 from legoworld.records.instances import InstanceRow
 from legoworld.running.inspection import Inspection, OpenScene, look, write_inspection
@@ -31,6 +32,7 @@ from legoworld.running.source_comparison import SourceComparison, compare_source
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import Source, find_scene
 from legoworld.scene.snapshot import RenderSettings, SceneCamera
+from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.track import Track
 from legoworld.visibility.projection import Projection
 
@@ -101,7 +103,7 @@ class Scene:
     ) -> SceneView:
         """The scene as seen by its active camera.
 
-        task: the task whose vocabulary resolves the labels ("coco", "coco-masks", "lvis"); without
+        task: the task whose vocabulary resolves the labels (such as "coco"); without
         a task and a track every label counts as written. track: a track whose vocabulary (and task,
         if it records one) is used. size_wh: width and height in pixels; None uses the scene's own.
 
@@ -226,14 +228,23 @@ class SceneView:
         Raises UsageError without a task, and for depth, which is `depth_z_m`.
         """
         protocol = self._protocol
-        if protocol is None or protocol.task.predict is None:
+        exporter = protocol.readout.exports if protocol else None
+        if protocol is None or exporter is None:
+            labelled = [task.name for task in known_tasks() if task.family.labelled]
             raise UsageError(
                 "only a view of a task with boxes or masks has predictions",
                 found=f"task {protocol.task.name}" if protocol else "a view without a task",
-                expected="view(task='coco'), 'coco-masks' or 'lvis'",
+                expected=f"view(task=...) of {', '.join(labelled)}",
             )
         inspection = self._inspection
-        exports = protocol.task.predict(image_id, inspection.grouping.instances, inspection.view)
+        image = AnsweredImage(
+            image_id=image_id,
+            name=str(image_id),
+            run=Path(),
+            instances=inspection.grouping.instances,
+            view=inspection.view,
+        )
+        exports = exporter(protocol.card.reads, image)
         entries: list[dict[str, Any]] = json.loads(
             canonical([prediction for prediction, _ in exports])
         )

@@ -15,7 +15,7 @@ from legoworld.baselines.request import common_configuration
 from legoworld.errors import UsageError, one_line
 from legoworld.files import EncodingError, canonical_json, sha256_of_text, utf8_text
 from legoworld.pluralize import in_another_folder
-from legoworld.readouts.tasks import Protocol
+from legoworld.readouts.protocol import Protocol
 from legoworld.records.folders.run_journal import JournalledImage
 from legoworld.records.run_file import BaselineAbout, Configuration, ImageRecord, Imported
 from legoworld.running.image_record import failed_record

@@ -11,13 +11,14 @@ from msgspec import structs
 
 from legoworld import __version__
 from legoworld.baselines.conversation import Conversation, Provenance
+from legoworld.baselines.family import baseline_of
 from legoworld.baselines.records import PhotoMissingError, is_intact
 from legoworld.baselines.request import BaselineRequest, configuration_of, selected_images
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share, word_for
-from legoworld.readouts.depth import depth_file
+from legoworld.readouts.protocol import readout_of
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import JournalledImage, append, journal
 from legoworld.records.folders.run_reading import RUN_SCHEMA, recorded_configuration
@@ -33,6 +34,7 @@ from legoworld.records.run_file import (
 from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import failed_record
 from legoworld.running.readout_run import Progress, RunResult
+from legoworld.tasks.registry import task_named
 from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.environment import passed
@@ -167,20 +169,20 @@ def write_run(
 ) -> RunResult:
     """Write the canonical files of a baseline's run, from journalled records in image order.
 
-    Depth files of images without a result, of an earlier photo or refused, are deleted.
+    Files of images without a result, of an earlier photo or refused, are deleted.
     """
     rows = tuple(record.row for record in records)
-    if configuration.task == "eth3d":
-        for row in rows:
-            if row.status != "ok":
-                (folder / depth_file(row.scene)).unlink(missing_ok=True)
+    own_file = baseline_of(configuration.task).own_file
+    for row in rows if own_file else ():
+        if own_file and row.status != "ok":
+            (folder / own_file(row)).unlink(missing_ok=True)
     summary = summarise(configuration, rows)
     run_folder.finish(
         folder,
         records=records,
         run=_run_document(configuration, baseline),
         summary=summary,
-        with_predictions=configuration.task != "eth3d",
+        with_predictions=readout_of(task_named(configuration.task)).exports is not None,
     )
     return RunResult(rows=rows, summary=summary)
 
@@ -203,16 +205,7 @@ def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummar
         counts=dict(counts),
         warnings=sum(len(row.warnings) for row in rows),
     )
-    if configuration.task == "eth3d":
-        depth_bytes = sum(row.depth.bytes for row in ok if row.depth)
-        return structs.replace(summary, depth_bytes=depth_bytes)
-    made = [row.n_predictions or 0 for row in ok]
-    return structs.replace(
-        summary,
-        coverage=structs.replace(summary.coverage, ok_empty=made.count(0)),
-        predictions=sum(made),
-        empty_masks_dropped=sum(row.empty_masks_dropped or 0 for row in ok),
-    )
+    return baseline_of(configuration.task).sum_up(summary, ok)
 
 
 def _run_document(configuration: Configuration, baseline: BaselineAbout) -> RunFile:

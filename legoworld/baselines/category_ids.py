@@ -15,6 +15,7 @@ from legoworld.errors import UsageError
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.pluralize import counted, share, word_for
 from legoworld.shipped import catalog
+from legoworld.tasks.shipped import COCO, LVIS
 from legoworld.tracks.dataset_versions import dataset_of, dataset_version
 from legoworld.tracks.vocabulary import Vocabulary, normal_name
 
@@ -23,9 +24,9 @@ CATEGORY_IDS: Final[tuple[CategoryIds, ...]] = get_args(CategoryIds)
 
 #: Contiguous numberings: their dataset, and the number of its first category.
 _CONTIGUOUS: Final[Mapping[CategoryIds, tuple[str, int]]] = {
-    "coco80-0": ("coco", 0),
-    "coco80-1": ("coco", 1),
-    "lvis-0": ("lvis", 0),
+    "coco80-0": (COCO.name, 0),
+    "coco80-1": (COCO.name, 1),
+    "lvis-0": (LVIS.name, 0),
 }
 _SHOWN_CATEGORIES: Final = 8
 _SHOWN_IN_A_READING: Final = 3
@@ -152,7 +153,7 @@ def plain_ids(entries: Iterable[Entry]) -> Counter[int]:
 
 def _fits_better_shifted(ids: Counter[int], vocabulary: Vocabulary) -> bool:
     """Whether ids + 1 name LVIS's frequent categories more often than the ids do."""
-    path = catalog.folder("datasets") / "lvis" / "categories.json"
+    path = catalog.folder("datasets") / LVIS.name / "categories.json"
     frequent = {
         normal_name(c["name"])
         for c in json.loads(path.read_text(encoding="utf-8"))

@@ -29,7 +29,7 @@ from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.pluralize import counted
-from legoworld.readouts.depth import depth_file
+from legoworld.readouts.depth import depth_file, depth_file_bytes
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom, ReadArray
@@ -71,7 +71,13 @@ def import_depth(
         earlier = run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
         by_id = {record.row.image_id: record for record in earlier}
         sizes = [i.size_wh for i in images if i.id not in by_id and i.size_wh is not None]
-        check_disk(request.run, sizes, notice, next_step="free some space, or choose another -o")
+        check_disk(
+            request.run,
+            [depth_file_bytes(size) for size in sizes],
+            notice,
+            what="depth",
+            next_step="free some space, or choose another -o",
+        )
         with journal(request.run) as stream:
             records = []
             for record in _depth_records(request, source, matches, by_id):

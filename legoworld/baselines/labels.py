@@ -10,6 +10,7 @@ from typing import Final
 from legoworld.errors import LegoWorldError
 from legoworld.pluralize import counted
 from legoworld.records.base import RecordError, decode
+from legoworld.tasks.shipped import COCO
 from legoworld.tracks.dataset_versions import dataset_of
 from legoworld.tracks.vocabulary import Category, Vocabulary, normal_name
 
@@ -44,7 +45,7 @@ def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
     labels: LabelMap = {
         old: name
         for old, name in OLD_NAMES.items()
-        if dataset_of(task) == "coco" and vocabulary.match(name) and not vocabulary.match(old)
+        if dataset_of(task) == COCO.name and vocabulary.match(name) and not vocabulary.match(old)
     }
     if path is not None:
         own = _read(path)

@@ -18,7 +18,7 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_text
-from legoworld.readouts.tasks import Protocol
+from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import UNSET
 from legoworld.records.baseline_messages import (
     ChildRequest,

@@ -16,7 +16,7 @@ from legoworld.evaluation.reconstruction.case import CaseTask, score_case
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchDataset
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.records.base import RecordError, as_json, decode, to_record
 from legoworld.records.bench_run import BenchRow
 from legoworld.records.bench_serving import ServeAnswer, ServeRequest

@@ -11,11 +11,9 @@ from legoworld.commands import baseline_output, options
 from legoworld.commands.progress import shown_progress
 
 if TYPE_CHECKING:
-    from legoworld.baselines.baseline_import import ImportRequest
     from legoworld.baselines.box_formats import BoxFormat
     from legoworld.baselines.category_ids import CategoryIds
-    from legoworld.baselines.depth_folder import DepthSource
-    from legoworld.running.readout_run import RunResult
+    from legoworld.baselines.family import BaselineFamily
 
 
 @click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
@@ -103,28 +101,27 @@ def import_command(
     """
     from legoworld.baselines.baseline_import import ImportRequest
     from legoworld.baselines.baseline_import import images_run as read_images_run
+    from legoworld.baselines.family import Telling, baseline_of
 
     images, protocol = baseline_output.track_of(task, track)
-    for_depth: dict[str, object] = {"--space": space, "--unit": unit, "--intrinsics": intrinsics}
-    for_depth |= {"--array": array, "--suffix": suffix}
-    for_boxes = {"--box-format": box_format if task != "coco" else None}
-    for_labels = {
-        "--label-map": label_map,
-        "--subset": subset or None,
-        "--category-ids": category_ids,
-    }
-    wrong = {**for_boxes, **(for_labels if task == "eth3d" else for_depth)}
-    for option, value in wrong.items():
-        if value is not None:
-            raise click.UsageError(f"{option} is not for --task {task}")
+    given: dict[str, object] = {
+        "box_format": box_format, "category_ids": category_ids, "label_map": label_map,
+        "subset": subset or None, "space": space, "unit": unit, "intrinsics": intrinsics,
+        "array": array, "suffix": suffix,
+    }  # fmt: skip
+    given = {name: value for name, value in given.items() if value is not None}
+    family, reads = baseline_of(task), protocol.card.reads
+    for name in given:
+        if name not in family.options or (name == "box_format" and reads != "boxes"):
+            raise click.UsageError(f"--{name.replace('_', '-')} is not for --task {task}")
     if unit is not None:
         _check_unit(unit)
     if space == "disparity" and unit:
         raise click.UsageError("--unit is for depth: disparity has an unknown scale and shift")
     if space in ("depth", "disparity") and intrinsics:
         raise click.UsageError(f"--intrinsics is for ray distance, not for --space {space}")
-    if source.is_dir() != (task == "eth3d"):
-        raise click.UsageError(_not_of_the_task(source, task))
+    if source.is_dir() != family.of_folder:
+        raise click.UsageError(_not_of_the_task(source, task, family))
     request = ImportRequest(
         protocol=protocol,
         track=images,
@@ -134,13 +131,9 @@ def import_command(
         subset=subset,
         overwrite=overwrite,
     )
-    if task == "eth3d":
-        depth = _depth_source(source, space, unit, intrinsics, array, suffix)
-        result = _import_depth(request, depth, quiet=quiet)
-    else:
-        result = _import_detections(
-            request, source, box_format, category_ids, label_map, quiet=quiet
-        )
+    with shown_progress("image", quiet=quiet) as shown:
+        telling = Telling(total=shown.total, progress=shown.row, notice=shown.notice)
+        result = family.import_answers(request, source, given, telling)
     return baseline_output.show(result, output, as_json=as_json, verbose=verbose)
 
 
@@ -151,62 +144,14 @@ def _check_unit(unit: str) -> None:
         raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
 
 
-def _not_of_the_task(source: Path, task: str) -> str:
+def _not_of_the_task(source: Path, task: str, family: BaselineFamily) -> str:
     from legoworld.baselines.foreign_results import next_step_for
 
-    if task == "eth3d":
-        return f"--task {task} imports a folder of depth arrays"
+    what = f"--task {task} imports {family.what}"
+    if family.of_folder:
+        return what
     advice = next_step_for(source)
-    what = f"--task {task} imports one results file, but {source.name} is a folder"
+    what += f", but {source.name} is a folder"
     if (source / "run.json").is_file():
         return f"{what}: it is already a run, evaluate it directly"
     return what + (f": {advice}" if advice else "")
-
-
-def _import_detections(
-    request: ImportRequest,
-    source: Path,
-    box_format: BoxFormat | None,
-    category_ids: CategoryIds | None,
-    label_map: Path | None,
-    *,
-    quiet: bool,
-) -> RunResult:
-    from legoworld.baselines.detection_import import DetectionSource, import_detections
-
-    labels = baseline_output.labels(label_map, request.protocol)
-    return import_detections(
-        request,
-        DetectionSource(
-            path=source, box_format=box_format, labels=labels, category_ids=category_ids
-        ),
-        notice=options.notifier(quiet),
-    )
-
-
-def _depth_source(
-    folder: Path,
-    space: str | None,
-    unit: str | None,
-    intrinsics: Path | None,
-    array: str | None,
-    suffix: str | None,
-) -> DepthSource:
-    from legoworld.baselines.depth_folder import DepthSource, read_cameras_file
-
-    return DepthSource(
-        folder=folder,
-        space=space,
-        unit=unit,
-        cameras=read_cameras_file(intrinsics) if intrinsics else {},
-        array=array,
-        suffix=suffix,
-    )
-
-
-def _import_depth(request: ImportRequest, source: DepthSource, *, quiet: bool) -> RunResult:
-    from legoworld.baselines.depth_import import import_depth
-
-    with shown_progress("image", quiet=quiet) as shown:
-        shown.total(len(request.track.images))
-        return import_depth(request, source, progress=shown.row, notice=shown.notice)

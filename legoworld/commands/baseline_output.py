@@ -14,7 +14,7 @@ from legoworld.records.base import UNSET
 
 if TYPE_CHECKING:
     from legoworld.baselines.confinement import Confined
-    from legoworld.readouts.tasks import Protocol
+    from legoworld.readouts.protocol import Protocol
     from legoworld.records.run_rows import RunRow
     from legoworld.running.readout_run import RunResult
     from legoworld.tracks.track import Track
@@ -26,12 +26,12 @@ sandbox_option = click.option(
     show_default=True,
     help="auto: bubblewrap where it works; bubblewrap: fail without it; limits: never.",
 )
-TASKS = options.Choice(["coco", "coco-masks", "lvis", "eth3d"])
+TASKS = options.TaskChoice(lambda task: task.family.baseline is not None)
 
 
 def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
     """The track and its task's protocol; click.UsageError for a track of another task."""
-    from legoworld.readouts.tasks import protocol
+    from legoworld.readouts.protocol import protocol
     from legoworld.tracks.track import load_track, serves
 
     images = load_track(track)
@@ -83,10 +83,12 @@ def _print(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool)
         click.echo(f"{row.status}: {row.file_name} (image {row.image_id}): {row.reason}")
     if len(bad) > 50:
         click.echo(f"... and {len(bad) - 50} more, in {output / 'per_image.jsonl'}")
+    from legoworld.cards import load_card
+
     coverage = summary.coverage
     line = f"{share(coverage.ok, coverage.attempted, 'image', 'images')} predicted"
     if coverage.ok_empty is not UNSET:
-        what = ("box", "boxes") if summary.task == "coco" else ("mask", "masks")
+        what = ("box", "boxes") if load_card(summary.task).reads == "boxes" else ("mask", "masks")
         made = counted(summary.predictions or 0, *what)
         line += f" ({coverage.ok_empty} without any), {made}"
     if summary.partial:

@@ -10,6 +10,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.progress import shown_progress
 from legoworld.pluralize import counted, share
+from legoworld.tasks.shipped import BENCH
 
 if TYPE_CHECKING:
     from legoworld.bench.family import MadeFamily
@@ -98,7 +99,7 @@ def make_command(
     from legoworld.records.run_rows import RunRow
     from legoworld.workers.engines import engine_cores
 
-    card = load_card("bench")
+    card = load_card(BENCH)
     workers = workers or engine_cores(engine)
     request = MakeRequest(
         scenes=scenes,

@@ -112,6 +112,7 @@ def command(
 def _show(found: Comparison, as_json: bool, verbose: bool, *, joined: bool = False) -> None:
     from legoworld.commands.comparison_short import short_comparison
     from legoworld.comparison.tables import comparisons_of
+    from legoworld.evaluation.family import evaluation_of
 
     if as_json:
         options.print_json(found.to_dict())
@@ -120,7 +121,7 @@ def _show(found: Comparison, as_json: bool, verbose: bool, *, joined: bool = Fal
     click.echo(f"\n-> {found.folder}")
     if not joined:
         (one,) = comparisons_of(found.document)
-        click.echo(options.report_hint(found.folder, photos=one.task != "bench"))
+        click.echo(options.report_hint(found.folder, photos=evaluation_of(one.task).photos))
 
 
 def _tables(document: Document) -> str:

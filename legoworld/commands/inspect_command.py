@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option("--photo", type=options.EXISTING_FILE, help="Photo to draw over; sets the size.")
 @click.option(
     "--task",
-    type=options.Choice(["coco", "coco-masks", "lvis"]),
+    type=options.TaskChoice(lambda task: task.family.labelled),
     help="Task whose vocabulary resolves the labels [default: every label counts].",
 )
 @click.option(

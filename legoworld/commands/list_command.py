@@ -9,10 +9,11 @@ import click
 
 from legoworld.commands import options
 from legoworld.shipped import catalog
+from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
     from legoworld.readouts.instructions import Instructions
-    from legoworld.readouts.tasks import Protocol
+    from legoworld.readouts.protocol import Protocol
     from legoworld.records.cards import LicensedHead
 
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 @click.argument("kind", type=options.Choice(["tasks", "datasets", "baselines", "schema"]))
 @click.option(
     "--task",
-    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
+    type=options.TaskChoice(options.has_track),
     help="List only entries for this task; schema: the task to describe [default: coco].",
 )
 @click.option(
@@ -42,7 +43,7 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
     if kind == "schema":
         from legoworld.api.settings import protocol_of
 
-        reading = protocol_of(task if task or track else "coco", track)
+        reading = protocol_of(task if task or track else DEFAULT, track)
         assert reading is not None
         return _schema(reading, as_json=as_json)
     options.refuse_given(["track"], f"is for schema, not for {kind}")

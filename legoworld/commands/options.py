@@ -15,6 +15,8 @@ import click
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import escaped, name_on_line
 from legoworld.pluralize import did_you_mean
+from legoworld.tasks.registry import known_tasks
+from legoworld.tasks.task import Task
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -35,6 +37,28 @@ class Choice(click.Choice[str]):
         except click.BadParameter as error:
             near = did_you_mean(str(value), list(self.choices))
             self.fail(f"{error.message.rstrip('.')}.{near}", param, ctx)
+
+
+class TaskChoice(Choice):
+    """The name of a task that a command can serve; the list is asked for when it is needed."""
+
+    def __init__(self, serves: Callable[[Task], bool] = lambda _task: True) -> None:
+        super().__init__(())
+        self._serves = serves
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The names, those that ship first."""
+        return tuple(task.name for task in known_tasks() if self._serves(task))
+
+    @choices.setter
+    def choices(self, _unused: object) -> None:
+        """Set by click alone."""
+
+
+def has_track(task: Task) -> bool:
+    """Whether tracks of the task are made from truth."""
+    return task.family.track is not None
 
 
 class SizeType(click.ParamType[tuple[int, int]]):

@@ -33,7 +33,7 @@ _OF_PROVIDER = (
 )  # fmt: skip
 @click.option("--image-id", type=int, help="The photo's id in a results file.")
 @click.option(
-    "--task", type=options.Choice(["coco", "lvis"]),
+    "--task", type=options.TaskChoice(lambda t: t.family.labelled and t.name == t.dataset.name),
     help="Whose category ids a results file has.",
 )  # fmt: skip
 @click.option("--depth", type=options.EXISTING_FILE, help="Relative depth: .npy, .npz or .png.")
@@ -82,7 +82,7 @@ def evidence(
     photo: Path,
     regions: tuple[Path, ...],
     image_id: int | None,
-    task: Literal["coco", "lvis"] | None,
+    task: str | None,
     depth: Path | None,
     space: Literal["depth", "disparity"],
     runs: tuple[Path, ...],

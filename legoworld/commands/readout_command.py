@@ -14,6 +14,7 @@ from legoworld.commands.progress import shown_progress
 from legoworld.commands.remote import PlaceType
 from legoworld.commands.run_text import show_run
 from legoworld.remote import Place
+from legoworld.tracks.dataset_versions import dataset_of
 
 if TYPE_CHECKING:
     from legoworld.scene.blender_process import BlenderProcess
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 @click.option(
     "--task",
     required=True,
-    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d", "bench"]),
+    type=options.TaskChoice(),
     help="Task to read out.",
 )
 @click.option(
@@ -114,7 +115,7 @@ def command(
 
     notice = options.notifier(quiet)
     if scenes is None:
-        scenes, shipped_track = shipped_examples(task)
+        scenes, shipped_track = shipped_examples(dataset_of(task))
         track = track or shipped_track
         output = output or Path("legoworld-runs") / f"examples-{task}"
         notice(f"no SCENES given: reading the {task} examples that ship with legoworld")

@@ -175,7 +175,7 @@ def _exports(task: str) -> str:
     """boxes, masks or depth."""
     from legoworld.cards import load_card
 
-    return load_card(task).declared.readout.reads
+    return load_card(task).reads
 
 
 def _exported(row: RunRow) -> tuple[object, object]:

@@ -10,8 +10,8 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
-from legoworld.commands.evaluation_short import short_depth, short_detections
 from legoworld.pluralize import counted
+from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
     from legoworld.api.one_photo import PhotoScore
@@ -33,8 +33,8 @@ _SHORT = 5
 )
 @click.option(
     "--task",
-    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
-    default="coco",
+    type=options.TaskChoice(options.has_track),
+    default=DEFAULT,
     show_default=True,
     help="Task to read out and score.",
 )
@@ -139,7 +139,7 @@ def _document(found: PhotoScore, overlay: Path | None) -> dict[str, object]:
 def _print(
     found: PhotoScore, overlay: Path | None, output: Path | None, *, verbose: bool, quiet: bool
 ) -> None:
-    from legoworld.records.evaluation_summary import DepthSummary
+    from legoworld.evaluation.family import evaluation_of
 
     row = found.row
     if found.execution is not None and found.execution.error is not None:
@@ -151,10 +151,7 @@ def _print(
     if found.summary is None:
         click.echo(f"{row.status}: {row.file_name}: {row.reason}")
         return
-    if isinstance(found.summary, DepthSummary):
-        click.echo(short_depth(found.summary))
-    else:
-        click.echo(short_detections(found.summary))
+    click.echo(evaluation_of(found.summary.task).short(found.summary))
     shown = found.advice if verbose else found.advice[:_SHORT]
     for one in shown:
         click.echo(f"{one.level}: {one.what}" + (f"; do: {one.do}" if one.do else ""))

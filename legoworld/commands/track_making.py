@@ -14,14 +14,13 @@ from legoworld.pluralize import counted, share
 
 if TYPE_CHECKING:
     from legoworld.records.track import MadeTrack
-    from legoworld.track_making.making import DepthChoice
 
 
 @click.command("make", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--task",
     required=True,
-    type=options.Choice(["coco", "coco-masks", "lvis", "eth3d"]),
+    type=options.TaskChoice(options.has_track),
     help="Task of the track.",
 )
 @click.option(
@@ -106,8 +105,8 @@ def make_command(
     if images is not None and sample is not None:
         raise click.UsageError("--images and --sample exclude each other: pass one")
     chosen = _lines(images) if images is not None else None
-    depth = {"--scenes": scenes, "--dataset": dataset, "--space": space, "--unit": unit}
-    _refuse_depth_options(task, {**depth, "--photos": photos}, with_photos=photos is not None)
+    named = {"scenes": scenes, "dataset": dataset, "space": space, "unit": unit, "photos": photos}
+    _refuse_others_options(task, named)
     if photos is not None:
         _declare(truth, space, unit, quiet=quiet)
     made = _make(
@@ -117,20 +116,22 @@ def make_command(
         sample,
         seed,
         chosen,
-        _depth_choice(scenes, dataset, photos),
+        _own_options(scenes, dataset=dataset, photos=photos),
         overwrite=overwrite,
         notice=options.notifier(quiet),
     )
     return _show(made, output, seed, as_json=as_json)
 
 
-def _refuse_depth_options(task: str, given: Mapping[str, object], *, with_photos: bool) -> None:
-    """Raise click.UsageError for depth options without a depth folder."""
-    for option, value in given.items():
-        if value is not None and task != "eth3d":
-            raise click.UsageError(f"track make: {option} is not for --task {task}")
-        if value is not None and option in ("--space", "--unit") and not with_photos:
-            raise click.UsageError(f"track make: {option} is for depth files, with --photos")
+def _refuse_others_options(task: str, given: Mapping[str, object]) -> None:
+    """Raise click.UsageError for an option that the task's tracks do not take."""
+    from legoworld.track_making.family import track_of
+
+    for name, value in given.items():
+        if value is not None and name not in track_of(task).options:
+            raise click.UsageError(f"track make: --{name} is not for --task {task}")
+        if value is not None and name in ("space", "unit") and given["photos"] is None:
+            raise click.UsageError(f"track make: --{name} is for depth files, with --photos")
 
 
 def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -> None:
@@ -143,15 +144,11 @@ def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -
         options.notifier(quiet)(f"{truth.name}/depth.toml now says: {' '.join(written.split())}")
 
 
-def _depth_choice(scenes: str | None, dataset: str | None, photos: Path | None) -> DepthChoice:
-    from legoworld.track_making.making import DepthChoice
-
-    named = [name.strip() for name in scenes.split(",")] if scenes is not None else None
-    return DepthChoice(
-        scenes=[name for name in named if name] if named is not None else None,
-        dataset=dataset,
-        photos=photos,
-    )
+def _own_options(scenes: str | None, **given: object) -> dict[str, object]:
+    """The options that were given; scenes as a list of names."""
+    if scenes is not None:
+        given["scenes"] = [name for part in scenes.split(",") if (name := part.strip())]
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _make(
@@ -161,7 +158,7 @@ def _make(
     sample: int | None,
     seed: int,
     chosen: list[str] | None,
-    depth: DepthChoice,
+    own: Mapping[str, object],
     *,
     overwrite: bool,
     notice: Callable[[str], None],
@@ -176,7 +173,7 @@ def _make(
             next_step="choose another -o, or pass --overwrite",
         )
     return make_track(
-        task, truth, output, sample=sample, seed=seed, chosen=chosen, depth=depth, notice=notice
+        task, truth, output, sample=sample, seed=seed, chosen=chosen, options=own, notice=notice
     )
 
 

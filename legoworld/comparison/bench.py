@@ -8,11 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.comparison.family import ComparisonFamily, Measurer
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, Measure, Measures, Metric
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.comparison import Images, Level
+from legoworld.records.evidence import ComparisonSettings
 from legoworld.records.reconstruction_rows import ReconstructionRow
 
 UNIT: Final = "family"
@@ -66,3 +68,37 @@ def _mean(
 
 def _kept(side: Evaluated, kept: NDArray[np.bool_]) -> list[ReconstructionRow]:
     return [row for row, keep in zip(side.bench_rows, kept, strict=True) if keep]
+
+
+def _notes(sides: Sequence[Evaluated]) -> list[str]:
+    """What A's noise and unequal attempts mean for a difference."""
+    notes = ["Attempted: a submission that is not valid counts 0. Paired: valid on both sides."]
+    for side in sides:
+        noise = side.bench.noise
+        if noise.reference_sd is not None:
+            notes.append(
+                f"{side.name}: A of the reference's own renders has a standard deviation of "
+                f"{noise.reference_sd:.4f} between seeds ({noise.n_reference} cases)."
+            )
+    return notes
+
+
+def _differences(first: Evaluated, other: Evaluated) -> list[str]:
+    ours, theirs = (side.bench.protocol.reference_sampling for side in (first, other))
+    return [] if ours == theirs else [f"reference sampling {ours} and {theirs}"]
+
+
+def _measurer(
+    scene: Evaluated, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+) -> Measurer:
+    families = family_draws(scene, kept, settings.draws, settings.seed)
+    return lambda side: measure_bench(side, images, kept, families)
+
+
+COMPARISON: Final = ComparisonFamily(
+    metrics=lambda _task: bench_metrics(),
+    unit=lambda _side: UNIT,
+    measurer=_measurer,
+    differences=_differences,
+    notes=_notes,
+)

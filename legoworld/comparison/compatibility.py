@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from legoworld.comparison.family import comparison_of_task
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted
 from legoworld.records.base import as_json
-from legoworld.records.evaluation_rows import ScoredDepthRow
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
 #: The fields of per_image rows that depend only on the ground truth.
@@ -25,6 +24,7 @@ class IncomparableError(LegoWorldError):
 def check_comparable(sides: Sequence[Evaluated], *, allow_truth_prompts: bool) -> None:
     """Check every baseline against the first side. IncomparableError names all differences."""
     first = sides[0]
+    family = comparison_of_task(first.task)
     for side in sides:
         if side.summary.partial:
             raise IncomparableError(
@@ -37,7 +37,7 @@ def check_comparable(sides: Sequence[Evaluated], *, allow_truth_prompts: bool) -
     for other in sides[1:]:
         if first.task != other.task:
             raise _different(first, other, [f"task {first.task} and {other.task}"])
-        differences = [*_differences(first, other), *_depth_differences(first, other)]
+        differences = [*_differences(first, other), *family.differences(first, other)]
         if differences:
             raise _different(first, other, differences)
 
@@ -64,11 +64,9 @@ def _different(first: Evaluated, other: Evaluated, differences: list[str]) -> In
 def _differences(first: Evaluated, other: Evaluated) -> list[str]:
     """Differences in what must be equal for every task."""
     facts: dict[str, Callable[[Evaluated], Any]] = {
-        "dataset version": lambda s: s.dataset_version,
         "evaluator": lambda s: f"{s.summary.evaluator.name} {s.summary.evaluator.version}",
         "card": lambda s: _short(s.evidence.configuration.card_sha256),
         "truth": _truth_files,
-        "reference sampling": lambda s: s.reference_sampling,
         "categories": lambda s: _short(s.run.configuration.vocabulary_sha256),
     }
     differences = []
@@ -101,44 +99,6 @@ def _image_differences(first: Evaluated, other: Evaluated) -> list[str]:
     ]
     unlike = [i for i in facts[0] if facts[0][i] != facts[1][i]]
     return [f"the ground truth of image {unlike[0]}"] if unlike else []
-
-
-def _depth_differences(first: Evaluated, other: Evaluated) -> list[str]:
-    """Cameras and sizes that make depths incomparable (docs/protocols/comparison.md)."""
-    if first.camera_model is None:
-        return []
-    differences = []
-    if first.is_scene and other.is_scene and first.camera_model != other.camera_model:
-        differences.append(f"camera model {first.camera_model} and {other.camera_model}")
-    if first.camera_model == other.camera_model == "dataset":
-        ours, theirs = (_calibration(s) for s in (first, other))
-        if ours != theirs:
-            differences.append("calibration")
-    return differences + _size_differences(first, other)
-
-
-def _calibration(side: Evaluated) -> list[str]:
-    return [e.sha256 for e in side.evidence.inputs if e.role == "calibration"]
-
-
-def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:
-    """A scene read out below the photos' size cannot be compared with anything of full size."""
-    if first.is_scene and other.is_scene:
-        if first.max_side != other.max_side:
-            return [f"depth {_size(first)} and {_size(other)}"]
-        return []
-    for scene, baseline in ((first, other), (other, first)):
-        if scene.max_side is None:
-            continue
-        full = [r for r in baseline.rows if isinstance(r, ScoredDepthRow) and not r.resampled]
-        if full:
-            images = counted(len(full), "image", "images")
-            return [f"depth {_size(scene)} and {images} of full size"]
-    return []
-
-
-def _size(side: Evaluated) -> str:
-    return "of full size" if side.max_side is None else f"resampled from {side.max_side} px"
 
 
 def _short(sha256: object) -> str:

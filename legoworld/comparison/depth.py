@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
 from legoworld.comparison.measures import (
     EVERYTHING,
     HEADLINE,
@@ -17,14 +18,17 @@ from legoworld.comparison.measures import (
     Measures,
     Metric,
 )
-from legoworld.comparison.pairing import has_truth, is_scored
 from legoworld.evaluation.bootstrap import resample_counts, resampled_means
 from legoworld.evaluation.depth.eth3d import scene_of
 from legoworld.evaluation.depth.protocol import PRIMARY_POLICY, HolePolicy
 from legoworld.evaluation.depth.summary import metric_policies
 from legoworld.evaluation.stored import Evaluated
+from legoworld.pluralize import counted
+from legoworld.records.base import as_json, to_record
 from legoworld.records.comparison import Better, Images, Level
 from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
+from legoworld.records.evaluation_summary import DepthRules
+from legoworld.records.evidence import ComparisonSettings
 
 #: The only metric with a value for missing images.
 _WITH_MISSING: Final = "abs_rel"
@@ -85,7 +89,7 @@ def measure_depth(
                     row.metrics[name][policy] if isinstance(row, ScoredDepthRow) else given
                     for row in rows
                 ]
-                over = {"images": len(rows), "missing": sum(not is_scored(r) for r in rows)}
+                over = {"images": len(rows), "missing": sum(not r.has_score for r in rows)}
                 measures[f"{name}.{policy}"] = _mean(values, rows, shared, over, {})
         return measures
     scored = [row for row in rows if isinstance(row, ScoredDepthRow)]
@@ -98,7 +102,7 @@ def measure_depth(
 
 def with_truth(side: Evaluated) -> NDArray[np.bool_]:
     """(images,) bool: images with enough ground truth to be scored."""
-    return np.array([has_truth(row) for row in side.rows], bool)
+    return np.array([row.has_truth for row in side.rows], bool)
 
 
 def _constant(rows: Sequence[ScoredDepthRow], name: str, policy: HolePolicy) -> float:
@@ -121,3 +125,98 @@ def _mean(
         groups = np.array([shared.column[row.group] for row in rows], np.int64)
         samples = resampled_means(numbers, groups, shared.counts)
     return Measure(value=value, samples=samples, over=over, extra=extra)
+
+
+def _camera_model(side: Evaluated) -> str:
+    """How a scene's depth was read: none or dataset."""
+    return side.depth.protocol.camera_model
+
+
+def _max_side(side: Evaluated) -> int | None:
+    """What a scene's depth was read out at, where that is smaller than the photos."""
+    asked = side.run.configuration.max_side
+    return asked if asked and side.depth.resampled else None
+
+
+def _differences(first: Evaluated, other: Evaluated) -> list[str]:
+    """Cameras and sizes that make depths incomparable (docs/protocols/comparison.md)."""
+    differences = []
+    if first.is_scene and other.is_scene and _camera_model(first) != _camera_model(other):
+        differences.append(f"camera model {_camera_model(first)} and {_camera_model(other)}")
+    if _camera_model(first) == _camera_model(other) == "dataset":
+        ours, theirs = (_calibration(s) for s in (first, other))
+        if ours != theirs:
+            differences.append("calibration")
+    return differences + _size_differences(first, other)
+
+
+def _calibration(side: Evaluated) -> list[str]:
+    return [e.sha256 for e in side.evidence.inputs if e.role == "calibration"]
+
+
+def _size_differences(first: Evaluated, other: Evaluated) -> list[str]:
+    """A scene read out below the photos' size cannot be compared with anything of full size."""
+    if first.is_scene and other.is_scene:
+        if _max_side(first) != _max_side(other):
+            return [f"depth {_size(first)} and {_size(other)}"]
+        return []
+    for scene, baseline in ((first, other), (other, first)):
+        if _max_side(scene) is None:
+            continue
+        full = [r for r in baseline.rows if isinstance(r, ScoredDepthRow) and not r.resampled]
+        if full:
+            images = counted(len(full), "image", "images")
+            return [f"depth {_size(scene)} and {images} of full size"]
+    return []
+
+
+def _size(side: Evaluated) -> str:
+    return "of full size" if _max_side(side) is None else f"resampled from {_max_side(side)} px"
+
+
+def _notes(sides: Sequence[Evaluated]) -> list[str]:
+    notes = ["Images scored: each method over its own, so their differences are of other images."]
+    models = {s.name: _camera_model(s) for s in sides}
+    if set(models.values()) != {"none"}:
+        listed = ", ".join(f"{name} {model}" for name, model in models.items())
+        notes.append(
+            f"Camera model: {listed}. A scene's pinhole view is warped to the distorted photo that "
+            "the other methods saw."
+        )
+    notes += [
+        f"{s.name}: {s.depth.resampled} of {s.summary.coverage.scored} depth maps are "
+        "smaller than the truth and were resampled to it."
+        for s in sides
+        if s.depth.resampled
+    ]
+    return notes
+
+
+def _facts(side: Evaluated) -> SideFacts:
+    """The declared choices of depth; each method has its own camera model."""
+    return SideFacts(
+        protocol=to_record(DepthRules, as_json(side.depth.protocol)),
+        camera_model=_camera_model(side),
+        max_side=_max_side(side),
+        resampled=side.depth.resampled,
+    )
+
+
+def _measurer(
+    scene: Evaluated, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+) -> Measurer:
+    drawn = [row for row, keep in zip(scene.depth_rows, kept, strict=True) if keep]
+    groups = shared_group_draws(drawn, settings.draws, settings.seed)
+    return lambda side: measure_depth(side, images, kept, groups)
+
+
+COMPARISON: Final = ComparisonFamily(
+    metrics=lambda _task: depth_metrics(),
+    unit=lambda side: group_unit([row for row in side.depth_rows if row.has_truth]),
+    measurer=_measurer,
+    images=("scored", "attempted", "paired"),
+    unpaired=with_truth,
+    facts=_facts,
+    differences=_differences,
+    notes=_notes,
+)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
 from legoworld.comparison.measures import (
     EVERYTHING,
     HEADLINE,
@@ -16,13 +17,18 @@ from legoworld.comparison.measures import (
     Measure,
     Measures,
     Metric,
+    shared_draws,
 )
 from legoworld.comparison.subsets import counts_of_images, table_of_images
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts, matched_metrics
 from legoworld.evaluation.detection.problem import Floats
-from legoworld.evaluation.detection.protocols import AREA_NAMES, DetectionProtocol
+from legoworld.evaluation.detection.protocols import (
+    AREA_NAMES,
+    DetectionProtocol,
+    detection_protocol,
+)
 from legoworld.evaluation.detection.protocols import Metric as OfficialMetric
 from legoworld.evaluation.detection.ranking.accumulation import (
     accumulate,
@@ -34,7 +40,8 @@ from legoworld.evaluation.detection.ranking.resampling import (
 )
 from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.evaluation.stored import Evaluated
-from legoworld.records.comparison import Level
+from legoworld.records.comparison import Images, Level
+from legoworld.records.evidence import ComparisonSettings
 
 EQUAL: Final = "equal_confidence."
 TIES: Final = "tie_orders.AP"
@@ -87,7 +94,7 @@ def measure_detections(
     measures: Measures = {}
     table = table_of_images(matches_file.table_from(arrays, matches_file.OWN), kept)
     own = equal = _official(table, protocol, frequencies, shared)
-    if side.ranked:
+    if _ranks(side):
         table = table_of_images(matches_file.table_from(arrays, matches_file.EQUAL), kept)
         equal = _official(table, protocol, frequencies, shared)
     measures |= own | {EQUAL + name: measure for name, measure in equal.items()}
@@ -98,6 +105,11 @@ def measure_detections(
         for name, measure in _score_free(counts, shared, spread=images_with_truth > 1).items():
             measures[f"{kind}.{name}"] = measure
     return measures
+
+
+def _ranks(side: Evaluated) -> bool:
+    """Whether the predictions' own scores rank them."""
+    return not side.detection.equal_confidence.already_equal
 
 
 def _official(
@@ -165,3 +177,39 @@ def _score_free(counts: MatchedCounts, shared: Draws, *, spread: bool) -> Measur
             extra={},
         )
     return measures
+
+
+def _notes(sides: Sequence[Evaluated]) -> list[str]:
+    """Which sides rank their predictions."""
+    ranked = [s.name for s in sides if _ranks(s)]
+    unranked = [s.name for s in sides if not _ranks(s)]
+    if not ranked or not unranked:
+        return []
+    return [
+        f"Official metrics: {', '.join(ranked)} ranked by own scores, {', '.join(unranked)} "
+        "equally confident in everything and ordered canonically. Those of equal_confidence and "
+        "tie_orders: no method ranks."
+    ]
+
+
+def _differences(first: Evaluated, other: Evaluated) -> list[str]:
+    ours, theirs = first.detection.dataset_version, other.detection.dataset_version
+    return [] if ours == theirs else [f"dataset version {ours} and {theirs}"]
+
+
+def _measurer(
+    _scene: Evaluated, _images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+) -> Measurer:
+    draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
+    return lambda side: measure_detections(side, detection_protocol(side.task), kept, draws)
+
+
+COMPARISON: Final = ComparisonFamily(
+    metrics=lambda task: detection_metrics(detection_protocol(task)),
+    unit=lambda _side: "image",
+    measurer=_measurer,
+    centred=True,
+    facts=lambda side: SideFacts(dataset_version=side.detection.dataset_version),
+    differences=_differences,
+    notes=_notes,
+)

@@ -3,36 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison import bench
-from legoworld.comparison.depth import (
-    depth_metrics,
-    group_unit,
-    measure_depth,
-    shared_group_draws,
-    with_truth,
-)
-from legoworld.comparison.detections import detection_metrics, measure_detections
-from legoworld.comparison.measures import (
-    IntervalRule,
-    Measures,
-    Metric,
-    comparison_row,
-    shared_draws,
-)
+from legoworld.comparison.family import comparison_of_task
+from legoworld.comparison.measures import IntervalRule, Metric, comparison_row
 from legoworld.comparison.notes import notes_of
-from legoworld.comparison.pairing import has_truth, is_scored, pair_images
+from legoworld.comparison.pairing import pair_images
 from legoworld.comparison.provenance import (
     provenance_by_field,
     provenance_notes,
     recorded_provenance,
 )
 from legoworld.evaluation.bootstrap import LEVEL
-from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.base import as_json, to_record
 from legoworld.records.comparison import (
@@ -40,24 +24,18 @@ from legoworld.records.comparison import (
     ComparisonBootstrap,
     ComparisonRow,
     ImageName,
-    Images,
     Method,
     Pair,
     PairCoverage,
     Unscored,
 )
-from legoworld.records.evaluation_summary import Coverage, DepthRules
+from legoworld.records.evaluation_summary import Coverage
 from legoworld.records.evidence import ComparisonSettings
-
-_IMAGES: Final[tuple[Images, ...]] = ("attempted", "paired")
-_DEPTH_IMAGES: Final[tuple[Images, ...]] = ("scored", "attempted", "paired")
 
 
 def metrics_of(task: str) -> list[Metric]:
     """Every metric of a comparison of a task, in display order."""
-    if task in PROTOCOLS:
-        return detection_metrics(PROTOCOLS[task])
-    return bench.bench_metrics() if task == "bench" else depth_metrics()
+    return comparison_of_task(task).metrics(task)
 
 
 def compare(
@@ -70,8 +48,8 @@ def compare(
     sides: must pass `check_comparable`. The document depends only on the evaluations' files and the
     settings, so equal inputs give equal documents.
     """
-    rows = sides[0].rows
-    unit = _unit(sides[0])
+    rows, family = sides[0].rows, comparison_of_task(sides[0].task)
+    unit, facts = family.unit(sides[0]), family.facts(sides[0])
     by_field = provenance_by_field(sides)
     made = provenance_notes(by_field) if any(side.is_scene for side in sides) else []
     pairs = []
@@ -80,9 +58,9 @@ def compare(
         pairs.append(_pair(sides[0], baseline, settings, unit))
     return Comparison(
         task=sides[0].task,
-        dataset_version=sides[0].dataset_version,
+        dataset_version=facts.dataset_version,
         evaluator=sides[0].summary.evaluator,
-        protocol=_protocol(sides[0]),
+        protocol=facts.protocol,
         bootstrap=ComparisonBootstrap(
             draws=settings.draws, seed=settings.seed, level=LEVEL, unit=unit
         ),
@@ -94,21 +72,8 @@ def compare(
     )
 
 
-def _unit(side: Evaluated) -> str:
-    """What the bootstrap draws."""
-    if side.is_depth:
-        return group_unit([row for row in side.depth_rows if has_truth(row)])
-    return "image" if side.task in PROTOCOLS else bench.UNIT
-
-
-def _protocol(side: Evaluated) -> DepthRules | None:
-    """The declared choices of depth; each method has its own camera model."""
-    if not side.is_depth:
-        return None
-    return to_record(DepthRules, as_json(side.depth.protocol))
-
-
 def _method(side: Evaluated, *, first: bool) -> Method:
+    facts = comparison_of_task(side.task).facts(side)
     return Method(
         name=side.name,
         role="scene" if first else "baseline",
@@ -117,12 +82,12 @@ def _method(side: Evaluated, *, first: bool) -> Method:
         not_scored=tuple(
             Unscored(image_id=row.image_id, file_name=row.file_name, status=row.status)
             for row in side.rows
-            if not is_scored(row)
+            if not row.has_score
         ),
         used_truth=side.used_truth,
-        camera_model=side.camera_model,
-        max_side=side.max_side,
-        resampled=side.resampled,
+        camera_model=facts.camera_model,
+        max_side=facts.max_side,
+        resampled=facts.resampled,
         provenance=tuple(recorded_provenance(side)),
     )
 
@@ -135,9 +100,9 @@ def _pair(scene: Evaluated, baseline: Evaluated, settings: ComparisonSettings, u
         baseline=baseline.name,
         coverage=PairCoverage(
             attempted=len(scene.rows),
-            with_truth=sum(has_truth(row) for row in scene.rows),
-            scene_scored=sum(is_scored(row) for row in scene.rows),
-            baseline_scored=sum(is_scored(row) for row in baseline.rows),
+            with_truth=sum(row.has_truth for row in scene.rows),
+            scene_scored=sum(row.has_score for row in scene.rows),
+            baseline_scored=sum(row.has_score for row in baseline.rows),
             paired=int(pairing.kept.sum()),
         ),
         paired_image_ids=tuple(i for i, keep in zip(ids, pairing.kept, strict=True) if keep),
@@ -154,29 +119,15 @@ def _measured(
     unit: str,
 ) -> Iterator[ComparisonRow]:
     """The rows over each selection of images; none over no image: coverage says 0 paired."""
-    rule = IntervalRule(centred=scene.task in PROTOCOLS, unit=unit)
-    others = with_truth(scene) if scene.is_depth else np.ones(len(paired), bool)
-    for images in _DEPTH_IMAGES if scene.is_depth else _IMAGES:
-        kept = paired if images == "paired" else others
+    family = comparison_of_task(scene.task)
+    rule = IntervalRule(centred=family.centred, unit=unit)
+    unpaired = family.unpaired(scene)
+    for images in family.images:
+        kept = paired if images == "paired" else unpaired
         if not kept.any():
             continue
-        measure = _measure(scene, images, kept, settings)
+        measure = family.measurer(scene, images, kept, settings)
         ours, theirs = measure(scene), measure(baseline)
         for metric in metrics_of(scene.task):
             if metric.id in ours:
                 yield comparison_row(metric, images, ours[metric.id], theirs[metric.id], rule)
-
-
-def _measure(
-    scene: Evaluated, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
-) -> Callable[[Evaluated], Measures]:
-    """What measures a side over the kept images, with draws that both sides share."""
-    if scene.is_depth:
-        drawn = [row for row, keep in zip(scene.depth_rows, kept, strict=True) if keep]
-        groups = shared_group_draws(drawn, settings.draws, settings.seed)
-        return lambda side: measure_depth(side, images, kept, groups)
-    if scene.task in PROTOCOLS:
-        draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
-        return lambda side: measure_detections(side, PROTOCOLS[side.task], kept, draws)
-    families = bench.family_draws(scene, kept, settings.draws, settings.seed)
-    return lambda side: bench.measure_bench(side, images, kept, families)

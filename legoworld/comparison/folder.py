@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from legoworld.comparison.formats import FORMATS
 from legoworld.comparison.tables import coverage_table, csv_table, headline_table
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError, cause
-from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.evaluation.stored import READ, Evaluated
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file, write_text
 from legoworld.records.base import RecordError, as_json, readable, to_record
@@ -26,18 +25,13 @@ from legoworld.records.comparison import (
 )
 from legoworld.records.evidence import (
     AnyEvidence,
-    BenchComparison,
-    BenchMethod,
     ComparisonEvidence,
     ComparisonSettings,
-    DepthComparison,
-    DepthMethod,
-    DetectionComparison,
-    DetectionMethod,
     Input,
     PairedNumbers,
     PairEvidence,
 )
+from legoworld.records.families import records_of
 from legoworld.records.folders.evaluation_folder import input_file, installed_versions
 from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
 
@@ -167,11 +161,8 @@ def evidence_of(
         "inputs": tuple(e for k, s in enumerate(sides) for e in _side_inputs(folder, s, k)),
         "files": {},
     }
-    if sides[0].task in PROTOCOLS:
-        return DetectionComparison(**common, methods=_raw(sides, DetectionMethod))
-    if not sides[0].is_depth:
-        return BenchComparison(**common, methods=_raw(sides, BenchMethod))
-    return DepthComparison(**common, methods=_raw(sides, DepthMethod))
+    records = records_of(sides[0].task)
+    return records.comparison(**common, methods=_raw(sides, records.method))
 
 
 def paired_evidence(document: Comparison) -> tuple[PairEvidence, ...]:

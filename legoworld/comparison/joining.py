@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 from legoworld.comparison.folder import (
     COMPARISON,
@@ -13,15 +12,12 @@ from legoworld.comparison.folder import (
 )
 from legoworld.comparison.provenance import NOT_RECORDED, provenance_notes
 from legoworld.errors import UsageError
-from legoworld.evaluation.detection.protocols import PROTOCOLS
 from legoworld.pluralize import counted
 from legoworld.records.comparison import JOINED, ByField, Comparison, JoinedComparison
 from legoworld.records.evidence import AnyEvidence
 from legoworld.records.folders.evaluation_folder import installed_versions
 from legoworld.records.folders.evaluation_reading import EVIDENCE
-
-#: The tasks in table order.
-_ORDER: Final = (*PROTOCOLS, "eth3d", "bench")
+from legoworld.tasks.registry import task_names
 
 
 def join(documents: Sequence[Comparison | JoinedComparison]) -> JoinedComparison:
@@ -45,7 +41,7 @@ def join(documents: Sequence[Comparison | JoinedComparison]) -> JoinedComparison
             expected="one comparison of each of two or more tasks",
             next_step="compare several baselines of a task at once: EVAL_SCENE EVAL_BASELINE...",
         )
-    ordered = sorted(comparisons, key=lambda d: _ORDER.index(d.task))
+    ordered = sorted(comparisons, key=lambda d: task_names().index(d.task))
     common = _common_images(ordered)
     by_field = _provenance(ordered)
     return JoinedComparison(

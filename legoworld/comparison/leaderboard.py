@@ -28,6 +28,7 @@ from legoworld.records.reconstruction_leaderboard import (
     Repeated,
 )
 from legoworld.records.reconstruction_summary import Means
+from legoworld.tasks.shipped import BENCH
 
 DOCUMENT: Final = "leaderboard.json"
 FILES: Final = (DOCUMENT, *(f"leaderboard.{suffix}" for suffix in ("md", "tex", "csv")))
@@ -39,7 +40,7 @@ def read_entries(evaluations: Sequence[Path]) -> list[Evaluated]:
     """Bench evaluations of one dataset, card and sampling. UsageError, IncomparableError."""
     sides = [read_evaluation(folder) for folder in evaluations]
     for side in sides:
-        if side.task != "bench":
+        if side.task != BENCH:
             raise UsageError(
                 f"{side.folder.name} is no evaluation of a bench",
                 found=f"task {side.task!r}",
@@ -64,7 +65,7 @@ def leaderboard(sides: Sequence[Evaluated], *, draws: int = 10_000, seed: int = 
         by_maker.setdefault(_maker(side), []).append(side)
     rows = [_row(maker, runs, draws, seed) for maker, runs in by_maker.items()]
     return Leaderboard(
-        task="bench",
+        task=BENCH,
         evaluator=sides[0].summary.evaluator,
         draws=draws,
         seed=seed,

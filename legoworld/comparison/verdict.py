@@ -7,16 +7,9 @@ from typing import Final, Literal
 from legoworld.comparison.measures import HEADLINE
 from legoworld.pluralize import share
 from legoworld.records.comparison import ComparisonRow, Difference, Pair
+from legoworld.tasks.registry import find_task
 
 Standing = Literal["better", "worse", "not told apart", "no interval"]
-#: What a scene's predictions are called in a task's verdict.
-NOUNS: Final = {
-    "coco": "Scene boxes",
-    "coco-masks": "Scene masks",
-    "lvis": "Scene masks (LVIS)",
-    "eth3d": "Scene depth",
-    "bench": "Scenes",
-}
 _NAMES: Final = {
     "abs_rel.error_1": "AbsRel",
     "abs_rel.exclude": "AbsRel without holes",
@@ -55,7 +48,8 @@ def verdict_sentence(task: str, pair: Pair) -> str:
 
 def noun(task: str, name: str) -> str:
     """The subject of a sentence: "Scene boxes", or "YOLOX-nano" for what is no scene."""
-    return NOUNS.get(task, name) if name == "scene" else name
+    known = find_task(task)
+    return known.noun if known and name == "scene" else name
 
 
 def spelt(side: Difference, *, signed: bool = False) -> str:

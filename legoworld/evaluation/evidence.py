@@ -7,24 +7,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from legoworld.evaluation.checks import Check, check_equal, check_files, check_inputs, until_damage
-from legoworld.evaluation.depth.verification import depth_checks, depth_rows
-from legoworld.evaluation.detection.verification import detection_checks
-from legoworld.evaluation.reconstruction.verification import bench_checks, bench_rows
-from legoworld.records.evaluation_rows import DepthRow, ImageRow
-from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary, Summary
-from legoworld.records.evidence import (
-    BenchEvidence,
-    DepthEvidence,
-    DetectionEvidence,
-)
+from legoworld.evaluation.family import Recorded, evaluation_of
+from legoworld.records.evaluation_rows import ImageRow
+from legoworld.records.evaluation_summary import Summary
 from legoworld.records.folders.evaluation_reading import (
     read_evaluation_evidence,
     read_evidence,
     read_image_rows,
     read_summary,
 )
-from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_summary import ReconstructionSummary
 
 
 def verify(folder: Path, root: Path | None) -> list[Check]:
@@ -41,20 +32,19 @@ def _made_again(folder: Path, root: Path | None, *, inputs_hold: bool) -> Iterat
     evidence, summary = read_evaluation_evidence(folder), read_summary(folder)
     rows = read_image_rows(folder, summary)
     yield from _coverage(summary, rows)
-    if isinstance(evidence, DetectionEvidence) and isinstance(summary, DetectionSummary):
-        yield from detection_checks(folder, evidence, summary)
-    elif isinstance(evidence, DepthEvidence) and isinstance(summary, DepthSummary):
-        scored = [row for row in rows if isinstance(row, DepthRow)]
-        yield from depth_checks(folder, evidence, summary, scored)
-        if inputs_hold:
-            yield from depth_rows(folder, evidence, summary, scored, root)
-    elif isinstance(evidence, BenchEvidence) and isinstance(summary, ReconstructionSummary):
-        cases = [row for row in rows if isinstance(row, ReconstructionRow)]
-        yield from bench_checks(folder, evidence, summary, cases)
-        if inputs_hold:
-            yield from bench_rows(folder, evidence, cases, root)
-    else:
+    if summary.task != evidence.task:
         yield check_equal("task", summary.task, evidence.task)
+        return
+    yield from evaluation_of(summary.task).verify(
+        Recorded(
+            folder=folder,
+            evidence=evidence,
+            summary=summary,
+            rows=rows,
+            root=root,
+            inputs_hold=inputs_hold,
+        )
+    )
 
 
 def _coverage(summary: Summary, rows: Sequence[ImageRow]) -> Iterator[Check]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from legoworld.records.evidence import TaskConfiguration
+from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import InputFile, input_file, prepare_folder
 from legoworld.remote import child
 
@@ -27,7 +27,7 @@ HERE = Origins()
 def prepared_inputs(
     output: Path,
     files: Sequence[tuple[str, Path]],
-    configuration: TaskConfiguration,
+    configuration: ScoreConfiguration,
     *,
     run: Path,
     origins: Origins,

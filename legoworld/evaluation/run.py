@@ -16,6 +16,8 @@ from legoworld.records.folders.run_reading import ROWS, RUN, altered
 from legoworld.records.predictions import Scored
 from legoworld.records.run_file import Configuration, RunHead
 from legoworld.records.run_rows import RunImage, RunRow
+from legoworld.tasks.registry import tasks_of
+from legoworld.tasks.task import Family
 
 P = TypeVar("P", bound=Scored)
 
@@ -41,7 +43,7 @@ class Run:
 
     @property
     def task(self) -> str:
-        """Coco, coco-masks, lvis or eth3d."""
+        """The task's name."""
         return self.configuration.task
 
     @property
@@ -80,14 +82,15 @@ def read_run(folder: Path) -> Run:
     return Run(folder=folder, head=head, images=tuple(ordered))
 
 
-def read_run_of(folder: Path, task: str, kind: str) -> Run:
-    """A run of one task, `read_run`; UsageError for one of another. kind: "a depth run"."""
+def read_run_of(folder: Path, family: Family, kind: str) -> Run:
+    """A run of a family's tasks, `read_run`; UsageError for another. kind: "a depth run"."""
     run = read_run(folder)
-    if run.task != task:
+    names = [task.name for task in tasks_of(family)]
+    if run.task not in names:
         raise UsageError(
             f"{folder.name or folder} is not {kind}",
             found=f"task {run.task!r}",
-            expected=f"a run of the task {task!r}",
+            expected=f"a run of the task {' or '.join(map(repr, names))}",
         )
     return run
 

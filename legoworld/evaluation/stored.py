@@ -5,20 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.detection.protocols import PROTOCOLS
+from legoworld.evaluation.family import evaluation_of
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode
-from legoworld.records.evaluation_kinds import TaskRow, TaskSummary
-from legoworld.records.evaluation_rows import CategoryRow, DepthRow, DetectionRow
-from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
+from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
-from legoworld.records.evidence import Evidence, TaskEvidence
+from legoworld.records.evidence import EvaluationEvidence, Evidence
 from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
     MATCHES,
@@ -33,10 +32,14 @@ from legoworld.records.folders.evaluation_reading import (
     reading,
     require_finished,
 )
-from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.run_file import ImageSource, RunView, UsedTruth
 from legoworld.records.run_rows import RunRow
+
+if TYPE_CHECKING:
+    from legoworld.records.evaluation_rows import DepthRow, DetectionRow
+    from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+    from legoworld.records.reconstruction_rows import ReconstructionRow
+    from legoworld.records.reconstruction_summary import ReconstructionSummary
 
 T = TypeVar("T")
 RUN_VIEW: Final = f"{VIEW}/run.json"
@@ -60,15 +63,15 @@ class Evaluated:
 
     folder: Path
     name: str
-    summary: TaskSummary
-    evidence: TaskEvidence
+    summary: Summary
+    evidence: EvaluationEvidence
     run: RunView
-    rows: tuple[TaskRow, ...]
+    rows: tuple[EvaluationRow, ...]
     categories: tuple[CategoryRow, ...]
 
     @property
     def task(self) -> str:
-        """Coco, coco-masks, lvis, eth3d or bench."""
+        """The task's name."""
         return self.summary.task
 
     @property
@@ -77,75 +80,34 @@ class Evaluated:
         return self.summary.kind == "scene"
 
     @property
-    def is_depth(self) -> bool:
-        """Whether it is an evaluation of depth."""
-        return isinstance(self.summary, DepthSummary)
-
-    @property
     def detection(self) -> DetectionSummary:
         """The summary, of boxes or masks."""
-        assert isinstance(self.summary, DetectionSummary)
-        return self.summary
+        return cast("DetectionSummary", self.summary)
 
     @property
     def depth(self) -> DepthSummary:
         """The summary, of depth."""
-        assert isinstance(self.summary, DepthSummary)
-        return self.summary
+        return cast("DepthSummary", self.summary)
 
     @property
     def bench(self) -> ReconstructionSummary:
         """The summary, of a bench."""
-        assert isinstance(self.summary, ReconstructionSummary)
-        return self.summary
+        return cast("ReconstructionSummary", self.summary)
 
     @property
     def bench_rows(self) -> list[ReconstructionRow]:
         """The rows, of a bench."""
-        return [row for row in self.rows if isinstance(row, ReconstructionRow)]
+        return cast("list[ReconstructionRow]", list(self.rows))
 
     @property
     def detection_rows(self) -> list[DetectionRow]:
         """The rows, of boxes or masks."""
-        return [row for row in self.rows if isinstance(row, DetectionRow)]
+        return cast("list[DetectionRow]", list(self.rows))
 
     @property
     def depth_rows(self) -> list[DepthRow]:
         """The rows, of depth."""
-        return [row for row in self.rows if isinstance(row, DepthRow)]
-
-    @property
-    def camera_model(self) -> str | None:
-        """Depth only: none or dataset."""
-        return self.depth.protocol.camera_model if self.is_depth else None
-
-    @property
-    def resampled(self) -> int | None:
-        """Depth only: images that are smaller than the truth."""
-        return self.depth.resampled if self.is_depth else None
-
-    @property
-    def reference_sampling(self) -> str | None:
-        """Bench only: where the reference's points were taken."""
-        if not isinstance(self.summary, ReconstructionSummary):
-            return None
-        return self.summary.protocol.reference_sampling
-
-    @property
-    def max_side(self) -> int | None:
-        """What a scene's depth was read out at, where that is smaller than the photos."""
-        asked = self.run.configuration.max_side
-        return asked if asked and self.resampled else None
-
-    @property
-    def dataset_version(self) -> str | None:
-        """Boxes and masks only: the dataset's, such as "2017"."""
-        return self.detection.dataset_version if self.task in PROTOCOLS else None
-
-    @property
-    def ranked(self) -> bool:
-        """Boxes and masks only: whether the predictions' own scores rank them."""
-        return not self.detection.equal_confidence.already_equal
+        return cast("list[DepthRow]", list(self.rows))
 
     @property
     def used_truth(self) -> UsedTruth | None:
@@ -196,7 +158,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     require_finished(folder)
     evidence = read_evaluation_evidence(folder)
     present = [name for name in READ if name in evidence.files]
-    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *([MATCHES] if evidence.task in PROTOCOLS else [])}
+    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *evaluation_of(evidence.task).files}
     if missing := sorted(needed - {*present}):
         raise EvaluationChangedError(
             f"{folder.name} has a different version",

@@ -15,7 +15,7 @@ from legoworld.depth_files.reading import npz_contents
 from legoworld.errors import cause
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.records.base import canonical
 from legoworld.records.folders.run_reading import (
     RUN,

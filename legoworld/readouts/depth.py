@@ -1,14 +1,19 @@
-"""Depth exports: one uncompressed .npz per photo."""
+"""Depth: one uncompressed .npz per photo."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
-from legoworld.files import write_npz
+from legoworld.files import sha256_of_file, write_npz
+from legoworld.readouts.family import AnsweredImage, ReadoutFamily, unusable_row
+from legoworld.records.run_file import RunSummary
+from legoworld.records.run_rows import DepthFile, RunRow
 from legoworld.visibility.projection import Projection
 
 #: Version of the .npz: 2 adds `format_version` and `intrinsics_px` to version 1's array and space.
@@ -45,3 +50,31 @@ def write_depth(
 def depth_file_bytes(size_wh: tuple[int, int]) -> int:
     """Upper bound of the size of a photo's depth file, in bytes."""
     return 4 * size_wh[0] * size_wh[1] + _CONTAINER_BYTES
+
+
+def _write(row: RunRow, image: AnsweredImage) -> RunRow:
+    name = depth_file(image.name)
+    path, depth_z_m = image.run / name, image.view.buffers.depth_z_m
+    write_depth(path, depth_z_m, image.view.projection)
+    file = DepthFile(
+        file=name,
+        space="depth",
+        unit="m",
+        bytes=path.stat().st_size,
+        sha256=sha256_of_file(path),
+        finite_px=int(np.isfinite(depth_z_m).sum()),
+    )
+    return structs.replace(row, depth=file)
+
+
+def _sum_up(summary: RunSummary, _rows: Sequence[RunRow], ok: Sequence[RunRow]) -> RunSummary:
+    return structs.replace(summary, depth_bytes=sum(_depth_bytes(row) for row in ok))
+
+
+def _depth_bytes(row: RunRow) -> int:
+    if not row.depth:
+        raise unusable_row(row, "depth")
+    return row.depth.bytes
+
+
+READOUT: Final = ReadoutFamily(write=_write, sum_up=_sum_up, file_bytes=depth_file_bytes)

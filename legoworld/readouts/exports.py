@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legoworld.conventions import EQUAL_CONFIDENCE
+from legoworld.readouts.family import Export
 from legoworld.records.predictions import Prediction, Rle
 from legoworld.scene.instances import Instance
 from legoworld.visibility.runs import ColumnRuns
 from legoworld.visibility.view import View
-
-Export = tuple[Prediction, Instance]
-"""A prediction and its instance."""
 
 
 def exported(instances: Sequence[Instance], view: View) -> list[Instance]:

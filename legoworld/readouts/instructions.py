@@ -14,8 +14,8 @@ from typing import Any, Final
 
 from legoworld.cards import Card
 from legoworld.errors import InstallationError
-from legoworld.readouts.tasks import Protocol
-from legoworld.readouts.tasks import protocol as protocol_of_task
+from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.protocol import protocol as protocol_of_task
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
 from legoworld.shipped import catalog

@@ -8,7 +8,6 @@ from msgspec import Meta, field
 
 from legoworld.records.base import UNSET, Record, UnsetType
 
-TaskName = Literal["coco", "coco-masks", "lvis", "eth3d", "bench"]
 Text = Annotated[str, Meta(min_length=1)]
 OptionType = Literal["str", "int", "float", "bool"]
 OptionValue = str | int | float | bool
@@ -26,7 +25,7 @@ class Head(Record, frozen=True, kw_only=True):
 class ReadoutHead(Head, frozen=True, kw_only=True):
     """[readout] of a task's card."""
 
-    task: TaskName
+    task: str
     reads: Text
 
 
@@ -34,7 +33,7 @@ class LicensedHead(Head, frozen=True, kw_only=True):
     """What the card of a dataset or a baseline says besides."""
 
     licence: Text
-    tasks: Annotated[tuple[TaskName, ...], Meta(min_length=1)]
+    tasks: Annotated[tuple[str, ...], Meta(min_length=1)]
 
 
 class VocabularyRules(Record, frozen=True, kw_only=True):

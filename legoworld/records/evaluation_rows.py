@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal, NamedTuple
 
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, decode_lines
 
 #: Depth: statuses of images that have numbers; every other status has none.
 SCORED: Final = ("ok", "inverted", "degenerate")
+#: Depth: the status of an image without enough valid truth.
+NO_TRUTH: Final = "no_gt"
 #: Depth: metric -> hole policy -> value.
 Metrics = dict[str, dict[str, float]]
 
@@ -18,6 +20,42 @@ class ImageRow(Record, frozen=True, kw_only=True):
     image_id: int
     file_name: str
     status: str
+
+
+class Outcome(NamedTuple):
+    """How an image ended, for the coverage bar. words: its status, or a reason in words."""
+
+    sort: Literal["scored", "empty", "failed"]
+    words: str
+
+
+class EvaluationRow(ImageRow, frozen=True, kw_only=True):
+    """One image of an evaluation, as every family answers for it."""
+
+    @property
+    def has_score(self) -> bool:
+        """Whether the image counts as scored."""
+        raise NotImplementedError(type(self).__name__)
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether the image has usable ground truth."""
+        raise NotImplementedError(type(self).__name__)
+
+    @property
+    def truth_gap(self) -> str:
+        """Why the image has no usable ground truth; "" where it has."""
+        return "" if self.has_truth else "no truth"
+
+    @property
+    def score_gap(self) -> str:
+        """Why the image has no score, apart from missing truth; "" where nothing says so."""
+        return "" if self.has_score or self.status == "ok" else self.status
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the image ended."""
+        return Outcome("scored" if self.has_score else "failed", self.status)
 
 
 class Outcomes(Record, frozen=True, kw_only=True):
@@ -41,7 +79,7 @@ class PairSums(Record, frozen=True, kw_only=True):
     n_hits_right_label: int | UnsetType = UNSET
 
 
-class DetectionRow(ImageRow, frozen=True, kw_only=True):
+class DetectionRow(EvaluationRow, frozen=True, kw_only=True):
     """One image of boxes or masks."""
 
     scored: bool
@@ -53,6 +91,31 @@ class DetectionRow(ImageRow, frozen=True, kw_only=True):
     greedy_50: Outcomes
     class_aware: PairSums
     class_agnostic: PairSums
+
+    @property
+    def has_score(self) -> bool:
+        """Whether the run answered for it."""
+        return self.scored
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether an annotation is neither crowd nor ignored."""
+        return self.n_truth > 0
+
+    @property
+    def truth_gap(self) -> str:
+        """How many annotations do not count."""
+        if self.has_truth:
+            return ""
+        ignored = self.n_ignored_truth
+        return f"no truth: {ignored} crowd or ignored instances" if ignored else "no truth"
+
+    @property
+    def outcome(self) -> Outcome:
+        """An image without a prediction is a part of its own."""
+        if self.scored and self.n_predictions == 0:
+            return Outcome("empty", "scored without predictions")
+        return Outcome("scored" if self.scored else "failed", self.status)
 
 
 class CategoryRow(Record, frozen=True, kw_only=True):
@@ -72,7 +135,7 @@ class CategoryRow(Record, frozen=True, kw_only=True):
     frequency: str | UnsetType = UNSET
 
 
-class DepthTruthRow(ImageRow, frozen=True, kw_only=True):
+class DepthTruthRow(EvaluationRow, frozen=True, kw_only=True):
     """One image of depth: its verdict and its truth.
 
     group: what is drawn with it, its scene or itself. run_status: the run's own.
@@ -88,6 +151,27 @@ class DepthTruthRow(ImageRow, frozen=True, kw_only=True):
     truth_nan_px: int
     truth_non_positive_px: int
     warnings: tuple[str, ...]
+
+    @property
+    def has_score(self) -> bool:
+        """Whether it has numbers."""
+        return False
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether enough of its truth is valid."""
+        return self.status != NO_TRUTH
+
+    @property
+    def truth_gap(self) -> str:
+        """How many pixels are valid."""
+        return "" if self.has_truth else f"no truth: {self.n_valid} valid pixels"
+
+    @property
+    def score_gap(self) -> str:
+        """The run's own status where the truth is what is missing."""
+        status = self.run_status if self.status == NO_TRUTH else self.status
+        return "" if self.has_score or status == "ok" else status
 
 
 class UnscoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
@@ -126,6 +210,11 @@ class ScoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
     metrics: Metrics
     constant: Metrics
     worse_than_constant: tuple[str, ...]
+
+    @property
+    def has_score(self) -> bool:
+        """Whether it has numbers."""
+        return True
 
 
 DepthRow = UnscoredDepthRow | ScoredDepthRow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from legoworld.conventions import SCHEMA_VERSION
@@ -50,6 +51,15 @@ class Coverage(Record, frozen=True, kw_only=True):
     by_status: dict[str, int]
 
 
+class MetricValue(NamedTuple):
+    """One number of an evaluation. policy: what it is over, where a metric has several."""
+
+    name: str
+    policy: str | None
+    value: float | None
+    interval: Interval | None
+
+
 class Summary(Record, frozen=True, kw_only=True):
     """What every evaluation says. kind: "scene", or what made the predictions instead."""
 
@@ -59,6 +69,10 @@ class Summary(Record, frozen=True, kw_only=True):
     partial: bool
     evaluator: Evaluator
     coverage: Coverage
+
+    def metric_values(self) -> Iterator[MetricValue]:
+        """Every metric in display order."""
+        raise NotImplementedError(type(self).__name__)
 
 
 class TieSpread(NamedTuple):
@@ -182,6 +196,11 @@ class DetectionSummary(Summary, frozen=True, kw_only=True):
     counts: Counts
     warnings: tuple[str, ...]
 
+    def metric_values(self) -> Iterator[MetricValue]:
+        """The official metrics."""
+        for name, value in self.metrics.items():
+            yield MetricValue(name, None, value, self.intervals.get(name))
+
 
 class PartOfEth3d(Record, frozen=True, kw_only=True):
     """How much of ETH3D's training set was attempted."""
@@ -266,3 +285,9 @@ class DepthSummary(Summary, frozen=True, kw_only=True):
     worse_than_constant: int
     not_scored: tuple[NotScored, ...]
     warnings: int
+
+    def metric_values(self) -> Iterator[MetricValue]:
+        """The means by metric and hole policy."""
+        for name, by_policy in self.metrics.items():
+            for policy, value in by_policy.items():
+                yield MetricValue(name, policy, value, self.intervals[name][policy])

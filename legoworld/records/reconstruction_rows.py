@@ -8,7 +8,7 @@ from legoworld.records.articulation import Articulation
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.bench_dataset import Tier
 from legoworld.records.bench_run import Check
-from legoworld.records.evaluation_rows import ImageRow
+from legoworld.records.evaluation_rows import EvaluationRow, Outcome
 
 #: Statuses of submissions that were compared; of every other one V, R, A and S are 0.
 COMPARED: Final = "ok"
@@ -121,7 +121,7 @@ class Flag(Record, frozen=True, kw_only=True):
     threshold: float
 
 
-class ReconstructionRow(ImageRow, frozen=True, kw_only=True):
+class ReconstructionRow(EvaluationRow, frozen=True, kw_only=True):
     """One case. status: ok where it was compared; valid, R, A, S: zeros where it was not.
 
     run_status: the readout's. R and A are null where they were not asked for (A without a render),
@@ -152,3 +152,27 @@ class ReconstructionRow(ImageRow, frozen=True, kw_only=True):
     appearance: Appearance | None
     flags: tuple[Flag, ...]
     articulation: Articulation | UnsetType = UNSET
+
+    @property
+    def has_score(self) -> bool:
+        """Whether the submission is valid."""
+        return self.valid
+
+    @property
+    def has_truth(self) -> bool:
+        """Always: a case without an eligible object is refused when it is made."""
+        return True
+
+    @property
+    def score_gap(self) -> str:
+        """Why the submission counts 0."""
+        if self.valid:
+            return ""
+        return "not valid" if self.status == COMPARED else self.status
+
+    @property
+    def outcome(self) -> Outcome:
+        """A submission that was compared and is not valid is a part of its own."""
+        if self.status != COMPARED:
+            return Outcome("failed", self.status)
+        return Outcome("scored", self.status) if self.valid else Outcome("empty", "not valid")

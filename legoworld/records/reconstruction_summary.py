@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
 from legoworld.records.articulation import ArticulationSummary
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.evaluation_summary import Coverage, Interval, NotScored, Summary
+from legoworld.records.evaluation_summary import (
+    Coverage,
+    Interval,
+    MetricValue,
+    NotScored,
+    Summary,
+)
 from legoworld.records.reconstruction_rows import Flag
 
 #: Which cases a mean is over: all that were attempted, zeros included, or the valid ones.
@@ -109,3 +116,8 @@ class ReconstructionSummary(Summary, frozen=True, kw_only=True):
     not_scored: tuple[NotScored, ...]
     warnings: int
     articulation: ArticulationSummary | UnsetType = UNSET
+
+    def metric_values(self) -> Iterator[MetricValue]:
+        """The means, each with the cases it is over."""
+        for name, mean in self.metrics.items():
+            yield MetricValue(name, mean.over, mean.value, mean.interval)

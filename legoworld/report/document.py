@@ -8,19 +8,14 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from legoworld.records.report_tables import PageSection, SideHead, SideNotes
-from legoworld.report.bench_section import bench_section
-from legoworld.report.depth_section import depth_section
-from legoworld.report.detection_section import detection_section
+from legoworld.report.family import page_of
 from legoworld.report.first_screen import first_screen
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.provenance import compare_command, provenance
 from legoworld.report.scene_files import SceneFiles
 from legoworld.report.sources import Section
 from legoworld.report.tables import comparison_tables, coverage_notes, coverage_rows
-
-_TITLES = {"coco": "COCO boxes", "coco-masks": "COCO masks", "lvis": "LVIS masks", "eth3d": "Depth",
-           "bench": "LEGO-Bench"}  # fmt: skip
-_FILLED_BY = {"eth3d": depth_section, "bench": bench_section}
+from legoworld.tasks.registry import task_named
 
 
 def page_document(
@@ -36,8 +31,8 @@ def page_document(
     for section in sections:
         made = _section_tables(section)
         if section.sides:
-            fill = _FILLED_BY.get(section.task, detection_section)
-            made = fill(section, made, document, places)
+            fill = page_of(section.task).fill
+            made = fill(section, made, document, places) if fill else made
         document.sections.append(made)
     return document
 
@@ -47,7 +42,7 @@ def _section_tables(section: Section) -> PageSection:
     made = PageSection(
         key=section.key,
         task=section.task,
-        title=_TITLES[section.task],
+        title=task_named(section.task).title,
         sides=tuple(
             SideHead(label=s.name, scene=s.is_scene, used_truth=bool(s.used_truth)) for s in sides
         ),

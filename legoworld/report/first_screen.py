@@ -8,8 +8,7 @@ from typing import Final
 
 from legoworld.comparison.verdict import headline_rows, noun, standing, verdict_sentence
 from legoworld.evaluation.stored import Evaluated
-from legoworld.records.evaluation_rows import DetectionRow, ScoredDepthRow
-from legoworld.records.reconstruction_rows import COMPARED, ReconstructionRow
+from legoworld.records.evaluation_rows import Outcome
 from legoworld.records.report_summary import (
     Cost,
     CoverageBar,
@@ -92,29 +91,20 @@ def _costs(
 
 def _coverage(side: Evaluated) -> CoverageBar:
     """Every image once: with a score, scored without a prediction, or failed and why."""
-    parts: Counter[tuple[str, str]] = Counter()
+    parts: Counter[Outcome] = Counter()
     for row in side.rows:
-        if isinstance(row, DetectionRow):
-            empty = row.scored and row.n_predictions == 0
-            status = "scored without predictions" if empty else row.status
-            parts["empty" if empty else "scored" if row.scored else "failed", status] += 1
-        elif isinstance(row, ReconstructionRow):
-            compared = row.status == COMPARED
-            sort = "scored" if compared and row.valid else "empty" if compared else "failed"
-            parts[sort, "not valid" if sort == "empty" else row.status] += 1
-        else:
-            parts["scored" if isinstance(row, ScoredDepthRow) else "failed", row.status] += 1
+        parts[row.outcome] += 1
     order = ("scored", "empty", "failed")
-    ordered = sorted(parts, key=lambda key: (order.index(key[0]), key[1]))
+    ordered = sorted(parts, key=lambda key: (order.index(key.sort), key.words))
     return CoverageBar(
         label=side.name,
         attempted=side.summary.coverage.attempted,
         parts=tuple(
             CoveragePart(
-                name="scored" if (sort, name) == ("scored", "ok") else name,
-                sort=sort,  # type: ignore[arg-type]
-                n=parts[sort, name],
+                name="scored" if part == ("scored", "ok") else part.words,
+                sort=part.sort,
+                n=parts[part],
             )
-            for sort, name in ordered
+            for part in ordered
         ),
     )

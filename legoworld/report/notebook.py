@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from legoworld.comparison.tables import Document, comparisons_of
 from legoworld.comparison.verdict import noun, verdict_sentence
+from legoworld.records.evaluation_summary import Summary
 from legoworld.records.instances import InstanceRow
 from legoworld.records.report_summary import ForestRow, Span
-from legoworld.report.forest import AnySummary, evaluated_sentence, forest_rows
+from legoworld.report.forest import evaluated_sentence, forest_rows
 
 _LINE: Final = 26
 _LEFT: Final = 150
@@ -28,7 +29,7 @@ _APART: Final = "#0b72d0"
 _SOFT: Final = "#888"
 
 
-def evaluation_html(summary: AnySummary) -> str:
+def evaluation_html(summary: Summary) -> str:
     """An evaluation: one sentence, and its main metrics with their intervals."""
     name = "scene" if summary.kind == "scene" else f"{summary.kind or 'baseline'}"
     sentence = evaluated_sentence(noun(summary.task, name), summary)
@@ -74,7 +75,7 @@ def statuses_html(title: str, by_status: Mapping[str, int]) -> str:
     return f"<p><b>{html.escape(title)}</b>: {html.escape(listed)}</p>"
 
 
-def _statuses(summary: AnySummary) -> str:
+def _statuses(summary: Summary) -> str:
     return statuses_html("images", summary.coverage.by_status)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from legoworld.evaluation.detection.inputs.masks import overlaps, union
 from legoworld.evaluation.detection.problem import Floats
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
 from legoworld.report.error_kinds import FOREGROUND_IOU
 
@@ -80,7 +81,7 @@ def _members(image: DetectionImage, side: SideImage, truth: int, inside: Floats)
 
 def _together(task: str, shared: Sequence[Any]) -> Any:
     """The box around boxes, or the union of masks."""
-    if task != "coco":
+    if detection_protocol(task).iou_type != "bbox":
         return union(shared)
     low = np.array(shared)[:, :2]
     high = low + np.array(shared)[:, 2:]

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from msgspec.structs import asdict
 
+from legoworld.evaluation.family import evaluation_of
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.base import as_json, canonical
 from legoworld.records.comparison import Comparison
@@ -92,7 +93,11 @@ def _made_run(side: Evaluated, cards: list[dict[str, Any]]) -> str:
 def _evaluated(side: Evaluated) -> str:
     configuration = as_json(side.evidence.configuration)
     truths = [i.path for i in side.evidence.inputs if i.role == "truth"]
-    truth = PurePosixPath(truths[0]).name if side.task != "eth3d" and truths else "TRUTH"
+    truth = (
+        PurePosixPath(truths[0]).name
+        if truths and evaluation_of(side.task).truth_is_file
+        else "TRUTH"
+    )
     words = ["legoworld", "evaluate", _run_name(side), "--truth", truth]
     for option in ("evaluator", "camera_model", "draws", "seed"):
         if option in configuration:

@@ -14,12 +14,11 @@ from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode
 from legoworld.records.comparison import JOINED, KIND, Comparison, JoinedComparison
 from legoworld.records.folders.evaluation_reading import SUMMARY, read_evidence
+from legoworld.report.family import page_of
+from legoworld.tasks.registry import task_names
 
 #: What a baseline is called that recorded no name.
 _UNNAMED: Final = "baseline"
-
-#: The order of the sections of a page.
-_TASKS: Final = ("coco", "coco-masks", "lvis", "eth3d", "bench")
 
 
 class ReportInputError(LegoWorldError):
@@ -65,7 +64,7 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
         groups.setdefault((side.task, _truth_of(side)), []).append(side)
     sections = [
         _section(task, group, _comparison_of(group, task, comparisons))
-        for (task, _), group in sorted(groups.items(), key=lambda g: _TASKS.index(g[0][0]))
+        for (task, _), group in sorted(groups.items(), key=lambda g: task_names().index(g[0][0]))
     ]
     shown = [s.comparison for s in sections if s.comparison is not None]
     lone = [document for document, _ in comparisons if document not in shown]
@@ -84,11 +83,11 @@ def _require_known_task(folder: Path) -> None:
             task = decode(_OfTask, (folder / name).read_bytes()).task
         except (OSError, RecordError):
             continue  # reading the file reports what is wrong with it
-        if task is not UNSET and task not in _TASKS:
+        if task is not UNSET and task not in task_names():
             raise ReportInputError(
                 f"{folder.name} cannot be shown in a report",
                 found=f"task {task!r}",
-                expected=f"a task among {', '.join(_TASKS)}",
+                expected=f"a task among {', '.join(task_names())}",
                 next_step="leave the folder out; its own files hold its numbers",
             )
 
@@ -103,7 +102,8 @@ def _section(task: str, sides: Sequence[Evaluated], comparison: Comparison | Non
     """Scenes first; two of one name are told apart by their folders."""
     ordered = sorted(sides, key=lambda s: not s.is_scene)
     labels, folders = [s.name for s in ordered], [s.folder.name for s in ordered]
-    if ordered[0].task == "bench" and comparison is None and len(set(folders)) == len(folders) > 1:
+    several = comparison is None and len(set(folders)) == len(folders) > 1
+    if several and page_of(task).by_folder:
         labels = folders
         ordered = [replace(s, name=s.folder.name) for s in ordered]
     named = [

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from legoworld.evaluation.detection.protocols import detection_protocol
-from legoworld.evaluation.detection.text import metric_rows, notes
+from legoworld.evaluation.detection.text import metric_rows
 from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted, range_text, share
 from legoworld.records.base import UNSET
@@ -22,7 +22,7 @@ from legoworld.records.report_tables import (
     NumberCell,
     NumberRow,
 )
-from legoworld.report.bench_tables import bench_notes
+from legoworld.report.family import page_of
 
 #: What stands where no specialist's number is.
 NO_SPECIALIST: Final = "no specialist was run"
@@ -102,19 +102,7 @@ def coverage_rows(sides: Sequence[Evaluated]) -> list[CountRow]:
 
 def coverage_notes(side: Evaluated) -> list[str]:
     """The evaluation's own sentences about its counts."""
-    if side.task == "bench":
-        return bench_notes(side)
-    if side.task != "eth3d":
-        return notes(side.detection)
-    summary = side.depth
-    lines = [
-        f"mean share of holes {_number(summary.mean_hole_share)}, outside the view "
-        f"{_number(summary.mean_outside_view_share)}, clamped "
-        f"{_number(summary.mean_clamped_share)}",
-        f"{summary.resampled} resampled, {summary.worse_than_constant} worse than a constant",
-    ]
-    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
-    return lines + (["partial run: only some images of its track"] if summary.partial else [])
+    return page_of(side.task).notes(side)
 
 
 def category_rows(sides: Sequence[Evaluated]) -> list[CategoryLine]:

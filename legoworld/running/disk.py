@@ -1,4 +1,4 @@
-"""Check that the depth files will fit on the disk before the first one is written."""
+"""Check that the files of the images will fit on the disk before the first one is written."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.pluralize import counted
-from legoworld.readouts.depth import depth_file_bytes
 
 
 class OutputFullError(LegoWorldError):
@@ -21,22 +20,23 @@ class OutputFullError(LegoWorldError):
 
 def check_disk(
     folder: Path,
-    sizes_wh: Sequence[tuple[int, int]],
+    file_bytes: Sequence[int],
     notice: Callable[[str], None],
     *,
+    what: str,
     next_step: str,
 ) -> None:
-    """Report the size of float32 depth at these sizes; OutputFullError if it does not fit."""
-    expected = sum(depth_file_bytes(size) for size in sizes_wh)
+    """Report the size of all files; OutputFullError if they do not fit. what: such as "depth"."""
+    expected = sum(file_bytes)
     free = shutil.disk_usage(folder).free
     notice(
-        f"depth: about {_megabytes(expected)} for "
-        f"{counted(len(sizes_wh), 'image', 'images')} of known size, "
+        f"{what}: about {_megabytes(expected)} for "
+        f"{counted(len(file_bytes), 'image', 'images')} of known size, "
         f"{_megabytes(free)} free"
     )
     if expected > free:
         raise OutputFullError(
-            "the depth files will not fit on the disk",
+            f"the {what} files will not fit on the disk",
             found=f"{_megabytes(free)} free",
             expected=_megabytes(expected),
             next_step=next_step,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from legoworld.errors import LegoWorldError
-from legoworld.readouts.tasks import Protocol
+from legoworld.readouts.protocol import Protocol
 from legoworld.records.folders.prediction_files import has_its_results
 from legoworld.records.labels import LabelsFile
 from legoworld.records.provenance import ProvenanceFile

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import numpy as np
 from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
-from legoworld.files import as_unicode, sha256_of_file
-from legoworld.readouts.depth import depth_file, write_depth
-from legoworld.readouts.tasks import Protocol
+from legoworld.files import as_unicode
+from legoworld.readouts.family import AnsweredImage
+from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import UNSET
 from legoworld.records.folders.prediction_files import predictions_sha256
 from legoworld.records.predictions import Prediction
@@ -25,7 +24,6 @@ from legoworld.records.run_file import (
     RenderOfScene,
 )
 from legoworld.records.run_rows import (
-    DepthFile,
     Exported,
     InstanceCounts,
     Nested,
@@ -43,6 +41,7 @@ from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels
 from legoworld.scene.reading import ReadScene
 from legoworld.tracks.track import TrackImage
+from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, unseen_reasons, view
@@ -148,17 +147,27 @@ def record_of(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) 
         ),
     )
     predictions: tuple[Prediction, ...] = ()
-    if options.protocol.task.predict is None:
-        row = replace(row, depth=_write_depth_file(image, seen, options))
-    else:
-        exports = options.protocol.task.predict(image.id, grouping.instances, seen)
+    readout, vocabulary = options.protocol.readout, options.protocol.vocabulary
+    answered = AnsweredImage(
+        image_id=image.id,
+        name=as_unicode(image.scene if image.scene != "." else image.file_name),
+        run=options.run,
+        instances=grouping.instances,
+        view=seen,
+    )
+    if vocabulary is not None:
+        row = _instance_report(row, scene, grouping, seen, vocabulary, options.threads)
+    if readout.exports is not None:
+        exports = readout.exports(options.protocol.card.reads, answered)
         predictions = tuple(prediction for prediction, _ in exports)
         row = replace(
-            _instance_report(row, scene, grouping, seen, options),
+            row,
             n_predictions=len(predictions),
             exported=tuple(_exported(instance) for _, instance in exports),
             predictions_sha256=predictions_sha256(predictions),
         )
+    if readout.write is not None:
+        row = readout.write(row, answered)
     source = source_of(of_image.folder, scene, seen.projection, of_image.provenance)
     return ImageRecord(row=row, predictions=predictions, scene=source)
 
@@ -176,26 +185,15 @@ def _view_warnings(scene: ReadScene, full_size: tuple[int, int], seen: View) -> 
     return warnings
 
 
-def _write_depth_file(image: TrackImage, seen: View, options: ImageOptions) -> DepthFile:
-    name = depth_file(as_unicode(image.scene if image.scene != "." else image.file_name))
-    path = options.run / name
-    write_depth(path, seen.buffers.depth_z_m, seen.projection)
-    return DepthFile(
-        file=name,
-        space="depth",
-        unit="m",
-        bytes=path.stat().st_size,
-        sha256=sha256_of_file(path),
-        finite_px=int(np.isfinite(seen.buffers.depth_z_m).sum()),
-    )
-
-
 def _instance_report(
-    row: RunRow, scene: ReadScene, grouping: Grouping, seen: View, options: ImageOptions
+    row: RunRow,
+    scene: ReadScene,
+    grouping: Grouping,
+    seen: View,
+    vocabulary: Vocabulary,
+    threads: int,
 ) -> RunRow:
     """The row with the outcome of every label: exported, unseen and why, or outside."""
-    vocabulary = options.protocol.vocabulary
-    assert vocabulary is not None
     labelled = [i for i in grouping.instances if i.category is not None]
     unlabelled = [i for i in grouping.instances if i.category is None]
     nested = [i for i in grouping.nested if seen.area_px[i] > 0]
@@ -215,7 +213,7 @@ def _instance_report(
             Unmatched(label=text, count=count, nearest=tuple(vocabulary.nearest(text)))
             for text, count in grouping.outside_vocabulary.items()
         ),
-        unexported=_unexported(scene, grouping, labelled, seen, options),
+        unexported=_unexported(scene, grouping, labelled, seen, vocabulary, threads),
     )
 
 
@@ -224,22 +222,19 @@ def _unexported(
     grouping: Grouping,
     labelled: list[Instance],
     seen: View,
-    options: ImageOptions,
+    vocabulary: Vocabulary,
+    threads: int,
 ) -> tuple[Unexported, ...]:
     """Labelled instances without a pixel, by name."""
     unexported: list[Unexported] = []
     unseen = [i.id for i in labelled if seen.area_px[i.id] == 0]
     if unseen:
-        reasons = unseen_reasons(
-            scene.snapshot, grouping, seen, among=unseen, threads=options.threads
-        )
+        reasons = unseen_reasons(scene.snapshot, grouping, seen, among=unseen, threads=threads)
         unexported = [
             Unexported(name=i.name, category=i.category.name, reason=reasons[i.id])
             for i in labelled
             if i.category is not None and i.id in reasons
         ]
-    vocabulary = options.protocol.vocabulary
-    assert vocabulary is not None
     for name, text in grouping.unseen_owners:
         match = vocabulary.match(text)
         category = match.name if match else text

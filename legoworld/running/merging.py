@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from legoworld.errors import ConfigurationMismatchError, UsageError, cause
 from legoworld.files import atomic_path
-from legoworld.readouts.tasks import TASKS
+from legoworld.readouts.protocol import readout_of
 from legoworld.records.base import RecordError, as_json, decode
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import JOURNAL, JournalledImage, append, journal
@@ -27,6 +27,7 @@ from legoworld.records.repeats import repeated
 from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary, Shard
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult, run_document, summarise
+from legoworld.tasks.registry import find_task, task_named
 
 #: The keys in which the configurations of two shards of one run differ.
 _OWN: Final = ("attempted", "partial", "shard", "images_per_file")
@@ -48,7 +49,7 @@ def merge_shards(
     alone = len(shards) == 1 and not configurations[0].shard
     whole = configurations[0] if alone else _whole(list(shards), configurations)
     configuration = run_folder.divided(whole, images_per_file)
-    with_predictions = TASKS[configuration.task].predict is not None
+    with_predictions = readout_of(task_named(configuration.task)).exports is not None
     _refuse_division(images_per_file, with_predictions=with_predictions)
     _refuse_own_output(shards, output)
     with run_folder.locked(output):
@@ -129,7 +130,7 @@ def _finished_document(folder: Path) -> RunFile:
         document = decode(RunFile, (folder / RUN).read_bytes())
         if (folder / JOURNAL).exists():
             raise RecordError("it has not ended")
-        if document.configuration.task not in TASKS:
+        if find_task(document.configuration.task) is None:
             raise RecordError(f"task {document.configuration.task!r}")
     except (OSError, RecordError) as error:
         raise UsageError(

@@ -11,14 +11,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import IO
 
-from msgspec import structs
-
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import as_unicode, canonical_json, sha256_of_text
 from legoworld.pluralize import share, word_for
-from legoworld.readouts.tasks import TASKS
+from legoworld.readouts.protocol import readout_of
 from legoworld.records.base import UNSET
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import (
@@ -27,7 +25,7 @@ from legoworld.records.folders.run_journal import (
     append,
     journal,
 )
-from legoworld.records.folders.run_reading import CONFIGURATION, ROWS, RUN_SCHEMA, RunDamagedError
+from legoworld.records.folders.run_reading import CONFIGURATION, RUN_SCHEMA
 from legoworld.records.run_file import (
     Configuration,
     ImageRecord,
@@ -42,10 +40,10 @@ from legoworld.running.disk import check_disk
 from legoworld.running.image import SceneReader, arrived, lost_record, still_valid
 from legoworld.running.image_record import ROW_SCHEMA, ImageOptions, verdict_instead
 from legoworld.running.reader_process import ReaderProcess, worth_processes
-from legoworld.running.submission import validity_counts
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
+from legoworld.tasks.registry import task_named
 from legoworld.tracks.track import Track, TrackImage
 from legoworld.visibility.library import library
 from legoworld.workers.engines import ENGINES, EngineName, Job, Worker
@@ -130,8 +128,7 @@ def run_readout(
         if valid:
             read = share(len(valid), len(images), "image", "images")
             notice(f"{read} {word_for(len(valid), 'has', 'have')} a valid result already")
-        if request.image_options.protocol.task.exports == "depth":
-            _check_disk(request, todo, notice)
+        _check_disk(request, todo, notice)
         del earlier, by_id  # predictions are many: from here on they are on disk only
         with journal(folder) as stream:
             records = {i: append(stream, record) for i, record in valid.items()}
@@ -149,7 +146,7 @@ def run_readout(
             records=records.values(),
             run=run_document(configuration),
             summary=summary,
-            with_predictions=request.image_options.protocol.task.predict is not None,
+            with_predictions=request.image_options.protocol.readout.exports is not None,
         )
     return RunResult(rows=tuple(rows), summary=summary)
 
@@ -204,44 +201,7 @@ def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummar
         ),
         warnings=sum(len(row.warnings) for row in rows),
     )
-    exports = TASKS[configuration.task].exports
-    if exports == "depth":
-        return structs.replace(summary, depth_bytes=sum(_depth_bytes(row) for row in ok))
-    if TASKS[configuration.task].predict is None:
-        return structs.replace(summary, validity=validity_counts(rows))
-    made = [_n_predictions(row) for row in ok]
-    unmatched: Counter[str] = Counter()
-    for row in ok:
-        unmatched.update({u.label: u.count for u in row.unmatched or ()})
-    return structs.replace(
-        summary,
-        coverage=structs.replace(summary.coverage, ok_empty=made.count(0)),
-        predictions=sum(made),
-        unmatched_labels=dict(unmatched),
-        unexported_instances=dict(Counter(u.reason for r in ok for u in r.unexported or ())),
-        nested_instances=sum(row.nested.instances for row in ok if row.nested),
-    )
-
-
-def _n_predictions(row: RunRow) -> int:
-    if row.n_predictions is UNSET:
-        raise _unusable(row, "n_predictions")
-    return row.n_predictions
-
-
-def _depth_bytes(row: RunRow) -> int:
-    if not row.depth:
-        raise _unusable(row, "depth")
-    return row.depth.bytes
-
-
-def _unusable(row: RunRow, missing: str) -> RunDamagedError:
-    return RunDamagedError(
-        f"a row of {ROWS} cannot be used",
-        found=f"no {missing} of image {row.image_id}",
-        expected="rows as a run writes them",
-        next_step="run its command again with --overwrite",
-    )
+    return readout_of(task_named(configuration.task)).sum_up(summary, rows, ok)
 
 
 def _read_all(request: RunRequest, todo: list[TrackImage]) -> Iterator[ImageRecord]:
@@ -322,10 +282,14 @@ def run_document(configuration: Configuration) -> RunFile:
 
 def _check_disk(request: RunRequest, todo: list[TrackImage], notice: Callable[[str], None]) -> None:
     options = request.image_options
+    file_bytes = options.protocol.readout.file_bytes
+    if file_bytes is None:
+        return
     sizes = [options.rendered_size(i.size_wh) for i in todo if i.size_wh is not None]
     check_disk(
         options.run,
-        sizes,
+        [file_bytes(size) for size in sizes],
         notice,
+        what=options.protocol.card.reads,
         next_step="free some space, choose another -o, or render smaller with --max-side",
     )

@@ -11,9 +11,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.cards import Card
-from legoworld.errors import LegoWorldError, SceneInvalidError, cause
+from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError, cause
 from legoworld.files import as_unicode, atomic_path, sha256_of_file, sha256_of_text
 from legoworld.readouts.camera_planes import facing_planes
+from legoworld.readouts.family import ReadoutFamily
 from legoworld.readouts.joints import scene_joints
 from legoworld.readouts.surface import (
     VisibleSurface,
@@ -35,7 +36,7 @@ from legoworld.records.bench_run import (
     Validity,
     WrittenFile,
 )
-from legoworld.records.run_file import BenchReading, ValidityCounts
+from legoworld.records.run_file import BenchReading, RunSummary, ValidityCounts
 from legoworld.records.run_rows import RunRow
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.folder import BLEND, GLB, PICTURE, SceneFolder
@@ -43,6 +44,7 @@ from legoworld.scene.gltf.container import parse_glb
 from legoworld.scene.opened import CardRender, OpenedScene, SceneFacts
 from legoworld.scene.pictures import decoded_picture
 from legoworld.scene.snapshot import Snapshot
+from legoworld.tracks.track import Track
 
 OK: Final = Check(ok=True)
 #: Which check of V an error of reading scene.blend fails; any other one fails `scene_blend`.
@@ -303,3 +305,30 @@ def names_in_common(folder: SceneFolder, snapshot: Snapshot) -> str | None:
         f"{GLB} has none of the {len(objects)} object names of {BLEND} on its "
         f"{len(names)} meshes: it may be of another scene"
     )
+
+
+def _sum_up(summary: RunSummary, rows: Sequence[RunRow], _ok: Sequence[RunRow]) -> RunSummary:
+    return replace(summary, validity=validity_counts(rows))
+
+
+def _rules(card: Card, track: Track, source: str, given: Mapping[str, Any]) -> BenchRules:
+    _refuse_what_a_bench_lacks(track, source)
+    render, noise = given.get("render", True), given.get("render_noise", False)
+    return bench_rules(card, render=render, noise=noise)
+
+
+def _refuse_what_a_bench_lacks(images: Track, source: str) -> None:
+    """UsageError for a track without fields of view, and for another scene file."""
+    blind = [image.file_name for image in images.images if image.hfov_deg is None]
+    if blind:
+        raise UsageError(
+            "the images are no bench's: they have no field of view",
+            found=f"{blind[0]} without hfov_deg",
+            expected="DATASET/public/track.json",
+            next_step="pass it with --track; `legoworld bench make` writes it",
+        )
+    if source != "blend":
+        raise UsageError("a submission's surface is read from scene.blend: leave --source out")
+
+
+READOUT: Final = ReadoutFamily(sum_up=_sum_up, rules=_rules)

@@ -8,11 +8,13 @@ from legoworld.errors import InstallationError
 from legoworld.shipped import catalog
 
 
-def shipped_examples(task: str) -> tuple[Path, Path]:
-    """The folder of the example scenes, and their track for a task."""
+def shipped_examples(dataset: str) -> tuple[Path, Path]:
+    """The folder of the example scenes, and their track for a dataset; COCO's where it has none."""
     scenes = catalog.folder("examples")
-    name = "track_lvis.json" if task == "lvis" else "track_coco.json"
-    track = catalog.folder("datasets") / "skimage_examples" / name
+    tracks = catalog.folder("datasets") / "skimage_examples"
+    own = f"track_{dataset}.json"
+    name = own if (tracks / own).is_file() else "track_coco.json"
+    track = tracks / name
     if not scenes.is_dir() or not track.is_file():
         raise InstallationError(
             "this installation contains no examples",

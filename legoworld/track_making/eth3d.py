@@ -21,10 +21,10 @@ from legoworld.evaluation.depth.eth3d import (
 from legoworld.files import canonical_json, sha256_of_file
 from legoworld.pluralize import counted
 from legoworld.records.track import ImageInfo, Part
+from legoworld.tasks.shipped import ETH3D
 from legoworld.tracks.colmap import Calibration, CalibrationError, read_calibration
 from legoworld.tracks.source import Source
 
-ETH3D: Final = "eth3d"
 _VERSION: Final = "training-dslr"
 
 
@@ -102,7 +102,7 @@ def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> 
         sha256=_hash(calibrations),
         images=tuple(images),
         part=Part(
-            dataset=ETH3D,
+            dataset=ETH3D.name,
             dataset_images=len(shipped),
             scenes={scene: covered[scene] for scene in taken},
             scenes_left_out={scene: per_scene[scene] for scene in left_out},

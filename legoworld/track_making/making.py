@@ -5,7 +5,6 @@ Ground truth is read but never written: the output is built from a list of allow
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,25 +13,15 @@ from typing import Any, Final
 import numpy as np
 from msgspec.structs import asdict
 
-from legoworld.errors import CatalogError, LegoWorldError, UsageError, cause
-from legoworld.evaluation.detection.inputs.truth_checks import (
-    check_annotations,
-    check_image_values,
-    check_images,
-)
-from legoworld.files import atomic_path, names_a_file, sha256_of_file
+from legoworld.errors import LegoWorldError, UsageError, cause
+from legoworld.files import atomic_path, names_a_file
 from legoworld.pluralize import in_another_folder
-from legoworld.records.base import RecordError, canonical, read_json, readable, to_record
-from legoworld.records.track import PRIVATE_KEYS, ImageInfo, MadeTrack, TrackInfo
-from legoworld.track_making.depth_folders import depth_folder_source
-from legoworld.track_making.eth3d import eth3d_source
-from legoworld.tracks.dataset_versions import dataset_of, dataset_version
-from legoworld.tracks.source import Source
+from legoworld.records.base import canonical, readable
+from legoworld.records.track import ImageInfo, MadeTrack, TrackInfo
+from legoworld.track_making.family import track_of
+from legoworld.tracks.dataset_versions import dataset_of
 from legoworld.tracks.track import TrackImage, load_track, photo_names
-from legoworld.tracks.vocabulary import categories_in, vocabulary_of
 
-#: The allowed keys of an image. LVIS's lists of verified categories count as annotations.
-_PUBLIC_KEYS: Final = tuple(key for key in ImageInfo.__struct_fields__ if key not in PRIVATE_KEYS)
 _PHOTO_FOLDERS: Final = ("", "train2017", "val2017")
 
 
@@ -53,20 +42,18 @@ def make_track(
     sample: int | None,
     seed: int,
     chosen: Sequence[str] | None = None,
-    depth: DepthChoice | None = None,
+    options: Mapping[str, Any] | None = None,
     notice: Callable[[str], None] = lambda _text: None,
 ) -> MadeTrack:
     """Write a track of all images, a seeded `sample`, or the `chosen` images of a ground truth.
 
     truth: COCO or LVIS JSON, or a folder of measured depth. Samples are drawn from all listed
-    images, annotated or not. chosen: ids or file names; depth: options for a depth folder; notice:
+    images, annotated or not. chosen: ids or file names; options: the family's own, such as
+    those of a depth folder; notice:
     called with what is left out. Returns the document. Raises CatalogError for unusable ground
     truth, UsageError if it lacks the requested images.
     """
-    if task == "eth3d":
-        source = depth_source(truth, depth or DepthChoice())
-    else:
-        source = annotation_source(task, truth)
+    source = track_of(task).source(task, truth, options or {})
     images = sorted(source.images, key=lambda image: image.id)
     if sample is not None:
         if sample > len(images):
@@ -125,98 +112,6 @@ def _names_of(image: ImageInfo) -> list[str]:
     return [str(image.id), *photo_names(image)]
 
 
-@dataclass(frozen=True, kw_only=True)
-class DepthChoice:
-    """Options for a folder of measured depth.
-
-    scenes: the scenes to take in ETH3D's layout, None for all; dataset: the name of a dataset other
-    than ETH3D; photos: the photos of a folder of depth files, None in ETH3D's layout.
-    """
-
-    scenes: Sequence[str] | None = None
-    dataset: str | None = None
-    photos: Path | None = None
-
-
-def depth_source(folder: Path, choice: DepthChoice) -> Source:
-    """The public half of a folder of measured depth: ETH3D's layout, or files named like photos."""
-    if not folder.is_dir():
-        raise UsageError(
-            "the ground truth of depth is a folder",
-            found=folder.name,
-            expected="a folder of depth files",
-        )
-    if choice.photos is None:
-        return eth3d_source(folder, scenes=choice.scenes, dataset=choice.dataset)
-    if choice.scenes is not None:
-        raise UsageError(
-            "--scenes and --photos cannot be combined",
-            found="both",
-            expected="--scenes for ETH3D's layout, --photos for depth files named like the photos",
-        )
-    return depth_folder_source(folder, choice.photos, dataset=choice.dataset)
-
-
-def annotation_source(task: str, path: Path) -> Source:
-    """The public half of a COCO-style annotation file.
-
-    Its annotations, if any, get the same checks as in scoring: TruthInvalidError.
-    """
-    if path.is_dir():
-        raise UsageError(
-            "the ground truth is a folder",
-            found=str(path),
-            expected="a COCO or LVIS annotation file",
-        )
-    try:
-        document = read_json(path.read_bytes())
-        entries, _ = document["images"], document["categories"]
-    except (OSError, RecordError, KeyError, TypeError) as error:
-        raise CatalogError(
-            f"{path} cannot be read",
-            found=cause(error)
-            if isinstance(error, RecordError)
-            else f"{type(error).__name__}: {error}",
-            expected="COCO or LVIS JSON with images and categories",
-        ) from error
-    categories = categories_in(document["categories"], str(path))
-    vocabulary = vocabulary_of(categories, str(path))
-    if not isinstance(entries, list):
-        raise CatalogError(
-            f"{path} lists no images", found=type(entries).__name__, expected="a list"
-        )
-    images = check_images(str(path), entries, Counter())
-    _check_dataset(task, path, list(images.values()))
-    annotations = document.get("annotations")
-    if isinstance(annotations, list):
-        check_image_values(str(path), list(images.values()), federated=task == "lvis")
-        check_annotations(
-            str(path),
-            annotations,
-            images=images,
-            wanted=images,
-            category_ids=(c.id for c in categories),
-            masks=task != "coco",  # boxes are scored without
-            repairs=Counter(),
-        )
-    public = [{key: e[key] for key in _PUBLIC_KEYS if key in e} for e in images.values()]
-    try:
-        infos = to_record(tuple[ImageInfo, ...], public)
-    except RecordError as error:
-        raise CatalogError(
-            f"{path} has images that cannot be used",
-            found=str(error),
-            expected='"images": [{"id", "file_name" or "coco_url", "width", "height"}]',
-        ) from error
-    return Source(
-        name=path.name,
-        version=dataset_version(vocabulary, task),
-        sha256=sha256_of_file(path),
-        images=infos,
-        categories=categories,
-    )
-
-
 def check_photos(
     images: Sequence[TrackImage],
     photos: Path,
@@ -250,18 +145,6 @@ def find_photo(photos: Path, image: TrackImage) -> Path | None:
         if names_a_file(candidate):
             return candidate
     return None
-
-
-def _check_dataset(task: str, path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
-    """LVIS lists verified categories on every image, COCO on none."""
-    federated = [e for e in entries if "neg_category_ids" in e]
-    if len(federated) != (len(entries) if task == "lvis" else 0):
-        raise CatalogError(
-            f"{path} is not ground truth of {task}",
-            found=f"{len(federated)} of {len(entries)} images have neg_category_ids",
-            expected="all of them in LVIS, none in COCO",
-            next_step="pass the --task this file belongs to",
-        )
 
 
 def _readable(document: MadeTrack) -> str:

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from legoworld.shipped import catalog
+from legoworld.tasks.registry import find_task
 from legoworld.tracks.vocabulary import Vocabulary, load
-
-#: Number of categories of LVIS v0.5; its ids differ from v1's for the same names.
-_LVIS_V05_CATEGORIES: Final = 1230
-
-#: COCO boxes and masks are two readouts of one dataset and share tracks and ground truth.
-_DATASETS: Final = {"coco-masks": "coco"}
 
 
 def dataset_of(task: str) -> str:
-    """The dataset whose tracks, categories and ground truth a task uses."""
-    return _DATASETS.get(task, task)
+    """The dataset whose tracks, categories and truth a task uses; an unknown task is its own."""
+    known = find_task(task)
+    return known.dataset.name if known else task
 
 
 def dataset_version(vocabulary: Vocabulary, task: str) -> str:
     """The version of a task's dataset, from its categories; "custom" if they match none."""
-    dataset = dataset_of(task)
-    shipped = load(catalog.folder("datasets") / dataset / "categories.json")
+    known = find_task(task)
+    if known is None or known.dataset.version is None:
+        return "custom"
+    dataset = known.dataset
+    shipped = load(catalog.folder("datasets") / dataset.name / "categories.json")
     if vocabulary.sha256 == shipped.sha256:
-        return {"coco": "2017", "lvis": "1.0"}[dataset]
-    if dataset == "lvis" and len(vocabulary.categories) == _LVIS_V05_CATEGORIES:
-        return "0.5"
-    return "custom"
+        return known.dataset.version
+    return dataset.by_categories.get(len(vocabulary.categories), "custom")

@@ -30,6 +30,7 @@ from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.trajectory_scores import Moment, ScoredScene, TrajectoryFile, TrajectoryScore
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE
+from legoworld.tasks.shipped import BENCH
 from legoworld.trajectories.curves import Trajectory, moments, score_trajectory
 from legoworld.trajectories.folder import RecordedTrial, recorded_trials
 from legoworld.trajectories.tables import SHARES, agent_tables, common_images
@@ -188,7 +189,7 @@ def _slot(
     run = readout(
         scenes,
         top / "run",
-        task="bench",
+        task=BENCH,
         track=dataset.folders.track,
         image_ids=ids,
         workers=plan.workers,

@@ -19,7 +19,7 @@ from evaluation.official import evaluate
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError, check_box_format
-from legoworld.evaluation.detection.protocols import PROTOCOLS
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.text import metric_rows, notes
 from legoworld.records.folders.evaluation_folder import EVIDENCE, prepare_folder
 
@@ -202,7 +202,7 @@ def test_the_words_beside_the_numbers(tmp_path):
     }  # fmt: skip
     predictions = [{"image_id": 1, "category_id": 1, "bbox": [0, 0, 40, 40], "score": 0.5}]
     found = evaluate(tmp_path / "one", "coco", truth, predictions).summary
-    protocol = PROTOCOLS["coco"]
+    protocol = detection_protocol("coco")
     rows = {row[0]: row[1:] for row in metric_rows(found, protocol)}
     assert rows["AP"] == ("1.0000", "-", "1 image, 1 category, 1 annotation")
     assert rows["APs"] == ("-", "-", "1 image, 0 categories, 0 annotations")

@@ -22,7 +22,7 @@ from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
 from legoworld.plugin.evidence_making import Given, make_evidence
 from legoworld.plugin.evidence_runs import depth_file
 from legoworld.readouts.masks import covered_px
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 
 W, H = 64, 48
 SQUARE = [[10, 10], [30, 10], [30, 26], [10, 26]]

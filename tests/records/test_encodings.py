@@ -25,7 +25,7 @@ from legoworld.records.base import (
 )
 from legoworld.records.track import TrackFile
 from legoworld.scene.labels import read_labels_file
-from legoworld.track_making.making import annotation_source
+from legoworld.track_making.annotations import annotation_source
 from legoworld.tracks import vocabulary
 from legoworld.tracks.track import load_track
 

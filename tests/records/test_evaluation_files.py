@@ -11,8 +11,9 @@ from comparison.evaluations import compared, depth_scene_and_baseline, scene_and
 
 from legoworld.comparison.folder import read_document
 from legoworld.records.base import as_json, canonical, decode, readable
+from legoworld.records.depth import DepthComparison
+from legoworld.records.detection import DetectionComparison
 from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
-from legoworld.records.evidence import DepthComparison, DetectionComparison
 from legoworld.records.folders.evaluation_reading import (
     EvaluationFolderError,
     read_category_rows,

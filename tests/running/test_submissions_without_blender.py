@@ -22,7 +22,7 @@ from legoworld.errors import (
     UnsupportedCameraError,
     WorkerCrashedError,
 )
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.records.bench_run import Check, Validity
 from legoworld.records.run_rows import RunRow
 from legoworld.running.bench_image import Submission, read_submission

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from legoworld import cli
 from legoworld.errors import KernelBuildError, LegoWorldError
 from legoworld.files import as_unicode, atomic_path, canonical_json
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.records.base import canonical
 from legoworld.records.run_file import ImageRecord
 from legoworld.records.run_rows import Unmatched

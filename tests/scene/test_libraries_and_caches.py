@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from scene.snapshots import snapshot_of
 
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.running.image import read_image, still_valid
 from legoworld.running.image_record import ImageOptions
 from legoworld.scene.blender_process import BlenderProcess, Limits

@@ -21,7 +21,7 @@ from legoworld.baselines.confinement import confined
 from legoworld.baselines.conversation import BaselineRefusedError, Conversation
 from legoworld.baselines.request import BaselineRequest, configuration_of
 from legoworld.files import canonical_json, readable_json
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.records.base import as_json, canonical, readable
 from legoworld.records.baseline_messages import Message
 from legoworld.tracks.track import load_track

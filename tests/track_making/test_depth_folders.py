@@ -19,7 +19,7 @@ from legoworld.errors import CatalogError, UsageError
 from legoworld.records.base import canonical
 from legoworld.shipped import catalog
 from legoworld.track_making.depth_folders import _photos_below
-from legoworld.track_making.making import DepthChoice, make_track
+from legoworld.track_making.making import make_track
 from legoworld.tracks.track import load_track
 
 Track = dict[str, Any]
@@ -55,7 +55,7 @@ def make(tmp_path: Path) -> Make:
             tmp_path / "track.json",
             sample=sample,
             seed=1,
-            depth=DepthChoice(**choice),
+            options=choice,
             notice=said.append,
         )
         assert len(load_track(tmp_path / "track.json").images) == len(made.images)

@@ -13,6 +13,7 @@ from legoworld.files import names_a_file
 from legoworld.records.base import decode
 from legoworld.records.track import ListedImage
 from legoworld.shipped import catalog
+from legoworld.tasks.shipped import ETH3D
 from legoworld.tracks.colmap import Calibration, Camera, calibration_files
 
 #: The folder of a scene's photos, below images/ and in images.txt.
@@ -49,7 +50,7 @@ def scene_of(file_name: str) -> str | None:
 @cache
 def training_images() -> tuple[ListedImage, ...]:
     """ETH3D's 454 training images: id and file name, from the shipped list."""
-    path = catalog.folder("datasets") / "eth3d" / "images.json"
+    path = catalog.folder("datasets") / ETH3D.name / "images.json"
     return decode(tuple[ListedImage, ...], path.read_bytes())
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from legoworld.cards import load_card
 from legoworld.errors import UsageError
 from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.depth.declaration import DECLARATION
@@ -18,9 +19,9 @@ from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.evaluation.opening import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
+from legoworld.records.depth import DepthConfiguration, DepthEvidence
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
-from legoworld.records.evidence import DepthConfiguration, DepthEvidence
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
     installed_versions,
@@ -51,10 +52,10 @@ def evaluate_depth(
     in image order. Raises before scoring if run, ground truth, options and output do not fit
     together; an error of one prediction is recorded in that image's row.
     """
-    protocol = depth_protocol()
     settings = Settings(camera_model=camera_model, draws=draws, seed=seed)
     run, truth = run.absolute(), truth.absolute()
     depth_run = read_depth_run(run)
+    protocol = depth_protocol(load_card(depth_run.run.task))
     files = find_truth(truth, [image.image for image in depth_run.images])
     _check(depth_run, files, settings)
     configuration = _configuration(protocol, settings)
@@ -64,7 +65,7 @@ def evaluate_depth(
     )
     rows: list[DepthRow] = []
     views: dict[str, Any] = {"run.json": run_view(depth_run.run)}
-    tasks = image_tasks(depth_run.images, files, warped=camera_model == "dataset")
+    tasks = image_tasks(depth_run, files, warped=camera_model == "dataset")
     for task, result in zip(tasks, scored_images(tasks, pool), strict=True):
         rows.append(result.row)
         if result.view is not None:
@@ -127,7 +128,7 @@ def _check(run: DepthRun, files: Sequence[TruthFile], settings: Settings) -> Non
 
 def _configuration(protocol: DepthProtocol, settings: Settings) -> DepthConfiguration:
     return DepthConfiguration(
-        task="eth3d",
+        task=protocol.card.task,
         card_version=protocol.card.version,
         card_sha256=protocol.card.sha256,
         camera_model=settings.camera_model,

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from legoworld import exit_codes
+from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.checks import refuse_unseen
-from legoworld.evaluation.depth.predictions import DepthImage
+from legoworld.evaluation.depth.predictions import DepthImage, DepthRun
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.rows import ImageResult, score_row
 from legoworld.evaluation.depth.truth import TruthFile
@@ -29,26 +30,26 @@ class DepthUnseenError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class ImageTask:
-    """One image to score. sizes_bytes: of its files as the command sees them, by absolute path."""
+    """One image to score. task: its name; sizes_bytes: of its files as the command sees them."""
 
+    task: str
     image: DepthImage
     file: TruthFile
     warped: bool
     sizes_bytes: dict[Path, int]
 
 
-def image_tasks(
-    images: Sequence[DepthImage], files: Sequence[TruthFile], *, warped: bool
-) -> list[ImageTask]:
+def image_tasks(run: DepthRun, files: Sequence[TruthFile], *, warped: bool) -> list[ImageTask]:
     """The task of each image of a run. warped: through the dataset's camera."""
     return [
         ImageTask(
+            task=run.run.task,
             image=image,
             file=file,
             warped=warped,
             sizes_bytes={p: p.stat().st_size for p in (image.path, file.path) if p.is_file()},
         )
-        for image, file in zip(images, files, strict=True)
+        for image, file in zip(run.images, files, strict=True)
     ]
 
 
@@ -67,4 +68,4 @@ def score_task(task: ImageTask) -> ImageResult:
     what = f"the depth files of {task.image.image.file_name}"
     refuse_unseen(task.sizes_bytes, what, DepthUnseenError)
     camera = task.file.camera if task.warped else None
-    return score_row(task.image, task.file, camera, depth_protocol())
+    return score_row(task.image, task.file, camera, depth_protocol(load_card(task.task)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Final
 
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.depth.arrays import DepthArray
@@ -15,8 +14,7 @@ from legoworld.evaluation.run import Run, read_rows, read_run_of
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.depth import depth_file
 from legoworld.records.run_rows import RunImage, RunRow
-
-_TASK: Final = "eth3d"
+from legoworld.tasks.shipped import DEPTH
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +48,7 @@ class DepthRun:
 
 def read_depth_run(folder: Path) -> DepthRun:
     """A depth run and its images by ascending id. Raises RunUnusableError or UsageError."""
-    run = read_run_of(folder, _TASK, "a depth run")
+    run = read_run_of(folder, DEPTH, "a depth run")
     return DepthRun(
         run=run,
         kind=str(run.configuration.kind or None),

@@ -8,6 +8,7 @@ from typing import Any, Final, Literal
 from legoworld.cards import Card, load_card
 from legoworld.records.base import to_record
 from legoworld.records.evaluation_summary import DepthChoices
+from legoworld.tasks.shipped import ETH3D
 
 HolePolicy = Literal["error_1", "exclude", "far"]
 HOLE_POLICIES: Final[tuple[HolePolicy, ...]] = ("error_1", "exclude", "far")
@@ -85,7 +86,7 @@ class DepthProtocol:
 
 def depth_protocol(card: Card | None = None) -> DepthProtocol:
     """The shipped card's protocol; InstallationError if a fixed value differs from the code's."""
-    card = card or load_card("eth3d")
+    card = card or load_card(ETH3D.name)
     card.hold_to(_FIXED)
     return DepthProtocol(
         card=card,

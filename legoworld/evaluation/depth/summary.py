@@ -54,7 +54,7 @@ def summarise(
     with_truth = [row for row in rows if row.status != "no_gt"]
     bootstrap, intervals = _intervals(with_truth, scored, settings)
     return DepthSummary(
-        task="eth3d",
+        task=protocol.card.task,
         kind=kind,
         partial=partial,
         evaluator=Evaluator(name=protocol.evaluator, version=protocol.evaluator_version),

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
+from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.agreement import agreement
 from legoworld.evaluation.checks import Check, located
@@ -17,9 +18,9 @@ from legoworld.evaluation.depth.rows import score_row
 from legoworld.evaluation.depth.summary import Settings, summarise
 from legoworld.evaluation.depth.truth import TruthFile, find_truth
 from legoworld.records.base import as_json
+from legoworld.records.depth import DepthEvidence
 from legoworld.records.evaluation_rows import DepthRow
 from legoworld.records.evaluation_summary import DepthSummary
-from legoworld.records.evidence import DepthEvidence
 from legoworld.records.folders.evaluation_reading import SUMMARY
 from legoworld.records.run_rows import RunImage
 
@@ -35,7 +36,7 @@ def depth_checks(
         rows,
         kind=str(summary.kind),
         partial=summary.partial,
-        protocol=depth_protocol(),
+        protocol=depth_protocol(load_card(summary.task)),
         settings=_settings(summary),
     )
     # All that the file says: a key that no reader knows follows from no row.
@@ -57,7 +58,10 @@ def depth_rows(
         role: [located(folder, i.path, root) for i in evidence.inputs if i.role == role]
         for role in ("run", "truth")
     }
-    protocol, warped = depth_protocol(), summary.protocol.camera_model == "dataset"
+    protocol, warped = (
+        depth_protocol(load_card(summary.task)),
+        summary.protocol.camera_model == "dataset",
+    )
     run = read_depth_run(_known(paths["run"][0]).parent)
     files = _truth_files(_known(paths["truth"][0]), [image.image for image in run.images])
     recorded = {row.image_id: as_json(row) for row in rows}

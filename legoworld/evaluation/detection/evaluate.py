@@ -40,6 +40,14 @@ from legoworld.evaluation.detection.scoring import (
 from legoworld.evaluation.opening import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET
+from legoworld.records.detection import (
+    CardOrigin,
+    DetectionConfiguration,
+    DetectionEvidence,
+    EqualScores,
+    RawScores,
+    RunOrigin,
+)
 from legoworld.records.evaluation_summary import (
     Counts,
     DetectionCoverage,
@@ -49,14 +57,6 @@ from legoworld.records.evaluation_summary import (
     FrequencyCounts,
     MatchedKinds,
     TruthCounts,
-)
-from legoworld.records.evidence import (
-    CardOrigin,
-    DetectionConfiguration,
-    DetectionEvidence,
-    EqualScores,
-    RawScores,
-    RunOrigin,
 )
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,

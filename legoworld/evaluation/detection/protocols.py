@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Final, Literal
 
 import numpy as np
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
+from legoworld.tasks.registry import find_task, tasks_of
+from legoworld.tasks.shipped import DETECTION
 
 IouType = Literal["bbox", "segm"]
 
@@ -86,44 +88,31 @@ _COCO_METRICS: Final = (
 )
 
 
-def _coco(task: str, iou_type: IouType) -> DetectionProtocol:
+_LVIS_METRICS: Final = (
+    *_AP,
+    *_areas("AP"),
+    *(Metric(f"AP{f}", "AP", frequency=f) for f in "rcf"),
+    Metric("AR@300", "AR"),
+    *_areas("AR", "@300"),
+)
+
+
+@cache
+def detection_protocol(task: str) -> DetectionProtocol:
+    """The rules of a task of boxes or masks: LVIS's where its dataset is federated, else COCO's."""
+    known = find_task(task)
+    if known is None or known.family != DETECTION:
+        raise UsageError(
+            "there is no such detection task",
+            found=repr(task),
+            expected=" or ".join(one.name for one in tasks_of(DETECTION)),
+        )
+    federated = known.dataset.federated
     return DetectionProtocol(
         task=task,
-        iou_type=iou_type,
-        per_category_cap=100,
-        per_image_cap=None,
-        federated=False,
-        metrics=_COCO_METRICS,
+        iou_type="bbox" if load_card(task).reads == "boxes" else "segm",
+        per_category_cap=None if federated else 100,
+        per_image_cap=300 if federated else None,
+        federated=federated,
+        metrics=_LVIS_METRICS if federated else _COCO_METRICS,
     )
-
-
-PROTOCOLS: Final = {
-    p.task: p
-    for p in (
-        _coco("coco", "bbox"),
-        _coco("coco-masks", "segm"),
-        DetectionProtocol(
-            task="lvis",
-            iou_type="segm",
-            per_category_cap=None,
-            per_image_cap=300,
-            federated=True,
-            metrics=(
-                *_AP,
-                *_areas("AP"),
-                *(Metric(f"AP{f}", "AP", frequency=f) for f in "rcf"),
-                Metric("AR@300", "AR"),
-                *_areas("AR", "@300"),
-            ),
-        ),
-    )
-}
-
-
-def detection_protocol(task: str) -> DetectionProtocol:
-    """The rules of a detection task."""
-    if task not in PROTOCOLS:
-        raise UsageError(
-            "there is no such detection task", found=repr(task), expected=" or ".join(PROTOCOLS)
-        )
-    return PROTOCOLS[task]

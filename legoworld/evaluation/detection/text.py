@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
+from legoworld.evaluation.family import TextTable
+from legoworld.evaluation.short_text import SHORT, bounds, evaluator_of, fraction, image_counts
 from legoworld.pluralize import counted, range_text
 from legoworld.records.evaluation_summary import Coverage, DetectionSummary
-
-Table = Callable[[Sequence[str], Sequence[Sequence[object]]], str]
 
 _TITLES = {"AP": "Average Precision", "AR": "Average Recall"}
 
@@ -19,7 +19,47 @@ def official_lines(protocol: DetectionProtocol, official: Sequence[float]) -> li
     return [word(m, v) for m, v in zip(protocol.metrics, official, strict=True)]
 
 
-def evaluation_text(summary: DetectionSummary, protocol: DetectionProtocol, table: Table) -> str:
+def short_detections(summary: DetectionSummary) -> str:
+    """AP with its interval and denominators, tie orders, recall at IoU 0.5, warnings."""
+    metrics, counts = summary.metrics, summary.counts
+    over = (
+        f"{counted(counts.categories_with_truth, 'category', 'categories')}, "
+        f"{counted(counts.truth_instances, 'annotation', 'annotations')}"
+    )
+    lines = [
+        f"{evaluator_of(summary)}, {summary.iou_type}: {image_counts(summary.coverage)}",
+        f"AP {fraction(metrics['AP'])}{bounds(summary.intervals.get('AP'))}, "
+        f"AP50 {fraction(metrics['AP50'])}, AP75 {fraction(metrics['AP75'])} over {over}",
+    ]
+    ties = summary.ties
+    if ties.n_tied:
+        lines.append(
+            f"AP over {counted(ties.draws, 'tie order', 'tie orders')}: "
+            f"{fraction(ties.expected)}, between {fraction(ties.worst)} and {fraction(ties.best)}"
+        )
+    matched = summary.matched.class_aware
+    lines.append(
+        f"at IoU 0.5: recall {fraction(matched.recall_50)} of "
+        f"{counted(matched.n_gt, 'annotation', 'annotations')}, "
+        f"precision {fraction(matched.precision_50)} of "
+        f"{counted(matched.n_dt, 'prediction', 'predictions')}; mean IoU "
+        f"{fraction(matched.miou_gt_micro)}"
+    )
+    return "\n".join([*lines, *_ends(summary)])
+
+
+def _ends(summary: DetectionSummary) -> list[str]:
+    lines = ["partial run: only some images of its track were attempted"] * summary.partial
+    lines += [f"warning: {text}" for text in summary.warnings[:SHORT]]
+    if len(summary.warnings) > SHORT:
+        more = counted(len(summary.warnings) - SHORT, "more warning", "more warnings")
+        lines.append(f"... and {more} (-v lists all)")
+    return lines
+
+
+def evaluation_text(
+    summary: DetectionSummary, protocol: DetectionProtocol, table: TextTable
+) -> str:
     """Everything `legoworld evaluate` prints for boxes and masks."""
     evaluator = summary.evaluator
     parts = [

@@ -19,11 +19,9 @@ from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
 from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.records.base import as_json, decode
+from legoworld.records.detection import DetectionEvidence
 from legoworld.records.evaluation_summary import DetectionSummary
 from legoworld.records.evaluation_view import TruthCategories
-from legoworld.records.evidence import (
-    DetectionEvidence,
-)
 from legoworld.records.folders.evaluation_reading import (
     MATCHES,
     VIEW,

@@ -21,13 +21,13 @@ from legoworld.evaluation.reconstruction.reference import check_sampling
 from legoworld.evaluation.reconstruction.submission import BenchRun, files_of, read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.evaluation.run import run_view
-from legoworld.records.evidence import BenchConfiguration, BenchEvidence
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
     installed_versions,
     write_evaluation,
 )
 from legoworld.records.folders.run_reading import ROWS, RUN
+from legoworld.records.reconstruction import BenchConfiguration, BenchEvidence
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
@@ -133,7 +133,7 @@ def _configuration(
     protocol: BenchProtocol, choices: Choices, draws: int, seed: int
 ) -> BenchConfiguration:
     return BenchConfiguration(
-        task="bench",
+        task=protocol.card.task,
         card_version=protocol.card.version,
         card_sha256=protocol.card.sha256,
         reference_sampling=choices.sampling,

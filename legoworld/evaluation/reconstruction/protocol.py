@@ -8,6 +8,7 @@ from typing import Any, Final
 from legoworld.cards import Card, load_card
 from legoworld.evaluation.reconstruction.integrity import FlagThresholds
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
+from legoworld.tasks.shipped import BENCH
 
 _FIXED: Final[dict[str, Any]] = {
     "scoring.protocol": "lego_bench",
@@ -43,7 +44,7 @@ class BenchProtocol:
 
 def bench_protocol(card: Card | None = None) -> BenchProtocol:
     """The shipped card's protocol; InstallationError when a fixed value is not the code's."""
-    card = card or load_card("bench")
+    card = card or load_card(BENCH)
     card.hold_to(_FIXED)
     main = float(card.value("scoring.tolerance"))
     relative = [float(t) for t in card.value("scoring.tolerances") if float(t) != main]

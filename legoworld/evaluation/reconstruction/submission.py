@@ -22,8 +22,8 @@ from legoworld.evaluation.run import Run, RunUnusableError, read_run_of
 from legoworld.records.base import UNSET, RecordError, decode_lines
 from legoworld.records.bench_run import BenchRow, RenderFile, SurfaceFile, WrittenFile
 from legoworld.records.folders.run_reading import ROWS
+from legoworld.tasks.shipped import RECONSTRUCTION
 
-TASK: Final = "bench"
 _NO_TEXTURES: Final = np.zeros((0, 36, 64, 3), np.uint8)
 
 
@@ -57,7 +57,7 @@ class Surface:
 
 def read_bench_run(folder: Path) -> BenchRun:
     """A bench run and its rows. RunUnusableError or UsageError otherwise."""
-    run = read_run_of(folder, TASK, "a bench run")
+    run = read_run_of(folder, RECONSTRUCTION, "a bench run")
     try:
         rows = decode_lines(BenchRow, (folder / ROWS).read_bytes())
     except (OSError, RecordError) as error:

@@ -57,7 +57,7 @@ def summarise(
     measures = headline([t.name for t in protocol.others])
     draws = family_draws(rows, settings.draws, settings.seed)
     return ReconstructionSummary(
-        task="bench",
+        task=protocol.card.task,
         kind=kind,
         partial=partial,
         evaluator=Evaluator(name=protocol.evaluator, version=protocol.evaluator_version),

@@ -18,8 +18,8 @@ from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.submission import read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.records.base import as_json
-from legoworld.records.evidence import BenchEvidence
 from legoworld.records.folders.evaluation_reading import SUMMARY
+from legoworld.records.reconstruction import BenchEvidence
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.workers.tasks import IN_PROCESS

@@ -38,11 +38,7 @@ from legoworld.records.evaluation_rows import (
 from legoworld.records.evaluation_summary import (
     Summary,
 )
-from legoworld.records.evidence import (
-    Input,
-    TaskConfiguration,
-    TaskEvidence,
-)
+from legoworld.records.evidence import EvaluationEvidence, Input, ScoreConfiguration
 from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
     MATCHES,
@@ -88,7 +84,7 @@ class Evaluation(Generic[S]):
     """
 
     summary: S
-    evidence: TaskEvidence
+    evidence: EvaluationEvidence
     inputs: Sequence[InputFile]
     per_image: Sequence[ImageRow]
     per_category: Sequence[CategoryRow] = ()
@@ -114,7 +110,7 @@ def input_file(role: str, path: Path) -> InputFile:
 def prepare_folder(
     folder: Path,
     *,
-    configuration: TaskConfiguration,
+    configuration: ScoreConfiguration,
     inputs: Sequence[InputFile],
     overwrite: bool,
 ) -> None:

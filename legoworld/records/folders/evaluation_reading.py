@@ -9,14 +9,10 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.records.base import RecordError, decode, decode_lines
-from legoworld.records.evaluation_kinds import TaskRow, TaskSummary, rows_of, summary_of
-from legoworld.records.evaluation_rows import CategoryRow
-from legoworld.records.evidence import (
-    AnyEvidence,
-    OfKind,
-    TaskEvidence,
-    evaluation_evidence,
-)
+from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
+from legoworld.records.evaluation_summary import Summary
+from legoworld.records.evidence import AnyEvidence, EvaluationEvidence, OfKind
+from legoworld.records.families import decode_evidence, decode_rows, decode_summary
 
 SUMMARY: Final = "summary.json"
 PER_IMAGE: Final = "per_image.jsonl"
@@ -42,11 +38,11 @@ def require_finished(folder: Path) -> None:
         )
 
 
-def read_summary(folder: Path) -> TaskSummary:
+def read_summary(folder: Path) -> Summary:
     """summary.json of a finished evaluation. EvaluationFolderError."""
     require_finished(folder)
     with reading(folder, SUMMARY) as path:
-        return summary_of(path.read_bytes())
+        return decode_summary(path.read_bytes())
 
 
 def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> AnyEvidence:
@@ -63,10 +59,10 @@ def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> AnyEv
     )
 
 
-def read_evaluation_evidence(folder: Path) -> TaskEvidence:
+def read_evaluation_evidence(folder: Path) -> EvaluationEvidence:
     """evidence.json of an evaluation. EvaluationFolderError."""
     with _evidence_reading(folder):
-        return evaluation_evidence(_evidence_bytes(folder))
+        return decode_evidence(_evidence_bytes(folder))
 
 
 def _evidence_bytes(folder: Path) -> bytes:
@@ -93,10 +89,10 @@ def _evidence_reading(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def read_image_rows(folder: Path, summary: TaskSummary) -> Sequence[TaskRow]:
+def read_image_rows(folder: Path, summary: Summary) -> Sequence[EvaluationRow]:
     """per_image.jsonl: a row of each image, ascending id. EvaluationFolderError."""
     with reading(folder, PER_IMAGE) as path:
-        return rows_of(path.read_bytes(), summary)
+        return decode_rows(path.read_bytes(), summary)
 
 
 def read_category_rows(folder: Path) -> list[CategoryRow]:

@@ -1,21 +1,14 @@
-"""What `legoworld evaluate` prints of a bench."""
+"""An evaluation of a bench as text: both averages, the noise, flags, and what counts 0."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from legoworld.commands import options
+from legoworld.evaluation.family import TextTable
+from legoworld.evaluation.short_text import SHORT, bounds, evaluator_of, fraction
 from legoworld.pluralize import counted
+from legoworld.records.reconstruction_summary import Group, Mean, Means, ReconstructionSummary
 
-if TYPE_CHECKING:
-    from legoworld.records.reconstruction_summary import (
-        Group,
-        Mean,
-        Means,
-        ReconstructionSummary,
-    )
-
-_SHORT: Final = 3
 _SCORES: Final = ("V", "R", "A", "S")
 _VALID: Final = ("R_valid", "A_valid", "S_valid")
 
@@ -30,30 +23,34 @@ def short_bench(summary: ReconstructionSummary) -> str:
             "(-v lists all)"
         )
     rows = summary.not_scored
-    lines += [f"0: {r.status}: {r.file_name}: {r.reason}" for r in rows[:_SHORT]]
-    if len(rows) > _SHORT:
-        more = counted(len(rows) - _SHORT, "more case", "more cases")
+    lines += [f"0: {r.status}: {r.file_name}: {r.reason}" for r in rows[:SHORT]]
+    if len(rows) > SHORT:
+        more = counted(len(rows) - SHORT, "more case", "more cases")
         lines.append(f"... and {more} that count 0 (-v lists all)")
     return "\n".join(lines)
 
 
-def bench_text(summary: ReconstructionSummary) -> str:
+def bench_text(summary: ReconstructionSummary, table: TextTable) -> str:
     """Every mean with its interval and denominator, groups, diagnostics, flags and zeros."""
     header = ("metric", "mean", "95 % interval", "over")
     main = [_row(name, mean) for name, mean in summary.metrics.items()]
     groups = [
-        (f"{kind} {name}", *(_value(group.metrics[m]) for m in (*_SCORES, *_VALID)), _size(group))
+        (
+            f"{kind} {name}",
+            *(fraction(group.metrics[m].value) for m in (*_SCORES, *_VALID)),
+            _size(group),
+        )
         for kind in ("tier", "split", "environment", "theme")
         for name, group in getattr(summary.groups, kind).items()
     ]
     beside = [_row(name, mean) for name, mean in summary.diagnostics.items()]
     parts = [
         _title(summary),
-        options.table(header, main),
-        options.table(("group", *_SCORES, *_VALID, "over"), groups),
+        table(header, main),
+        table(("group", *_SCORES, *_VALID, "over"), groups),
     ]
     if beside:
-        parts.append("diagnostics, in no score:\n" + options.table(header, beside))
+        parts.append("diagnostics, in no score:\n" + table(header, beside))
     ends = _noise(summary) + _joints(summary)
     ends += [
         f"flag: {f.kind}: {f.file_name}: {f.what}: {f.measured:.3f} (from {f.threshold:g})"
@@ -68,7 +65,7 @@ def _title(summary: ReconstructionSummary) -> str:
     sampling = "" if rules.reference_sampling == "raster" else f", {rules.reference_sampling}"
     partial = "; partial run" if summary.partial else ""
     return (
-        f"{summary.evaluator.name} {summary.evaluator.version}, bench{sampling}: "
+        f"{evaluator_of(summary)}, bench{sampling}: "
         f"{counted(coverage.attempted, 'case', 'cases')} attempted, {coverage.scored} compared, "
         f"{coverage.valid} valid; intervals over "
         f"{counted(summary.bootstrap.groups, 'family', 'families')}{partial}"
@@ -76,8 +73,8 @@ def _title(summary: ReconstructionSummary) -> str:
 
 
 def _averages(metrics: Means) -> list[str]:
-    all_cases = (f"{m} {_value(metrics[m])}{_interval(metrics[m])}" for m in _SCORES)
-    valid = (f"{m[0]} {_value(metrics[m])}" for m in _VALID)
+    all_cases = (f"{m} {fraction(metrics[m].value)}{bounds(metrics[m].interval)}" for m in _SCORES)
+    valid = (f"{m[0]} {fraction(metrics[m].value)}" for m in _VALID)
     return [
         f"over all {metrics['S'].n} attempted, zeros included: {', '.join(all_cases)}",
         f"over the {metrics['S_valid'].n} valid: {', '.join(valid)}",
@@ -119,18 +116,9 @@ def _joints(summary: ReconstructionSummary) -> list[str]:
 
 
 def _row(name: str, mean: Mean) -> tuple[str, str, str, str]:
-    return name, _value(mean), _interval(mean).strip() or "-", f"{mean.n} {mean.over}"
+    return name, fraction(mean.value), bounds(mean.interval).strip() or "-", f"{mean.n} {mean.over}"
 
 
 def _size(group: Group) -> str:
     families = counted(group.families, "family", "families")
     return f"{counted(group.cases, 'case', 'cases')}, {families}"
-
-
-def _value(mean: Mean) -> str:
-    return "-" if mean.value is None else f"{mean.value:.4f}"
-
-
-def _interval(mean: Mean) -> str:
-    ends = mean.interval.ends if mean.interval else None
-    return " [{:.4f}, {:.4f}]".format(*ends) if ends else ""

@@ -1,0 +1,52 @@
+"""The baselines of a family: whose answers become a run, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from legoworld.errors import UsageError
+from legoworld.records.run_file import RunSummary
+from legoworld.records.run_rows import RunRow
+from legoworld.running.readout_run import Progress, RunResult
+from legoworld.tasks.registry import family_of
+
+if TYPE_CHECKING:
+    from legoworld.baselines.baseline_import import ImportRequest
+
+
+@dataclass(frozen=True, kw_only=True)
+class Telling:
+    """What an import says while it works. total: how many images; progress: of each row."""
+
+    total: Callable[[int], None]
+    progress: Progress
+    notice: Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineFamily:
+    """How answers of others become a run.
+
+    of_folder: whether an import takes a folder and no single file; what: what that is, in words.
+    options: those an import takes. import_answers: from the source and its options. sum_up: a run's
+    summary of its rows that have a result. own_file: the file that a row without a result may have
+    left, from the run folder; None where answers are no files.
+    """
+
+    of_folder: bool
+    what: str
+    options: frozenset[str]
+    import_answers: Callable[[ImportRequest, Path, Mapping[str, Any], Telling], RunResult]
+    sum_up: Callable[[RunSummary, Sequence[RunRow]], RunSummary]
+    own_file: Callable[[RunRow], str] | None = None
+
+
+def baseline_of(task: str) -> BaselineFamily:
+    """The baselines of a task. UsageError where there are none."""
+    family = family_of(task)
+    if family.baseline is None:
+        raise UsageError(f"no baseline answers {task}", found=f"--task {task}")
+    return cast("BaselineFamily", family.load("baseline"))

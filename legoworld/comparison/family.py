@@ -1,0 +1,66 @@
+"""The comparison of a family: its metrics, what its bootstrap draws, and what must agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.comparison.measures import Measures, Metric
+from legoworld.evaluation.stored import Evaluated
+from legoworld.records.comparison import Images
+from legoworld.records.evaluation_summary import DepthRules
+from legoworld.records.evidence import ComparisonSettings
+from legoworld.tasks.registry import family_of
+
+#: Measures one side over the images that were kept.
+Measurer = Callable[[Evaluated], Measures]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideFacts:
+    """What comparison.json says of one side's numbers; None where a family has no such thing."""
+
+    dataset_version: str | None = None
+    protocol: DepthRules | None = None
+    camera_model: str | None = None
+    max_side: int | None = None
+    resampled: int | None = None
+
+
+def _every_image(side: Evaluated) -> NDArray[np.bool_]:
+    return np.ones(len(side.rows), bool)
+
+
+def _nothing(*_sides: object) -> list[str]:
+    return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonFamily:
+    """How two evaluations of one family are compared.
+
+    metrics: of a task, in display order. unit: what the bootstrap draws. measurer: measures a side
+    over the kept images, (images,) bool, with draws that both sides share. images: the selections
+    of images that there are rows over; unpaired: those of a selection that is not of pairs.
+    centred: whether samples are shifted onto the value. differences: what makes two sides
+    incomparable, in words; notes: what to read with the numbers.
+    """
+
+    metrics: Callable[[str], list[Metric]]
+    unit: Callable[[Evaluated], str]
+    measurer: Callable[[Evaluated, Images, NDArray[np.bool_], ComparisonSettings], Measurer]
+    images: tuple[Images, ...] = ("attempted", "paired")
+    unpaired: Callable[[Evaluated], NDArray[np.bool_]] = _every_image
+    centred: bool = False
+    facts: Callable[[Evaluated], SideFacts] = lambda _side: SideFacts()
+    differences: Callable[[Evaluated, Evaluated], list[str]] = _nothing
+    notes: Callable[[Sequence[Evaluated]], list[str]] = _nothing
+
+
+def comparison_of_task(task: str) -> ComparisonFamily:
+    """The comparison of a task. UsageError, InstallationError."""
+    return cast("ComparisonFamily", family_of(task).load("comparison"))

@@ -1,0 +1,52 @@
+"""Boxes and masks as a family of evaluations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, cast
+
+from legoworld.evaluation.checks import Check
+from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.text import evaluation_text, short_detections
+from legoworld.evaluation.detection.verification import detection_checks
+from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Recorded, TextTable
+from legoworld.records.detection import DetectionEvidence
+from legoworld.records.evaluation_summary import DetectionSummary
+from legoworld.records.folders.evaluation_reading import MATCHES
+
+
+def _evaluate(request: EvaluationRequest) -> DetectionSummary:
+    return evaluate_detections(
+        request.run,
+        request.truth,
+        request.output,
+        evaluator=request.options.get("evaluator"),
+        draws=request.draws,
+        seed=request.seed,
+        overwrite=request.overwrite,
+        notice=request.notice,
+        warn=request.warn,
+        pool=request.pool,
+        origins=request.origins,
+    ).summary
+
+
+def _verify(recorded: Recorded) -> Iterator[Check]:
+    evidence = cast("DetectionEvidence", recorded.evidence)
+    yield from detection_checks(
+        recorded.folder, evidence, cast("DetectionSummary", recorded.summary)
+    )
+
+
+def _text(summary: DetectionSummary, table: TextTable) -> str:
+    return evaluation_text(summary, detection_protocol(summary.task), table)
+
+
+EVALUATION: Final = EvaluationFamily(
+    evaluate=_evaluate,
+    verify=_verify,
+    short=short_detections,
+    text=_text,
+    files=frozenset({MATCHES}),
+)

@@ -1,0 +1,48 @@
+"""Reconstruction as a family of evaluations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, cast
+
+from legoworld.evaluation.checks import Check
+from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Recorded
+from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.text import bench_text, short_bench
+from legoworld.evaluation.reconstruction.verification import bench_checks, bench_rows
+from legoworld.records.reconstruction import BenchEvidence
+from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction_summary import ReconstructionSummary
+
+
+def _evaluate(request: EvaluationRequest) -> ReconstructionSummary:
+    return evaluate_bench(
+        request.run,
+        request.truth,
+        request.output,
+        choices=Choices(
+            sampling=request.options.get("reference_sampling", "raster"),
+            diagnostics=request.options.get("diagnostics", True),
+        ),
+        draws=request.draws,
+        seed=request.seed,
+        overwrite=request.overwrite,
+        progress=request.progress,
+        pool=request.pool,
+        origins=request.origins,
+    )
+
+
+def _verify(recorded: Recorded) -> Iterator[Check]:
+    evidence = cast("BenchEvidence", recorded.evidence)
+    summary = cast("ReconstructionSummary", recorded.summary)
+    rows = cast("list[ReconstructionRow]", recorded.rows)
+    yield from bench_checks(recorded.folder, evidence, summary, rows)
+    if recorded.inputs_hold:
+        yield from bench_rows(recorded.folder, evidence, rows, recorded.root)
+
+
+EVALUATION: Final = EvaluationFamily(
+    evaluate=_evaluate, verify=_verify, short=short_bench, text=bench_text, photos=False
+)

@@ -1,0 +1,45 @@
+"""Boxes and masks of a run: the results of each image, and what a run counts of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Final
+
+from msgspec import structs
+
+from legoworld.readouts.exports import box_exports, mask_exports
+from legoworld.readouts.family import AnsweredImage, Export, ReadoutFamily, unusable_row
+from legoworld.records.base import UNSET
+from legoworld.records.run_file import RunSummary
+from legoworld.records.run_rows import RunRow
+
+_EXPORTERS: Final = {"boxes": box_exports, "masks": mask_exports}
+
+
+def _exports(reads: str, image: AnsweredImage) -> list[Export]:
+    return _EXPORTERS[reads](image.image_id, image.instances, image.view)
+
+
+def _sum_up(summary: RunSummary, _rows: Sequence[RunRow], ok: Sequence[RunRow]) -> RunSummary:
+    made = [_n_predictions(row) for row in ok]
+    unmatched: Counter[str] = Counter()
+    for row in ok:
+        unmatched.update({u.label: u.count for u in row.unmatched or ()})
+    return structs.replace(
+        summary,
+        coverage=structs.replace(summary.coverage, ok_empty=made.count(0)),
+        predictions=sum(made),
+        unmatched_labels=dict(unmatched),
+        unexported_instances=dict(Counter(u.reason for r in ok for u in r.unexported or ())),
+        nested_instances=sum(row.nested.instances for row in ok if row.nested),
+    )
+
+
+def _n_predictions(row: RunRow) -> int:
+    if row.n_predictions is UNSET:
+        raise unusable_row(row, "n_predictions")
+    return row.n_predictions
+
+
+READOUT: Final = ReadoutFamily(exports=_exports, sum_up=_sum_up)

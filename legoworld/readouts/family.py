@@ -1,0 +1,62 @@
+"""The readout of a family: what is exported of one image, and how a run sums it up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from legoworld.cards import Card
+from legoworld.records.folders.run_reading import ROWS, RunDamagedError
+from legoworld.records.predictions import Prediction
+from legoworld.records.run_file import RunSummary
+from legoworld.records.run_rows import RunRow
+from legoworld.tracks.track import Track
+
+if TYPE_CHECKING:
+    from legoworld.scene.instances import Instance
+    from legoworld.visibility.view import View
+
+Export = tuple[Prediction, "Instance"]
+"""A prediction and its instance."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnsweredImage:
+    """One image as it was drawn. name: of its scene or photo, without a suffix; run: the folder."""
+
+    image_id: int
+    name: str
+    run: Path
+    instances: Sequence[Instance]
+    view: View
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadoutFamily:
+    """How answers of one kind are read.
+
+    exports: the results of an image in canonical order, of what the card says is read; None where
+    the answers are files. write: writes an image's files, and returns its row with them; None where
+    there are none. sum_up: a run's summary with what is its own, of the rows that have a result.
+    file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
+    scenes are read by where a family reads them in its own way, from card, track, source and the
+    family's options. sum_up raises RunDamagedError for rows that no run writes.
+    """
+
+    sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
+    exports: Callable[[str, AnsweredImage], list[Export]] | None = None
+    write: Callable[[RunRow, AnsweredImage], RunRow] | None = None
+    file_bytes: Callable[[tuple[int, int]], int] | None = None
+    rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
+
+
+def unusable_row(row: RunRow, missing: str) -> RunDamagedError:
+    """What to raise for a row that lacks what its run writes."""
+    return RunDamagedError(
+        f"a row of {ROWS} cannot be used",
+        found=f"no {missing} of image {row.image_id}",
+        expected="rows as a run writes them",
+        next_step="run its command again with --overwrite",
+    )

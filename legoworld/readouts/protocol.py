@@ -1,0 +1,53 @@
+"""What a task is read by: its card and its vocabulary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import cast
+
+from legoworld.cards import Card, load_card
+from legoworld.readouts.family import ReadoutFamily
+from legoworld.shipped import catalog
+from legoworld.tasks.registry import task_named
+from legoworld.tasks.task import Task
+from legoworld.tracks.vocabulary import Vocabulary, load
+
+
+@dataclass(frozen=True, kw_only=True)
+class Protocol:
+    """A task with its card and vocabulary (None where its answers have no categories)."""
+
+    task: Task
+    card: Card
+    vocabulary: Vocabulary | None
+
+    @property
+    def override_property(self) -> str | None:
+        """The custom property that overrides `category` in this task."""
+        rules = self.card.declared.vocabulary
+        return rules.override_property if rules else None
+
+    @property
+    def readout(self) -> ReadoutFamily:
+        """How answers of this kind are read."""
+        return readout_of(self.task)
+
+
+def readout_of(task: Task) -> ReadoutFamily:
+    """The readout of a task's family."""
+    return cast("ReadoutFamily", task.family.load("readout"))
+
+
+def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
+    """A task's protocol; a track's own categories override the shipped vocabulary."""
+    task = task_named(name)
+    card = load_card(name)
+    rules = card.declared.vocabulary
+    if rules is None:
+        return Protocol(task=task, card=card, vocabulary=None)
+    vocabulary = track_vocabulary or load(catalog.folder("datasets") / rules.file)
+    if rules.synonyms == "none":
+        vocabulary = Vocabulary(tuple(replace(c, synonyms=()) for c in vocabulary.categories))
+    if rules.qualifier == "where_ambiguous":
+        vocabulary = replace(vocabulary, bare_words=True)
+    return Protocol(task=task, card=card, vocabulary=vocabulary)

@@ -1,0 +1,108 @@
+"""The one table of tasks: those that ship, and those of installed packages.
+
+A package adds a task by an entry point of the group `legoworld.tasks`: its name is the task's, and
+its value a `Task`. It is imported when that task is asked for, or all tasks are listed.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Final
+
+from legoworld.errors import InstallationError, UsageError, cause
+from legoworld.pluralize import did_you_mean
+from legoworld.tasks.shipped import TASKS
+from legoworld.tasks.task import Family, Task
+
+GROUP: Final = "legoworld.tasks"
+_SHIPPED: Final = {task.name: task for task in TASKS}
+
+
+def find_task(name: str) -> Task | None:
+    """The task of a name, None for no task. InstallationError for one that cannot be loaded."""
+    if name in _SHIPPED:
+        return _SHIPPED[name]
+    found = _added().get(name, [])
+    if len(found) > 1:
+        packages = ", ".join(sorted(_package(entry) for entry in found))
+        raise InstallationError(
+            f"more than one package adds the task {name}",
+            found=packages,
+            expected="one",
+            next_step="uninstall the others",
+        )
+    return _loaded(found[0]) if found else None
+
+
+def task_named(name: str) -> Task:
+    """The task of a name. UsageError for no task; the same error."""
+    found = find_task(name)
+    if found is None:
+        names = list(task_names())
+        raise UsageError(
+            f"unknown task {name!r}",
+            expected=" or ".join(names),
+            next_step=did_you_mean(name, names).strip(),
+        )
+    return found
+
+
+def family_of(task: str) -> Family:
+    """The family of a task by its name. The same errors."""
+    return task_named(task).family
+
+
+def task_names() -> tuple[str, ...]:
+    """The names of all tasks, those that ship first; others by name."""
+    return (*_SHIPPED, *sorted(_added().keys() - _SHIPPED.keys()))
+
+
+def known_tasks() -> tuple[Task, ...]:
+    """Every task that can be loaded, those that ship first; others by name."""
+    added = []
+    for name in task_names()[len(TASKS) :]:
+        try:
+            added.append(task_named(name))
+        except InstallationError:
+            continue  # the error is for who asks for it
+    return (*TASKS, *added)
+
+
+def tasks_of(family: Family) -> tuple[Task, ...]:
+    """The tasks of one family."""
+    return tuple(task for task in known_tasks() if task.family == family)
+
+
+@cache
+def _added() -> dict[str, list[EntryPoint]]:
+    """The entry points of installed packages, by task."""
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in entry_points(group=GROUP):
+        found.setdefault(entry.name, []).append(entry)
+    return found
+
+
+@cache
+def _loaded(entry: EntryPoint) -> Task:
+    expected = f"a legoworld.tasks.task.Task named {entry.name!r}"
+    try:
+        value = entry.load()
+    except Exception as error:  # a package of others may raise anything
+        raise InstallationError(
+            f"the task {entry.name} of {_package(entry)} cannot be loaded",
+            found=cause(error),
+            expected=expected,
+            next_step=f"mend or uninstall {_package(entry)}",
+        ) from error
+    if not isinstance(value, Task) or value.name != entry.name:
+        raise InstallationError(
+            f"the task {entry.name} of {_package(entry)} cannot be used",
+            found=f"{entry.value} is {getattr(value, 'name', type(value).__name__)!r}",
+            expected=expected,
+        )
+    return value
+
+
+def _package(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else entry.module

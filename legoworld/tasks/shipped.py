@@ -1,0 +1,144 @@
+"""The tasks that ship, in the order in which tables list them, and their families."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from legoworld.conventions import EQUAL_CONFIDENCE
+from legoworld.tasks.task import Dataset, Family, Task
+
+DETECTION: Final = Family(
+    name="detection",
+    noun="boxes and masks",
+    records="legoworld.records.detection:RECORDS",
+    readout="legoworld.readouts.detection:READOUT",
+    evaluation="legoworld.evaluation.detection.family:EVALUATION",
+    comparison="legoworld.comparison.detections:COMPARISON",
+    page="legoworld.report.detection_page:PAGE",
+    track="legoworld.track_making.annotations:TRACK",
+    baseline="legoworld.baselines.detection:BASELINE",
+    labelled=True,
+    options=frozenset({"evaluator", "images_per_file"}),
+)
+DEPTH: Final = Family(
+    name="depth",
+    noun="depth",
+    records="legoworld.records.depth:RECORDS",
+    readout="legoworld.readouts.depth:READOUT",
+    evaluation="legoworld.evaluation.depth.family:EVALUATION",
+    comparison="legoworld.comparison.depth:COMPARISON",
+    page="legoworld.report.depth_page:PAGE",
+    track="legoworld.track_making.depth:TRACK",
+    baseline="legoworld.baselines.depth:BASELINE",
+    by_policy=True,
+    options=frozenset({"camera_model", "max_side"}),
+)
+RECONSTRUCTION: Final = Family(
+    name="reconstruction",
+    noun="a bench",
+    records="legoworld.records.reconstruction:RECORDS",
+    readout="legoworld.running.submission:READOUT",
+    evaluation="legoworld.evaluation.reconstruction.family:EVALUATION",
+    comparison="legoworld.comparison.bench:COMPARISON",
+    page="legoworld.report.bench_page:PAGE",
+    options=frozenset({"reference_sampling", "diagnostics", "render", "render_noise"}),
+    draws=10_000,
+)
+
+COCO: Final = Dataset(name="coco", version="2017")
+ETH3D: Final = Dataset(name="eth3d")
+#: v0.5's ids differ from v1's for the same names.
+LVIS: Final = Dataset(name="lvis", version="1.0", by_categories={1230: "0.5"}, federated=True)
+
+_EXPORT: Final[dict[str, Any]] = {
+    "export.score": EQUAL_CONFIDENCE,
+    "export.order": ["image_id", "category_id", "payload"],
+    "export.min_area_px": 1,
+}
+_MASKS: Final[dict[str, Any]] = {
+    **_EXPORT,
+    "readout.reads": "masks",
+    "export.fields": ["image_id", "category_id", "segmentation", "score"],
+    "export.segmentation": "rle_compressed",
+}
+
+TASKS: Final = (
+    Task(
+        name="coco",
+        family=DETECTION,
+        dataset=COCO,
+        title="COCO boxes",
+        noun="Scene boxes",
+        fixed={
+            **_EXPORT,
+            "readout.reads": "boxes",
+            "export.fields": ["image_id", "category_id", "bbox", "score"],
+            "export.bbox_format": "xywh",
+            "export.bbox_edges": "integer_pixel_edges",
+            "vocabulary.override_property": "coco_category",
+            "vocabulary.synonyms": "none",
+            "vocabulary.qualifier": "required",
+        },
+    ),
+    Task(
+        name="coco-masks",
+        family=DETECTION,
+        dataset=COCO,
+        title="COCO masks",
+        noun="Scene masks",
+        fixed={
+            **_MASKS,
+            "vocabulary.override_property": "coco_category",
+            "vocabulary.synonyms": "none",
+        },
+    ),
+    Task(
+        name="lvis",
+        family=DETECTION,
+        dataset=LVIS,
+        title="LVIS masks",
+        noun="Scene masks (LVIS)",
+        fixed={
+            **_MASKS,
+            "vocabulary.override_property": "lvis_category",
+            "vocabulary.synonyms": "unambiguous",
+            "vocabulary.qualifier": "where_ambiguous",
+        },
+    ),
+    Task(
+        name="eth3d",
+        family=DEPTH,
+        dataset=ETH3D,
+        title="Depth",
+        noun="Scene depth",
+        fixed={"readout.reads": "depth"},
+    ),
+    Task(
+        name="bench",
+        family=RECONSTRUCTION,
+        dataset=Dataset(name="bench"),
+        title="LEGO-Bench",
+        noun="Scenes",
+        fixed={
+            "readout.reads": "surface_and_render",
+            "raster.frame": "full",
+            "raster.intrinsics": "reference",
+            "render.engine": "CYCLES",
+            "render.device": "CPU",
+            "render.adaptive_sampling": False,
+            "render.denoiser": False,
+            "render.compositor": False,
+            "render.sequencer": False,
+            "render.border": False,
+            "render.film_transparent": False,
+            "render.resolution_percentage": 100,
+            "scoring.comparison": "<=",
+            "scoring.failed_image": "zero",
+        },
+    ),
+)
+
+#: What a command asks where nobody says.
+DEFAULT: Final = TASKS[0].name
+#: The task of a bench, whose room serves it alone.
+BENCH: Final = TASKS[-1].name

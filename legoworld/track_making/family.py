@@ -1,0 +1,32 @@
+"""The tracks of a family: what of its ground truth is public."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from legoworld.errors import UsageError
+from legoworld.tasks.registry import family_of
+from legoworld.tracks.source import Source
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackFamily:
+    """How tracks are made of truths of one kind.
+
+    source: the public half of a task's truth, by the options that were given. options: those it
+    takes. CatalogError or TruthInvalidError for unusable truth.
+    """
+
+    source: Callable[[str, Path, Mapping[str, Any]], Source]
+    options: frozenset[str] = frozenset()
+
+
+def track_of(task: str) -> TrackFamily:
+    """The track making of a task. UsageError where tracks of it are not made from truth."""
+    family = family_of(task)
+    if family.track is None:
+        raise UsageError(f"tracks of {task} are not made from ground truth", found=task)
+    return cast("TrackFamily", family.load("track"))
