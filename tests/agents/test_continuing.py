@@ -14,13 +14,16 @@ import pytest
 from agents.tracks import SMALL, make_track, plan, run, server_or_skip, steps_file
 
 from legoworld import cli
-from legoworld.agents import unfinished
+from legoworld.agents import trial, unfinished
 from legoworld.agents.recorded_steps import steps_left
+from legoworld.agents.workspaces import make_workspace
+from legoworld.endpoint.session import Session
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import UsageError
 from legoworld.records.agents import RecordedStep
 from legoworld.records.endpoint import Call
-from legoworld.trajectories.folder import RecordedTrial, read_trial
+from legoworld.trajectories.folder import TRIAL, RecordedTrial, read_trial
+from legoworld.workers.sandbox import Ending
 
 ROOT = Path(__file__).parents[2]
 WITHIN_S = 300
@@ -212,6 +215,41 @@ def test_a_trial_is_built_by_one_run_at_a_time(track: Path, monkeypatch):
     assert row.status == "failed"
     assert "another run builds room" in row.reason
     assert list((track / "scenes").iterdir()) == []
+
+
+def test_a_trial_whose_run_is_just_ending_is_waited_for(track: Path, monkeypatch):
+    free = iter([False, False, True])
+    monkeypatch.setattr(unfinished, "take", lambda *_, **__: next(free))
+    monkeypatch.setattr(unfinished, "_LOOK_EVERY_S", 0.0)
+    (image,) = plan(track).work.track.images
+    with unfinished.unfinished_trial(track / "scenes", image, stays=True):
+        pass
+    assert list(free) == []
+
+
+@pytest.mark.parametrize(("used_s", "left_s"), [(100, [200.0]), (300, [])])
+def test_a_continued_trial_has_what_is_left_of_its_time(track: Path, monkeypatch, used_s, left_s):
+    steps_file(track / "programs" / "room.steps.jsonl", codes(last=1))
+    made, orders = plan(track), []
+    (image,) = made.work.track.images
+    with unfinished.unfinished_trial(track / "scenes", image, stays=True) as begun:
+        begun.clear()
+        make_workspace(made.work, image, begun.workspace, time_limit_s=300.0)
+        begun.note_begun(unfinished.identity(made, image, (0,)))
+        TrialRecord(begun.made / TRIAL).note(call(used_s - 1, None))
+
+    def run_agent(order, _stop):
+        orders.append(order)
+        return Ending(code=0, over=None, first_output="", last_output="")
+
+    monkeypatch.setattr(trial, "run_agent", run_agent)
+    monkeypatch.setattr(Session, "start", lambda _: None)
+    (row,) = run(made, track / "scenes")
+    assert row.status == "no_scene"
+    assert [order.limits.time_s for order in orders] == left_s
+    about = read_trial(track / "scenes" / "room").about
+    assert (about.ended, about.continued) == ("itself" if left_s else "time", 1)
+    assert about.agent_seconds >= used_s
 
 
 def call(number: int, code: str | None, status: Literal["success", "error"] = "success") -> Call:

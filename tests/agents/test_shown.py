@@ -85,6 +85,13 @@ def test_a_package_and_its_node_are_shown_wherever_npm_put_them(tmp_path, held, 
     assert places == {command, program, package, node}
 
 
+def test_words_of_env_are_not_the_interpreter(tmp_path, monkeypatch):
+    node = script(tmp_path / "bin" / "own-node", "true")
+    program = script(tmp_path / "tool", "", "/usr/bin/env -S own-node -x")
+    monkeypatch.setenv("PATH", str(node.parent), prepend=":")
+    assert {program, node} <= {*shown_to(card(tmp_path, program))}
+
+
 def test_check_says_that_an_agent_does_not_start_with_what_it_is_shown(tmp_path, held, capsys):
     program = script(tmp_path / "bin" / "my-agent", f"cat {tmp_path}/share/version")
     (tmp_path / "share").mkdir()
