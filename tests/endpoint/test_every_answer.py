@@ -7,6 +7,8 @@ import json
 import socket
 import threading
 from contextlib import closing
+from dataclasses import replace
+from typing import ClassVar
 
 import pytest
 from endpoint.clients import LIMITS, Client
@@ -16,8 +18,9 @@ from waiting import until
 
 from legoworld.endpoint import session as session_module
 from legoworld.endpoint.blender import BlenderEndedError
-from legoworld.endpoint.listener import HOST, Listener
+from legoworld.endpoint.listener import HOST, Listener, PortTakenError
 from legoworld.endpoint.server import MOST_CLIENTS, EndpointServer
+from legoworld.endpoint.serving import Serving, opened, record_of
 from legoworld.endpoint.session import Session, Trial
 from legoworld.records.endpoint import BlenderReply, Command, Success
 from legoworld.workers.protections import protections
@@ -50,6 +53,27 @@ class StandIn:
 
     def close(self):
         pass
+
+
+class Saving(StandIn):
+    """Its scene is another after each piece of code, and is saved. running: those not closed."""
+
+    running: ClassVar[list[Saving]] = []
+
+    def __init__(self, *given, **more) -> None:
+        super().__init__(*given, **more)
+        self.calls = 0
+        self.running.append(self)
+
+    def ask(self, kind, *given):
+        self.calls += kind == "execute_code"
+        if kind != "save_copy":
+            return super().ask(kind, *given)
+        (self.files / "output" / "checkpoint.blend").write_bytes(b"BLENDER %d" % self.calls)
+        return BlenderReply(result={}, seconds=0.0)
+
+    def close(self):
+        self.running.remove(self)
 
 
 def trial_in(folder) -> Trial:
@@ -196,6 +220,81 @@ def test_a_scene_that_does_not_open_any_more_is_passed_over(tmp_path, monkeypatc
             assert "SIGSEGV" in said
             assert "as call 1 left it" in said
             assert client.run("print()") == "b'BLENDER good'"
+
+
+def test_each_scene_is_kept_with_its_call_and_blender_ends_with_the_session(tmp_path, monkeypatch):
+    monkeypatch.setattr(session_module, "LiveBlender", Saving)
+    (tmp_path / "workspace").mkdir()
+    code = Command(type="execute_code", params={"code": "1"})
+    with closing(Session(trial_in(tmp_path))) as session:
+        for command in (code, Command(type="get_scene_info"), code):
+            session.answer(command)
+        record = session.record
+        assert len(Saving.running) == 1
+    assert Saving.running == []
+    assert [(c.call, c.kind) for c in record.checkpoints] == [(1, "live"), (3, "live")]
+    assert [(c.status, c.checkpoint) for c in record.calls] == [
+        ("success", 1),
+        ("success", None),
+        ("success", 2),
+    ]
+
+
+def test_what_is_served_and_what_is_kept_from_it_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(session_module, "LiveBlender", Saving)
+    held = protections("limits")
+    serving = Serving(
+        scene=None, port=0, workspace=tmp_path / "work", inputs=(), held=held, limits=LIMITS,
+        call_time_s=300.0,
+    )  # fmt: skip
+    said: list[list[str]] = []
+    for held_now in (held, replace(held, why_not=None)):
+        said.append([])
+        with opened(replace(serving, held=held_now), notice=said[-1].append) as port:
+            client = Client(port)
+            with closing(client.line):
+                client.run("1")
+    first, again = said
+    (warning,) = [line for line in first if line.startswith("warning")]
+    assert warning.startswith("warning: not kept from it: network, ")
+    assert warning.endswith(" (not asked for)")
+    assert not any("continuing" in line or "None" in line for line in first)
+    assert again[0] == f"continuing {record_of(tmp_path / 'work')} after 1 calls"
+    assert not any("(" in line for line in again)
+
+
+def test_asset_libraries_are_off_and_telemetry_is_too(served):
+    client = Client(served.port)
+    with closing(client.line):
+        for name in ("polyhaven", "sketchfab", "hyper3d"):
+            assert client.ask(f"get_{name}_status")["result"]["enabled"] is False
+        assert client.ask("get_telemetry_consent")["result"] == {"consent": False}
+        assert "Unknown command" in client.ask("polyhaven_status")["message"]
+
+
+def test_a_port_that_is_taken_is_refused(served):
+    with pytest.raises(PortTakenError) as refused:
+        Listener(served.port, lambda client: client.close())
+    assert refused.value.code == "port_taken"
+    assert f"port {served.port} cannot be used" in str(refused.value)
+
+
+def test_a_client_that_is_being_handed_over_is_waited_for():
+    entered, go, done = threading.Event(), threading.Event(), []
+
+    def accepted(client: socket.socket) -> None:
+        entered.set()
+        go.wait()
+        done.append(sum(range(5_000_000)))
+        client.close()
+
+    listener = Listener(0, accepted)
+    with socket.create_connection((HOST, listener.port)):
+        entered.wait()
+        listener.stop()
+        go.set()
+        listener.join()
+        assert len(done) == 1
 
 
 @pytest.mark.parametrize(("used_s", "answered"), [(0.0, True), (1e9, False)])

@@ -52,6 +52,13 @@ def test_a_message_without_an_end_is_refused_at_the_limit():
         list(splitter.feed(b"x" * 200))
 
 
+def test_a_message_has_64_mib_where_nothing_is_said():
+    splitter = MessageSplitter()
+    assert list(splitter.feed(b'{"' + bytes((64 << 20) - 2))) == []
+    with pytest.raises(FramingError, match="67,108,864"):
+        list(splitter.feed(b"x"))
+
+
 def test_a_large_message_in_small_pieces_is_looked_at_once():
     """With a parse for each piece, 32 MB in pieces of 8 kB would take minutes."""
     data = json.dumps(

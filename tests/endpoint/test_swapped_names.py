@@ -100,6 +100,22 @@ def test_what_is_no_picture_that_can_be_shown_is_not_written(workspace, data):
     assert list(workspace.iterdir()) == []
 
 
+def test_a_picture_among_temporary_files_is_written_once_and_nowhere_else(
+    workspace, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "outside"))
+    picture = tmp_path / "outside" / "look.png"
+    deliver_picture(PNG, str(picture), workspace)
+    assert picture.read_bytes() == PNG
+    picture.write_text("another's")
+    assert outcome(lambda: deliver_picture(PNG, str(picture), workspace)) == "refused"
+    assert picture.read_text() == "another's"
+    for name in ("look.jpg", "below/look.png", "../look.png"):
+        with pytest.raises(NotShownError) as refused:
+            deliver_picture(PNG, str(tmp_path / "outside" / name), workspace)
+        assert refused.value.code == "endpoint_file"
+
+
 def test_an_agent_s_linked_output_brings_nothing_from_outside(workspace, tmp_path):
     """What an agent leaves as its output may be a link to a folder of the user's."""
     outside = tmp_path / "outside"
