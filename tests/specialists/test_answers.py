@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
+import queue
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +15,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from specialists.tracks import FAKE, NAMES_OF_TWO, make_photos, make_track
 
-from legoworld.baselines import conversation
+from legoworld.baselines import child, conversation
 from legoworld.baselines.answers import MOST_LEVELS, Unreadable, read_line
 from legoworld.baselines.baseline_run import summarise
 from legoworld.baselines.cards import chosen_options, load_baseline
@@ -159,6 +162,23 @@ def test_an_unusable_answer_is_one_row(request_of, bad, words):
     assert words in found[1]["reason"]
     assert len(found[1]["reason"].splitlines()) == 1
     assert found[2]["status"] == "ok"
+
+
+def test_a_line_that_is_too_long_is_an_answer_where_it_begins_as_one(monkeypatch):
+    monkeypatch.setattr(child, "_LONGEST_LINE", 1 << 10)
+    process = child.BaselineProcess.__new__(child.BaselineProcess)
+    log: list[str] = []
+    said = io.BytesIO(b"x" * (1 << 10) + b"\n{" + b"1" * (1 << 10) + b"}\n")
+    vars(process).update(
+        _pipes=SimpleNamespace(stdout=said), _messages=queue.Queue(), _closing=False,
+        _log=log.append,
+    )  # fmt: skip
+    process._read_messages()
+    message, end = process._messages.get_nowait(), process._messages.get_nowait()
+    assert isinstance(message, Unreadable)
+    assert message.reason.startswith("a line of more than ")
+    assert end is None
+    assert log == ["x" * (1 << 10), "1}"]
 
 
 def test_two_answers_for_an_image_are_none(request_of):

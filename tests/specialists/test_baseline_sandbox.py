@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from running import paused
 from specialists.tracks import (
+    FAKE,
     call,
     make_photos,
     make_track,
@@ -20,6 +24,9 @@ from specialists.tracks import (
 )
 from waiting import until
 from workers.confinements import bubblewrap_or_skip
+
+from legoworld.baselines.cards import load_baseline
+from legoworld.baselines.confinement import readable
 
 CARD = """
 name = "spy"
@@ -266,3 +273,19 @@ def test_nothing_outlives_a_killed_legoworld(tmp_path, confinement):
     until(lambda: not of_this_run(weights), "the end of all that it started")
     until(lambda: not [*run.glob(".legoworld-baseline-*")], "the end of its folder")
     assert json.loads((run / "configuration.json").read_text())["kind"] == "baseline"
+
+
+def test_what_the_environment_names_is_shown(tmp_path):
+    names = [
+        "LD_LIBRARY_PATH", "CUDA_HOME", "CUDA_PATH", "SSL_CERT_FILE", "SSL_CERT_DIR",
+        "REQUESTS_CA_BUNDLE", "CURL_CA_BUNDLE", "HF_HUB_CACHE", "TORCH_HOME",
+    ]  # fmt: skip
+    for name in [*names, "second", "OTHER"]:
+        (tmp_path / name).mkdir()
+    environment = {name: str(tmp_path / name) for name in [*names, "OTHER"]}
+    environment["LD_LIBRARY_PATH"] += f":{tmp_path / 'second'}:"
+    photo = make_photos(tmp_path / "photos", ["a.jpg", "b.jpg"]) / "a.jpg"
+    asked: Any = SimpleNamespace(images=[SimpleNamespace(path=photo)], weights="hub")
+    shown = readable(load_baseline(str(FAKE)), Path(sys.executable), asked, environment, [])
+    below = {path.relative_to(tmp_path) for path in shown if path.is_relative_to(tmp_path)}
+    assert below == {*map(Path, [*names, "second", "photos/a.jpg"])}

@@ -11,7 +11,11 @@ import numpy as np
 import pytest
 from specialists.tracks import call, make_track, results, rows, run_document
 
-from legoworld.baselines.depth_folder import planar_from_ray_distance
+from legoworld.baselines.baseline_import import ImportRequest
+from legoworld.baselines.depth_folder import DepthSource, planar_from_ray_distance
+from legoworld.baselines.depth_import import import_depth
+from legoworld.readouts.tasks import protocol
+from legoworld.tracks.track import load_track
 
 NAMES = ["hall/images/dslr_images/A.JPG", "hall/images/dslr_images/B.JPG"]
 STEMS = [name.removesuffix(".JPG") for name in NAMES]
@@ -72,6 +76,18 @@ def test_float_formats_come_back_bit_for_bit(bring, source, suffix):
     assert row["rendered_wh"] == [64, 48]
     assert row["depth"]["finite_px"] == 48 * 64
     assert len(run_document(run)["scenes"]["1"]["source"]["sha256"]) == 64
+
+
+def test_each_photo_is_told_once(track, source, tmp_path):
+    WRITERS[".npy"](source / f"{STEMS[0]}.npy")
+    loaded, told = load_track(track), []
+    request = ImportRequest(
+        protocol=protocol("eth3d", loaded.vocabulary), track=loaded, run=tmp_path / "run",
+        name="mine", ran_on=None, subset=False, overwrite=False,
+    )  # fmt: skip
+    arrays = DepthSource(folder=source, space="depth", unit="m", cameras={})
+    import_depth(request, arrays, progress=told.append, notice=lambda _: None)
+    assert [(row.image_id, row.status) for row in told] == [(1, "ok"), (2, "missing")]
 
 
 def test_exr(bring, source):

@@ -231,6 +231,13 @@ def test_images_it_was_not_run_on_are_missing(bring, tmp_path):
     found = rows(folder)
     assert [found[i]["status"] for i in (1, 2, 3)] == ["ok", "missing", "ok"]
     assert found[2]["reason"] == "not among the images it was run on"
+    depends = [run_document(folder)["configuration"]["images_run_sha256"]]
+    for name, text in (("same", "c.jpg\n1\n"), ("fewer", "1\n")):
+        listed.write_text(text)
+        _, again, _ = bring([box(1)], "--images-run", listed, name=name)
+        depends.append(run_document(again)["configuration"]["images_run_sha256"])
+    assert depends[0] == depends[1] != depends[2]
+    listed.write_text("a.jpg\n3\n")
     code, _, said = bring([box(2)], "--images-run", listed, name="other")
     assert code == 2
     assert "images the run calls unread" in said
