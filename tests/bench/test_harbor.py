@@ -23,6 +23,7 @@ def exported(references, tmp_path_factory) -> Path:
     place = ["-o", str(folder / "bench"), "--keep-scenes", str(folder / "itself")]
     assert cli.run(["bench", "make", str(references), *place, *options]) == 0
     export = ["bench", "export", "--harbor", str(folder / "bench"), "-o", str(folder / "tasks")]
+    (folder / "tasks").mkdir()  # an empty folder is as good as none
     assert cli.run(export) == 0
     assert cli.run(export) == 2  # never over what is there
     return folder
@@ -57,6 +58,15 @@ def test_the_agent_s_part_holds_nothing_private(exported):
                 assert "Red" not in text
                 assert "truth" not in text
                 assert not [digest for digest in private if digest in text]
+
+
+def test_the_verifier_s_part_is_a_dataset_of_one_case(exported):
+    stem = "den__medium__view_01"
+    bench = exported / "tasks" / stem / "tests" / "bench"
+    assert {p.relative_to(bench).as_posix() for p in bench.rglob("*") if p.is_file()} == {
+        "public/track.json", f"public/images/{stem}.png", "private/truth.json",
+        *(f"private/{kind}/{stem}.npz" for kind in ("depth", "instances", "raster")),
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("left", ["all", "nothing"])

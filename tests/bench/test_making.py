@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from legoworld import cli
+from legoworld.bench import family as family_making
 from legoworld.bench.family import MakeOptions
 from legoworld.cards import load_card
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode, to_record
 from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile, PictureCard, RenderCard
 from legoworld.records.bench_run import BenchRow
-from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.blender_process import BlenderProcess, Limits
 
 QUICK = ["--size", "96x54", "--samples", "2", "--noise-seeds", "0", "-q"]
 
@@ -217,7 +219,7 @@ def test_the_same_command_resumes_what_ended_early_from_its_renders(
     assert said.count("picture, 2 samples") == 6
 
 
-def test_a_render_has_time_for_its_samples(made):
+def test_a_render_has_time_for_its_samples(made, monkeypatch):
     """The default of docs/bench.md, 1920x1080 with 128 samples, on a slow core."""
     options = MakeOptions(
         output=made,
@@ -232,3 +234,13 @@ def test_a_render_has_time_for_its_samples(made):
         threads=1,
     )
     assert options.render_s == 1920 * 1080 * 128 / 50_000
+    started, closed = [], []
+    monkeypatch.setattr(
+        family_making,
+        "BlenderProcess",
+        lambda limits: started.append(limits) or SimpleNamespace(close=lambda: closed.append(1)),
+    )
+    maker = family_making.FamilyMaker(options, Limits(time_s=100.0))
+    maker.close()
+    assert [limits.time_s for limits in started] == [100.0 + options.render_s]
+    assert closed == [1], "it ends with its maker"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import json
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import until
 
 from legoworld.bench import serving
 from legoworld.bench.serving import ScoreServer, ScoreWorker, scene_below
@@ -75,6 +77,33 @@ def test_a_line_that_is_not_utf_8_and_one_of_2_mib_are_refused(server):
     long = b'{"scene": "' + b"x" * (2 << 20) + b'", "image_id": 1}'
     found = answers(server, [b"\xff\xfe", long, b"{}"])
     assert [a.status for a in found] == ["refused"] * 3
+
+
+def test_lines_that_wait_are_not_scored_after_an_interruption(monkeypatch):
+    scored, over = [], threading.Event()
+
+    class Worker:
+        def __init__(self, _options) -> None:
+            pass
+
+        def answer(self, line):
+            scored.append(line)
+            over.wait()
+
+        abort = staticmethod(over.set)
+        close = staticmethod(lambda: None)
+
+    class Interrupted(io.BytesIO):
+        def readline(self, *given):
+            if line := super().readline(*given):
+                return line
+            until(lambda: scored)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(serving, "ScoreWorker", Worker)
+    with ScoreServer(None, 1) as server, pytest.raises(KeyboardInterrupt):
+        server.serve(Interrupted(b"1\n2\n"), lambda _: None)
+    assert scored == [b"1\n"]
 
 
 @pytest.mark.parametrize(
