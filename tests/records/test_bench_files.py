@@ -76,6 +76,7 @@ def test_the_card_holds_a_render_card():
 def test_the_card_states_the_raster_the_code_makes():
     assert load_card("bench").value("raster.point_cap") == POINT_CAP
     assert raster_size((1920, 1080)) == raster_size((3840, 2160)) == (421, 237)
+    assert raster_size((30_000, 1)) == (54_772, 1)  # 1.8 rows: two would pass the cap
     for width in (1, 3, 7, 100, 640, 1000, 4096):
         for height in (1, 5, 99, 480, 1000, 3000):
             columns, rows = raster_size((width, height))
