@@ -120,6 +120,8 @@ def test_scenes_are_frozen_by_name_by_several_workers(scenes, tmp_path, capsys):
     rows = json.loads(capsys.readouterr().out)["scenes"]
     assert [row["scene"] for row in rows] == [*"abcd"]
     assert len({(tmp_path / name / "frozen.json").read_bytes() for name in "abcd"}) == 1
+    assert cli.run(["freeze", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == "4 of 4 scenes frozen, all checks passed\n"
 
 
 @pytest.mark.parametrize("content", [b"", b"not a picture", "flat"])

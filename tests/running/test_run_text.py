@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import sys
 from pathlib import Path
 
 import pytest
+from gltf.documents import Document
 
 from legoworld import cli
 from legoworld.commands import progress
@@ -138,6 +140,35 @@ def test_readout_names_near_folders_and_the_source_that_can_be_read(tmp_path, ca
     assert document["unmatched_folders"] == [
         {"folder": "Coffee", "meant": "coffee"}, {"folder": "x", "meant": None},
     ]  # fmt: skip
+
+
+def test_readout_has_a_row_for_each_image_with_v_and_without_it_three_labels(tmp_path, capsys):
+    made = Document()
+    labels = ["dog", *(f"no{i}" for i in range(6))]
+    for number, label in enumerate(labels):
+        made.quad(f"Q{number}", number % 3, number // 3, extras={"category": label})
+    (tmp_path / "scenes" / "coffee").mkdir(parents=True)
+    (tmp_path / "scenes" / "coffee" / "scene.glb").write_bytes(made.glb())
+    track = write_track(tmp_path / "t.json", ["coffee.png", "tea.png"])
+    words = ["readout", str(tmp_path / "scenes"), "--task", "coco", "--track", str(track)]
+    words += ["--source", "glb", "--no-cache", "--workers", "1", "-q"]
+    assert cli.run([*words, "-o", str(tmp_path / "a")]) == 1
+    short = capsys.readouterr().out
+    assert "... and 3 more labels outside the vocabulary (-v lists them)\n" in short
+    assert cli.run([*words, "-o", str(tmp_path / "b"), "-v"]) == 1
+    head, _rule, coffee, tea, blank, *rest = capsys.readouterr().out.splitlines()
+    assert head.split() == ["image", "photo", "status", "exported", "unexported", "warnings"]
+    assert coffee.split()[:5] == ["1", "coffee.png", "ok", "1", "0"]
+    assert tea.split() == ["2", "tea.png", "missing", "-", "-", "0"]
+    assert blank == ""
+    assert all(any(f"'no{i}'" in line for line in rest) for i in range(6))
+
+
+@pytest.mark.parametrize("shard", ["1", "1/2/3", "a/b", "1/", "-1/2", "0/2", "3/2", "0/0"])
+def test_what_is_no_shard_is_refused(shard, tmp_path, capsys):
+    words = ["readout", str(tmp_path), "--task", "coco", "-o", str(tmp_path / "run")]
+    assert cli.run([*words, "--shard", shard]) == 2
+    assert re.search(r"is not a shard such as 1/16|shards are counted", capsys.readouterr().err)
 
 
 def test_a_broken_installation_is_no_scenes_verdict(tmp_path, monkeypatch, capsys):
