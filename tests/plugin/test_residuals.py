@@ -104,3 +104,8 @@ def test_tau_is_scipys_where_there_are_no_ties(values, random):
     share, tau = residuals.inversions(values, other)
     assert tau == pytest.approx(kendalltau(values, other).statistic, abs=1e-12)
     assert share == pytest.approx((1 - tau) / 2, abs=1e-12)
+
+
+def test_a_tie_on_either_side_is_neither_order():
+    assert residuals.inversions([1, 1, 2], [3, 2, 1]) == (2 / 3, -2 / 3)
+    assert residuals.inversions([1, 2, 3], [5, 5, 5]) == (0.0, 0.0)
