@@ -164,14 +164,16 @@ AT_HOME = {
 def test_no_room_but_its_own_names_a_task():
     """A task is asked of the registry; depth alone is a plain word of the field as well."""
     names = {task.name for task in TASKS} | {task.dataset.name for task in TASKS}
-    found = []
+    found: list[str] = []
     for path in FILES:
         inside = path.relative_to(PACKAGE)
         if str(inside) in AT_HOME or inside.parts[0] in AT_HOME:
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Constant) and node.value in names:
-                found.append(f"{inside}:{node.lineno}: {node.value!r}")
+        found += [
+            f"{inside}:{node.lineno}: {node.value!r}"
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.Constant) and node.value in names
+        ]
     assert found == []
 
 

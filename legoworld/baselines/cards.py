@@ -14,6 +14,7 @@ from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.records.base import UnsetType
 from legoworld.records.cards import BaselineCardFile, BaselineOption, Dtype, OptionValue
 from legoworld.shipped import catalog
+from legoworld.tasks.registry import find_task, task_names
 
 CARD: Final = "card.toml"
 PROJECT: Final = "pyproject.toml"
@@ -106,6 +107,10 @@ def read_card(path: Path) -> BaselineCard:
     about = read_toml(BaselineCardFile, path, what=_called(path), expected=_EXPECTED)
     if about.name != path.parent.name:
         raise _error(path, f"name = {about.name!r}", f"its folder's name, {path.parent.name!r}")
+    for i, name in enumerate(about.tasks):
+        if find_task(name) is None:
+            known = f"tasks: {', '.join(task_names())}"
+            raise _error(path, f"{name!r} at $.tasks[{i}]", known)
     if not (path.parent / PROGRAM).is_file():
         raise _error(path, f"no {PROGRAM} beside it", f"{PROGRAM}, the program that is started")
     return BaselineCard(
