@@ -93,7 +93,7 @@ def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> Ph
     return PhotoScore(
         row=row,
         summary=summary,
-        advice=page.views[0].sides[0].advice,
+        advice=page.views[0].sides[0].advice if page.views else (),
         execution=execution,
         overlay=output / "look" / "overlay.png",
     )

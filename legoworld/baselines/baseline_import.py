@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,12 +12,14 @@ from msgspec.structs import replace
 from legoworld.baselines.baseline_run import write_run
 from legoworld.baselines.records import ResultMissingError
 from legoworld.baselines.request import common_configuration
-from legoworld.errors import UsageError, one_line
+from legoworld.errors import LegoWorldError, UsageError, one_line
 from legoworld.files import EncodingError, canonical_json, sha256_of_text, utf8_text
 from legoworld.pluralize import in_another_folder
 from legoworld.readouts.protocol import Protocol
-from legoworld.records.folders.run_journal import JournalledImage
+from legoworld.records.folders import run_folder
+from legoworld.records.folders.run_journal import JournalledImage, append, journal
 from legoworld.records.run_file import BaselineAbout, Configuration, ImageRecord, Imported
+from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import failed_record
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import Track, TrackImage
@@ -103,3 +105,30 @@ def write_import(
     """The run folder's canonical files, from journalled records in the track's order."""
     baseline = BaselineAbout(name=request.name, imported=configuration.imported)
     return write_run(request.run, records, configuration, baseline)
+
+
+def import_images(
+    request: ImportRequest,
+    imported: Imported,
+    answer: Callable[[TrackImage], ImageRecord],
+    progress: Callable[[RunRow], None],
+) -> RunResult:
+    """A run of the answers to the track's images, each made anew.
+
+    answer: an image's record, written below the run where it has a file; a LegoWorldError of it is
+    that image's row.
+    """
+    images = list(request.track.images)
+    with run_folder.locked(request.run):
+        configuration = import_configuration(request, images, imported)
+        run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
+        with journal(request.run) as stream:
+            records = []
+            for image in images:
+                try:
+                    record = answer(image) if request.was_run_on(image) else not_run_on(image)
+                except LegoWorldError as error:
+                    record = failed_record(image, error)
+                records.append(append(stream, record))
+                progress(record.row)
+        return write_import(request, records, configuration)

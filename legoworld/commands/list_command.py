@@ -9,6 +9,7 @@ import click
 
 from legoworld.commands import options
 from legoworld.shipped import catalog
+from legoworld.tasks.registry import known_tasks
 from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
@@ -70,8 +71,8 @@ def _cards(kind: str, task: str | None) -> list[tuple[str, ...]]:
     if kind == "tasks":
         from legoworld.cards import load_card
 
-        names = sorted(path.stem for path in catalog.folder("readouts").glob("*.toml"))
-        readouts = [load_card(name).declared.readout for name in names]
+        readouts = [load_card(one.name).declared.readout for one in known_tasks()]
+        readouts.sort(key=lambda readout: readout.name)
         return [(r.name, r.version, r.title, "") for r in readouts if task in (None, r.task)]
     folder = catalog.folder("datasets" if kind == "datasets" else "baselines")
     heads = [_head(path) for path in sorted(folder.glob("*/card.toml"))]

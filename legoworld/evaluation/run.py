@@ -127,7 +127,7 @@ def read_predictions(run: Run, kind: type[P]) -> Iterator[list[P]]:
 
 
 def run_inputs(run: Run) -> list[tuple[str, Path]]:
-    """Role and path of every file that a score of boxes or masks is computed from."""
+    """Role and path of every file of a run that a score is computed from, but files of rows."""
     return [
         ("run", run.folder / RUN),
         ("per_image", run.folder / ROWS),

@@ -52,6 +52,11 @@ class ReadoutFamily:
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
 
 
+def answer_file(name: str, suffix: str) -> str:
+    """Path of an image's own file, relative to the run. suffix: ".json", ".npz" or ".png"."""
+    return f"answer/{name}{suffix}"
+
+
 def unusable_row(row: RunRow, missing: str) -> RunDamagedError:
     """What to raise for a row that lacks what its run writes."""
     return RunDamagedError(

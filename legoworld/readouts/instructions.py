@@ -119,7 +119,10 @@ class _Renderer:
         return self._environment.from_string(template).render(self._facts).strip()
 
     def rule(self, key: str) -> str:
-        """The sentence for the card's value at a dotted key."""
+        """The sentence for the card's value at a dotted key; its own [instructions] come first."""
+        own = self._card.values.get("instructions", {}).get(key)
+        if own is not None:
+            return str(own)
         value = self._card.value(key)
         said = str(value).lower() if isinstance(value, bool) else str(value)
         sentences = self._rules.get(key, {})

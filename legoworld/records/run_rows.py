@@ -87,7 +87,8 @@ class Nested(Record, frozen=True, kw_only=True):
 class RunRow(RunImage, frozen=True, kw_only=True):
     """One row. It has the fields of what was read: a scene or a photo, depth or predictions.
 
-    scene: the image's folder in SCENES; reason: null where status is ok.
+    scene: the image's folder in SCENES; reason: null where status is ok; answer: the file of a
+    family that has one of its own for each image.
     """
 
     scene: str = ""
@@ -96,6 +97,7 @@ class RunRow(RunImage, frozen=True, kw_only=True):
     warnings: tuple[str, ...] = ()
     rendered_wh: Size | UnsetType = UNSET
     depth: DepthFile | UnsetType = UNSET
+    answer: WrittenFile | UnsetType = UNSET
     n_predictions: int | UnsetType = UNSET
     predictions_sha256: str | UnsetType = UNSET
     # Of a baseline's answer.
@@ -129,4 +131,4 @@ class RunRow(RunImage, frozen=True, kw_only=True):
     @property
     def files(self) -> list[DepthFile | WrittenFile]:
         """The files of its own that the row has, besides predictions."""
-        return [file for file in (self.depth, self.surface, self.render) if file]
+        return [file for file in (self.depth, self.answer, self.surface, self.render) if file]

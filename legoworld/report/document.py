@@ -14,7 +14,7 @@ from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.provenance import compare_command, provenance
 from legoworld.report.scene_files import SceneFiles
 from legoworld.report.sources import Section
-from legoworld.report.tables import comparison_tables, coverage_notes, coverage_rows
+from legoworld.report.tables import comparison_tables, coverage_notes, coverage_rows, metric_rows
 from legoworld.tasks.registry import task_named
 
 
@@ -32,9 +32,14 @@ def page_document(
         made = _section_tables(section)
         if section.sides:
             fill = page_of(section.task).fill
-            made = fill(section, made, document, places) if fill else made
+            made = fill(section, made, document, places) if fill else _without_photos(section, made)
         document.sections.append(made)
     return document
+
+
+def _without_photos(section: Section, made: PageSection) -> PageSection:
+    """A section whose family has no pictures: its numbers as they are."""
+    return replace(made, head=tuple(metric_rows(section.sides)), names={})
 
 
 def _section_tables(section: Section) -> PageSection:

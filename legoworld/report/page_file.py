@@ -138,7 +138,7 @@ def _data(document: PageDocument, beside: Beside) -> dict[str, Any]:
 
 def _for_scripts(section: PageSection) -> dict[str, Any]:
     given = {name: getattr(section, name) for name in _FOR_SCRIPTS}
-    return given if section.sides else given | {"names": {}}
+    return given | {"names": section.names or {}}
 
 
 def _texts(kind: str, files: Sequence[bytes]) -> dict[str, str]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from legoworld.evaluation.detection.protocols import detection_protocol
-from legoworld.evaluation.detection.text import metric_rows
+from legoworld.evaluation.detection.text import metric_rows as detection_metric_rows
 from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted, range_text, share
 from legoworld.records.base import UNSET
@@ -28,6 +28,22 @@ from legoworld.report.family import page_of
 NO_SPECIALIST: Final = "no specialist was run"
 
 
+def metric_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
+    """Every metric of any family's summaries, a side a column."""
+    found: dict[tuple[str, str | None], list[NumberCell | None]] = {}
+    for k, side in enumerate(sides):
+        coverage = side.summary.coverage
+        over = share(coverage.scored, coverage.attempted, "image", "images")
+        for name, policy, value, interval in side.summary.metric_values():
+            spread = range_text(interval.ends if interval else None)
+            cell = NumberCell(value=_number(value), spread=spread, over=over)
+            found.setdefault((name, policy), [None] * len(sides))[k] = cell
+    return [
+        NumberRow(name=name, policy=policy or UNSET, cells=tuple(cells))
+        for (name, policy), cells in found.items()
+    ]
+
+
 def headline_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
     """The evaluator's own numbers and the tie orders."""
     return [r for r in _detection_rows(sides) if not r.name.startswith("class_")]
@@ -42,7 +58,9 @@ def score_free_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
 def _detection_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
     found: dict[str, list[NumberCell | None]] = {}
     for k, side in enumerate(sides):
-        for name, value, spread, over in metric_rows(side.detection, detection_protocol(side.task)):
+        for name, value, spread, over in detection_metric_rows(
+            side.detection, detection_protocol(side.task)
+        ):
             cell = NumberCell(value=value, spread=spread, over=over)
             found.setdefault(name, [None] * len(sides))[k] = cell
     return [NumberRow(name=name, cells=tuple(cells)) for name, cells in found.items()]

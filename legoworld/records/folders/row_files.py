@@ -1,4 +1,4 @@
-"""The files of its own that a row of a run has, besides predictions: depth, surface, render."""
+"""The files of its own that a row of a run has, besides predictions: depth, surface and others."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Final
 
 #: The keys of a row that describe a file (`RunRow.files`); also their folders.
-FOLDERS: Final = ("depth", "surface", "render")
-_SUFFIXES: Final = (".npz", ".png")
+FOLDERS: Final = ("depth", "surface", "render", "answer")
+_SUFFIXES: Final = (".npz", ".png", ".json")
 
 
 def delete_files(run: Path) -> None:
