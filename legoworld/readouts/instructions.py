@@ -53,7 +53,7 @@ def instructions(protocol: Protocol) -> Instructions:
     path = catalog.folder("readouts") / WORDING
     with path.open("rb") as stream:
         wording = tomllib.load(stream)
-    example = _example(protocol, wording["examples"].get(protocol.task.name))
+    example = _example(protocol, wording["examples"])
     labels_file = _labels_file(protocol, example)
     render = _Renderer(protocol, wording, example, labels_file)
     return Instructions(
@@ -65,7 +65,7 @@ def instructions(protocol: Protocol) -> Instructions:
                 statements=tuple(filter(None, map(render.text, section["says"]))),
             )
             for section in wording["sections"]
-            if protocol.task.name in section.get("tasks", [protocol.task.name])
+            if protocol.task.family.labelled or not section.get("labelled", False)
         ),
         labels_file=labels_file,
     )
@@ -142,11 +142,14 @@ def _has_own_vocabulary(reading: Protocol) -> bool:
     return reading.vocabulary is not None and reading.vocabulary != shipped
 
 
-def _example(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[str, str] | None:
-    """The example, with categories of this vocabulary if it lacks the usual ones."""
+def _example(
+    protocol: Protocol, examples: Mapping[str, Mapping[str, str]]
+) -> Mapping[str, str] | None:
+    """The dataset's example, with categories of this vocabulary if it lacks the usual ones."""
     vocabulary = protocol.vocabulary
-    if example is None or vocabulary is None:
-        return example
+    if vocabulary is None:
+        return None
+    example = examples.get(protocol.task.dataset.name, next(iter(examples.values())))
     names = [category.name for category in vocabulary.categories]
     own = dict(zip(("object_category", "collection_category"), (names[0], names[-1]), strict=True))
     return {

@@ -68,7 +68,7 @@ def make_track(
         images = _chosen(images, chosen, source.name)
     info = TrackInfo(
         description=f"legoworld track: public half of {source.name}",
-        task=dataset_of(task),  # a track of coco serves coco-masks
+        task=dataset_of(task),
         dataset_version=source.version,
         source=source.name,
         source_sha256=source.sha256,

@@ -41,10 +41,10 @@ function forestFigure(section) {
   const differences = { left: values.right + 64, right: width - 18 };
   const line = Math.max(LINE, 11 * labels.length + 5);
   const high = rows.length * line + 46;
-  const lines = rows.flatMap((row, i) => rowMarks(row, 22 + i * line + line / 2, values, many ? differences : null, reach(rows)));
+  const lines = rows.flatMap((row, i) => rowMarks(row, 22 + i * line + line / 2, values, many ? differences : null, reach(rows), top(rows)));
   const root = svg("svg", { class: "chart forest", viewBox: "0 0 " + width + " " + high, role: "img",
     "aria-label": "main metrics of " + labels.join(" and ") + " with 95 % intervals" }, [
-    ...axis(values, 0, 1, [0, 0.25, 0.5, 0.75, 1], high, ""),
+    ...axis(values, 0, top(rows), [0, 0.25, 0.5, 0.75, 1].map((v) => v * top(rows)), high, ""),
     ...(many ? axis(differences, -reach(rows), reach(rows), [-reach(rows), 0, reach(rows)], high, "+") : []),
     svg("text", { class: "axis", x: values.left, y: 13 }, ["value"]),
     many ? svg("text", { class: "axis", x: differences.left, y: 13 }, ["difference"]) : null,
@@ -76,6 +76,13 @@ function reach(rows) {
   return [0.1, 0.2, 0.25, 0.4, 0.5, 0.6, 0.8, 1].find((end) => end >= most) || Math.ceil(most);
 }
 
+/* The end of the axis of values: 1, or a round number above what is no fraction. */
+function top(rows) {
+  const ends = rows.flatMap((r) => r.sides.filter(Boolean).flatMap((s) => [s.value, s.high]))
+    .filter((v) => v !== null);
+  return Math.ceil(Math.max(1, ...ends));
+}
+
 function axis(at, from, to, ticks, high, sign) {
   return ticks.flatMap((v) => {
     const x = at.left + (v - from) / (to - from) * (at.right - at.left);
@@ -84,9 +91,9 @@ function axis(at, from, to, ticks, high, sign) {
   });
 }
 
-function rowMarks(row, y, values, differences, end) {
+function rowMarks(row, y, values, differences, end, most) {
   const n = row.sides.length;
-  const place = (v) => values.left + Math.min(Math.max(v, 0), 1) * (values.right - values.left);
+  const place = (v) => values.left + Math.min(Math.max(v / most, 0), 1) * (values.right - values.left);
   const marks = [svg("text", { class: "name", x: 0, y: y + 4 }, [row.name + (row.better === "lower" ? " \u2193" : "")])];
   row.sides.forEach((span, k) => {
     if (!span || span.value === null) { return; }
