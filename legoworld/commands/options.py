@@ -46,8 +46,8 @@ class TaskChoice(Choice):
         super().__init__(())
         self._serves = serves
 
-    @property
-    def choices(self) -> tuple[str, ...]:
+    @property  # asked for with --help or a name, not when the command is defined
+    def choices(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The names, those that ship first."""
         return tuple(task.name for task in known_tasks() if self._serves(task))
 
