@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from legoworld.api.arguments import checked
+from legoworld.api.family_options import own_options
 from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
-from legoworld.api.settings import own_options
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.family import EvaluationRequest, evaluation_of
 from legoworld.evaluation.opening import Origins

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from legoworld.api.arguments import checked
+from legoworld.api.family_options import own_options
 from legoworld.api.folders import place_of, written_at
 from legoworld.api.listening import SILENT, Listener
 from legoworld.api.settings import (
@@ -16,7 +17,6 @@ from legoworld.api.settings import (
     TIME_LIMIT_S,
     Cache,
     limits_of,
-    own_options,
     refuse_other_task,
     snapshot_cache,
     track_of,

@@ -1,23 +1,19 @@
-"""Shared arguments: the cache, limits of a Blender process, a task's protocol."""
+"""Arguments shared by what reads scenes: the cache, limits of a Blender process, the protocol."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from legoworld.api.arguments import check_argument
 from legoworld.errors import UsageError
 from legoworld.readouts.protocol import Protocol, protocol
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import SnapshotCache, default_cache_folder
-from legoworld.tasks.registry import family_of, known_tasks
 from legoworld.tracks.track import Track, load_track, serves
 
 #: The snapshot cache folder; True for the user's own (or $LEGOWORLD_CACHE), False for none.
 Cache = bool | str | Path
-
-#: Parameters whose option has another name.
-_OPTIONS: Final = {"diagnostics": "--no-diagnostics", "render": "--no-render"}
 
 TIME_LIMIT_S: Final = 120.0
 MEMORY_LIMIT_GIB: Final = 8.0
@@ -55,25 +51,6 @@ def protocol_of(task: str | None, track: Track | str | Path | None) -> Protocol 
         raise UsageError("the track does not record its task", next_step="pass the task as well")
     refuse_other_task(images, chosen)
     return protocol(chosen, images.vocabulary)
-
-
-def own_options(task: str, **given: Any) -> dict[str, Any]:
-    """The given parameters of a task's family, without those that are None.
-
-    UsageError for one that only other families take.
-    """
-    family = family_of(task)
-    named = {name: value for name, value in given.items() if value is not None}
-    for name in named:
-        if name not in family.options:
-            takers = [other for other in known_tasks() if name in other.family.options]
-            what = ", ".join(dict.fromkeys(other.family.noun for other in takers))
-            raise UsageError(
-                f"{_OPTIONS.get(name, '--' + name.replace('_', '-'))} is for {what} alone",
-                found=f"a run of {task}",
-                expected=f"the task {' or '.join(other.name for other in takers)}",
-            )
-    return named
 
 
 def refuse_other_task(track: Track, task: str) -> None:

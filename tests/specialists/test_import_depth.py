@@ -14,7 +14,7 @@ from specialists.tracks import call, make_track, results, rows, run_document
 from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth_folder import DepthSource, planar_from_ray_distance
 from legoworld.baselines.depth_import import import_depth
-from legoworld.readouts.tasks import protocol
+from legoworld.readouts.protocol import protocol
 from legoworld.tracks.track import load_track
 
 NAMES = ["hall/images/dslr_images/A.JPG", "hall/images/dslr_images/B.JPG"]

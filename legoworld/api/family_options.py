@@ -1,0 +1,30 @@
+"""Parameters that only some families take."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from legoworld.errors import UsageError
+from legoworld.tasks.registry import family_of, known_tasks
+
+#: Parameters whose option has another name.
+_OPTIONS: Final = {"diagnostics": "--no-diagnostics", "render": "--no-render"}
+
+
+def own_options(task: str, **given: Any) -> dict[str, Any]:
+    """The given parameters of a task's family, without those that are None.
+
+    UsageError for one that only other families take.
+    """
+    family = family_of(task)
+    named = {name: value for name, value in given.items() if value is not None}
+    for name in named:
+        if name not in family.options:
+            takers = [other for other in known_tasks() if name in other.family.options]
+            what = ", ".join(dict.fromkeys(other.family.noun for other in takers))
+            raise UsageError(
+                f"{_OPTIONS.get(name, '--' + name.replace('_', '-'))} is for {what} alone",
+                found=f"a run of {task}",
+                expected=f"the task {' or '.join(other.name for other in takers)}",
+            )
+    return named
