@@ -9,7 +9,7 @@ import functools
 import inspect
 import numbers
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
@@ -132,6 +132,18 @@ def _photo(value: object) -> str | None:
     return None if fine else "an (H, W, 3) array of uint8, or a path"
 
 
+def _task(value: object) -> str | None:
+    several = isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)
+    return None if isinstance(value, str) or several else "text, or a list of texts"
+
+
+def _track(value: object) -> str | None:
+    if not isinstance(value, Mapping):
+        return _of_kind(Track, _path)(value)
+    named = all(isinstance(task, str) for task in value)
+    return next(filter(None, map(_track, value.values())), None) if named else "tracks by task"
+
+
 def _shard(value: object) -> str | None:
     expected = "(i, n), integers with 1 <= i <= n"
     wrong = _pair(_whole(1), expected)(value)
@@ -145,11 +157,11 @@ def _evaluation(value: object) -> str | None:
 _SIZE: Final = f"(width, height), integers of 1 to {_LONGEST_PX}"
 CHECKS: Final[dict[str, _Check]] = {
     **dict.fromkeys(("scenes", "output", "folder", "run", "truth"), _path),
-    "track": _or_none(_of_kind(Track, _path)),
+    "track": _or_none(_track),
     "cache": _of_kind(bool, _path),
     "photo": _or_none(_photo),
     "evaluations": _each(_evaluation, "evaluations or their folders"),
-    "task": _or_none(_text),
+    "task": _or_none(_task),
     "source": _one_of("blend", "glb"),
     "engine": _one_of(*ENGINES),
     "evaluator": _or_none(_one_of("official", "fast")),

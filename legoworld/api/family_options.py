@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from legoworld.errors import UsageError
@@ -16,15 +17,26 @@ def own_options(task: str, **given: Any) -> dict[str, Any]:
 
     UsageError for one that only other families take.
     """
-    family = family_of(task)
+    return options_by_task([task], **given)[task]
+
+
+def options_by_task(tasks: Sequence[str], **given: Any) -> dict[str, dict[str, Any]]:
+    """The given parameters of each task's family, without those that are None.
+
+    UsageError for one that none of these families takes.
+    """
     named = {name: value for name, value in given.items() if value is not None}
+    taken = {
+        task: {name: named[name] for name in named if name in family_of(task).options}
+        for task in tasks
+    }
     for name in named:
-        if name not in family.options:
+        if not any(name in own for own in taken.values()):
             takers = [other for other in known_tasks() if name in other.family.options]
             what = ", ".join(dict.fromkeys(other.family.noun for other in takers))
             raise UsageError(
                 f"{_OPTIONS.get(name, '--' + name.replace('_', '-'))} is for {what} alone",
-                found=f"a run of {task}",
+                found=f"a run of {' and '.join(tasks)}",
                 expected=f"the task {' or '.join(other.name for other in takers)}",
             )
-    return named
+    return taken

@@ -20,7 +20,8 @@ from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.inspection import look, open_scene, write_inspection
-from legoworld.running.readout_run import RunRequest, run_readout
+from legoworld.running.readout_run import RunRequest
+from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, Source, find_scene
@@ -146,28 +147,32 @@ def _read(
     say: Say,
     trace: Say,
 ) -> RunRow:
-    result = run_readout(
-        RunRequest(
-            image_options=ImageOptions(
-                scenes=scene.absolute(),
-                run=run.absolute(),
-                protocol=reading,
-                source=request.source,
-                cache=request.cache,
-                require_frozen=False,
-                max_side=None,
-                threads=1,
+    (result,) = read_scenes(
+        PassRequest(
+            runs=(
+                RunRequest(
+                    image_options=ImageOptions(
+                        scenes=scene.absolute(),
+                        run=run.absolute(),
+                        protocol=reading,
+                        source=request.source,
+                        cache=request.cache,
+                        require_frozen=False,
+                        max_side=None,
+                        threads=1,
+                    ),
+                    track=track,
+                    overwrite=True,
+                    limit=None,
+                    image_ids=(),
+                    shard=None,
+                    images_per_file=None,
+                ),
             ),
-            track=track,
             engine="local",
             workers=1,
             limits=request.limits,
-            overwrite=True,
-            limit=None,
-            image_ids=(),
-            shard=None,
             fail_fast=False,
-            images_per_file=None,
         ),
         progress=lambda _row: None,
         notice=say,

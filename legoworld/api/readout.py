@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import checked
-from legoworld.api.family_options import own_options
+from legoworld.api.by_task import ByTask, entry_of_task, folder_of_task, refuse_result_at
+from legoworld.api.family_options import options_by_task
 from legoworld.api.folders import place_of, written_at
 from legoworld.api.listening import SILENT, Listener
 from legoworld.api.settings import (
@@ -25,12 +27,13 @@ from legoworld.errors import CatalogError, UsageError
 from legoworld.pluralize import counted
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import as_json
-from legoworld.records.folders.run_reading import RUN
+from legoworld.records.folders.run_reading import CONFIGURATION, RUN
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
 from legoworld.remote import Place
 from legoworld.running.image_record import ImageOptions
-from legoworld.running.readout_run import RunRequest, run_readout, shard_images
+from legoworld.running.readout_run import RunRequest, shard_images
+from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source
 from legoworld.tracks.track import Track, folders_without_scene, track_of_folder
@@ -38,6 +41,9 @@ from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
     from legoworld.tracks.scene_names import Stranger
+
+#: A track or its file; for several tasks also a folder with <task>.json, or a mapping by task.
+Tracks = Track | str | Path | Mapping[str, Track | str | Path] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,13 +86,49 @@ class Run:
         }
 
 
+class ReadoutOptions(TypedDict, total=False):
+    """The keyword arguments of `readout` beside the task."""
+
+    track: Tracks
+    source: Source
+    workers: int | None
+    engine: EngineName
+    cache: Cache
+    require_frozen: bool
+    limit: int | None
+    image_ids: Sequence[int]
+    shard: tuple[int, int] | None
+    images_per_file: int | None
+    max_side: int | None
+    render: bool
+    render_noise: bool
+    overwrite: bool
+    fail_fast: bool
+    time_limit_s: float
+    memory_limit_gib: float
+    listener: Listener
+    started: BlenderProcess | None
+
+
+@overload
+def readout(
+    scenes: str | Path, output: str | Path, *, task: str, **options: Unpack[ReadoutOptions]
+) -> Run: ...
+@overload
+def readout(
+    scenes: str | Path,
+    output: str | Path,
+    *,
+    task: list[str] | tuple[str, ...],
+    **options: Unpack[ReadoutOptions],
+) -> ByTask[Run]: ...
 @checked
 def readout(
     scenes: str | Path,
     output: str | Path,
     *,
-    task: str,
-    track: Track | str | Path | None = None,
+    task: str | list[str] | tuple[str, ...],
+    track: Tracks = None,
     source: Source = "blend",
     workers: int | None = None,
     engine: EngineName = "local",
@@ -105,77 +147,129 @@ def readout(
     memory_limit_gib: float = MEMORY_LIMIT_GIB,
     listener: Listener = SILENT,
     started: BlenderProcess | None = None,
-) -> Run:
+) -> Run | ByTask[Run]:
     """Read labels out of scenes into a run folder; repeat the call to resume.
 
-    scenes, output: folders or their URLs. task: the name of one; `legoworld list tasks` lists them.
-    track: the images; without one every scene folder is an image. source: the file of each scene to
-    read. workers: Blender processes, None for one per core. limit: read the first images only;
-    image_ids: read these images only; shard: (i, n), read every n-th image only, starting at the
-    i-th. images_per_file: divide the predictions into files of this many images. max_side: depth
-    only, longest side of the rendered image in pixels. render, render_noise: bench only, whether
-    A's picture is rendered, and a second seed of it. overwrite: delete the results of an earlier
-    run first. fail_fast: stop at the first scene that cannot be read. The limits apply to each
-    Blender process. started: a Blender process already running with these limits; the caller closes
-    it. Results do not depend on workers, engine, cache, shard, limits or started.
+    scenes, output: folders or their URLs. task: the name of one (`legoworld list tasks`), or
+    several: each scene is then read once for all of them, and output/<task> is the run of each,
+    byte for byte what its task alone gives. track: the images, of several tasks also a folder with
+    a <task>.json of each or a mapping by task; without one every scene folder is an image. source:
+    the file of each scene to read. workers: Blender processes, None for one per core. limit: read
+    the first images only; image_ids: read these images only; shard: (i, n), read every n-th image
+    only, starting at the i-th. images_per_file: divide the predictions into files of this many
+    images. max_side: depth only, longest side of the rendered image in pixels. render,
+    render_noise: bench only, whether A's picture is rendered, and a second seed of it. overwrite:
+    delete the results of an earlier run first. fail_fast: stop at the first scene that cannot be
+    read. The limits apply to each Blender process. started: a Blender process already running with
+    these limits; the caller closes it. Results do not depend on workers, engine, cache, shard,
+    limits or started.
 
     A scene that cannot be read becomes a row with a status and a reason. Raises UsageError,
     CatalogError, ConfigurationMismatchError (the folder holds a different run), OutputFullError or
     KernelBuildError before anything is read.
     """
-    place, written = place_of(scenes), place_of(output)
-    given = own_options(
-        task,
+    tasks = [task] if isinstance(task, str) else _distinct(task)
+    place, top = place_of(scenes), place_of(output)
+    folders = {name: top if isinstance(task, str) else folder_of_task(top, name) for name in tasks}
+    if not isinstance(task, str):
+        refuse_result_at(top, CONFIGURATION, "the runs of several tasks")
+    tracks = _tracks(tasks, track, place)
+    given = options_by_task(
+        tasks,
         max_side=max_side,
         images_per_file=images_per_file,
         render=None if render else False,
         render_noise=render_noise or None,
     )
-    images = track_of(track) if track is not None else track_of_folder(place)
-    refuse_other_task(images, task)
-    reading = protocol(task, images.vocabulary)
-    rules = reading.readout.rules
-    bench = rules(reading.card, images, source, given) if rules else None
-    _refuse_output_in_a_scene(written, place)
+    for folder in folders.values():
+        _refuse_output_in_a_scene(folder, place)
     if track is None and shard is None and isinstance(place, Path):
         _note_folders_without_scene(place, listener)
-    request = RunRequest(
-        image_options=ImageOptions(
-            scenes=place if isinstance(place, str) else place.absolute(),
-            run=Path(),
-            protocol=reading,
-            source=source,
-            cache=snapshot_cache(cache),
-            require_frozen=require_frozen,
-            max_side=max_side,
-            threads=1,
-            bench=bench,
-        ),
-        track=images,
-        engine=engine,
-        workers=workers or engine_cores(engine),
-        limits=limits_of(time_limit_s, memory_limit_gib),
-        overwrite=overwrite,
-        limit=limit,
-        image_ids=tuple(image_ids),
-        shard=shard,
-        fail_fast=fail_fast,
-        images_per_file=images_per_file,
-        started=started,
-    )
-    with written_at(written, last=RUN) as folder:
-        here = replace(request.image_options, run=folder.absolute())
-        request = replace(request, image_options=here)
-        listener.total(len(shard_images(request)))
-        result = run_readout(
-            request,
+    stored = snapshot_cache(cache)
+    with ExitStack() as written:
+        runs = []
+        for name in tasks:
+            reading = protocol(name, tracks[name].vocabulary)
+            rules = reading.readout.rules
+            here = written.enter_context(written_at(folders[name], last=RUN))
+            options = ImageOptions(
+                scenes=place if isinstance(place, str) else place.absolute(),
+                run=here.absolute(),
+                protocol=reading,
+                source=source,
+                cache=stored,
+                require_frozen=require_frozen,
+                max_side=given[name].get("max_side"),
+                threads=1,
+                bench=rules(reading.card, tracks[name], source, given[name]) if rules else None,
+            )
+            runs.append(
+                RunRequest(
+                    image_options=options,
+                    track=tracks[name],
+                    overwrite=overwrite,
+                    limit=limit,
+                    image_ids=tuple(image_ids),
+                    shard=shard,
+                    images_per_file=given[name].get("images_per_file"),
+                )
+            )
+        listener.total(sum(len(shard_images(one)) for one in runs))
+        results = read_scenes(
+            PassRequest(
+                runs=tuple(runs),
+                engine=engine,
+                workers=workers or engine_cores(engine),
+                limits=limits_of(time_limit_s, memory_limit_gib),
+                fail_fast=fail_fast,
+                started=started,
+            ),
             progress=listener.row,
             notice=listener.notice,
             kept=listener.kept,
             trace=listener.trace,
         )
-    unmatched = _strangers(place, images) if track is not None and shard is None else []
-    return Run(folder=written, rows=result.rows, summary=result.summary, strangers=tuple(unmatched))
+    named = track is not None and shard is None
+    found = {
+        name: Run(
+            folder=folders[name],
+            rows=result.rows,
+            summary=result.summary,
+            strangers=tuple(_strangers(place, tracks[name]) if named else ()),
+        )
+        for name, result in zip(tasks, results, strict=True)
+    }
+    return found[task] if isinstance(task, str) else ByTask(folder=top, results=found)
+
+
+def _distinct(tasks: Sequence[str]) -> list[str]:
+    """The tasks. UsageError for none, or one that is named twice."""
+    if not tasks or len(set(tasks)) < len(tasks):
+        raise UsageError(
+            "the tasks of one pass must be different",
+            found=", ".join(tasks) or "none",
+            expected="one or more tasks, each once",
+        )
+    return list(tasks)
+
+
+def _tracks(tasks: Sequence[str], given: Tracks, scenes: Place) -> dict[str, Track]:
+    """The track of each task. UsageError for one that was made for another task."""
+    if given is None:
+        every = track_of_folder(scenes)
+        return dict.fromkeys(tasks, every)
+    tracks = {}
+    for task in tasks:
+        if isinstance(given, Mapping):
+            if task not in given:
+                raise UsageError(f"there is no track of {task}", found=", ".join(given))
+            tracks[task] = track_of(given[task])
+        elif isinstance(given, str | Path) and Path(given).is_dir():
+            tracks[task] = track_of(entry_of_task(Path(given), task, "track"))
+        else:
+            tracks[task] = track_of(given)
+        refuse_other_task(tracks[task], task)
+    return tracks
 
 
 def _strangers(scenes: Place, track: Track) -> list[Stranger]:
@@ -211,8 +305,11 @@ def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:
         raise UsageError(f"-o {output} is inside a scene folder; readout never writes there")
 
 
-def default_output(scenes: str | Path, task: str) -> Path:
-    """The run folder of a command without -o: legoworld-runs/<name of SCENES>-<task>."""
+def default_output(scenes: str | Path, task: str | None = None) -> Path:
+    """The run folder of a command without -o: legoworld-runs/<name of SCENES>-<task>.
+
+    task: None for the folder of several runs, which has the name of SCENES alone.
+    """
     place = place_of(scenes)
     name = place.resolve().name if isinstance(place, Path) else PurePosixPath(place).name
-    return Path("legoworld-runs") / f"{name or 'scenes'}-{task}"
+    return Path("legoworld-runs") / "-".join([name or "scenes", *([task] if task else [])])

@@ -12,7 +12,7 @@ from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.progress import shown_progress
 from legoworld.commands.remote import PlaceType
-from legoworld.commands.run_text import show_run
+from legoworld.commands.run_text import show_runs
 from legoworld.remote import Place
 from legoworld.tracks.dataset_versions import dataset_of
 
@@ -24,15 +24,22 @@ if TYPE_CHECKING:
 @click.argument("scenes", required=False, type=PlaceType(exists=True))
 @click.option(
     "--task",
+    "tasks",
     required=True,
+    multiple=True,
     type=options.TaskChoice(),
-    help="Task to read out.",
+    help="Task to read out; repeatable: each scene is then read once for all tasks.",
 )
 @click.option(
-    "--track", type=options.EXISTING_FILE, help="Track file (images); COCO image-info JSON."
+    "--track",
+    type=click.Path(path_type=Path, exists=True),
+    help="Track file (images), COCO image-info JSON; or a folder with <task>.json of each task.",
 )
 @click.option(
-    "-o", "--output", type=PlaceType(exists=False), help="Run folder to write, or its URL."
+    "-o",
+    "--output",
+    type=PlaceType(exists=False),
+    help="Run folder to write, or its URL; of several tasks the folder of their run folders.",
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
 @options.source
@@ -68,7 +75,7 @@ if TYPE_CHECKING:
 @options.output_options
 def command(
     scenes: Place | None,
-    task: str,
+    tasks: tuple[str, ...],
     track: Path | None,
     output: Place | None,
     workers: int | None,
@@ -95,7 +102,8 @@ def command(
     """Read COCO boxes or masks, LVIS masks, depth or bench submissions out of frozen SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
-    --track every scene folder is an image. Without SCENES the shipped examples are read. Re-run the
+    --track every scene folder is an image. Several --task write RUNS/<task> for each, byte for byte
+    what one alone writes. Without SCENES the shipped examples are read. Re-run the
     same command to resume. Exit code 1 when a scene could not be read.
 
     \b
@@ -103,6 +111,7 @@ def command(
       legoworld readout --task coco
       legoworld readout scenes --task coco --track track.json -o runs/coco --workers 8
       legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
+      legoworld readout scenes --task coco --task lvis --task eth3d --track tracks -o runs
       legoworld readout submissions --task bench --track bench/public/track.json -o runs/mine
     """
     started = _started_ahead(
@@ -110,22 +119,26 @@ def command(
         memory_limit,
         wanted=no_cache and source == "blend" and engine == "local" and not isinstance(scenes, str),
     )
-    from legoworld.api.readout import default_output, readout
+    from legoworld.api.readout import Run, Tracks, default_output, readout
     from legoworld.shipped.examples import shipped_examples
 
     notice = options.notifier(quiet)
+    only = tasks[0] if len(tasks) == 1 else None
+    tracks: Tracks = track
     if scenes is None:
-        scenes, shipped_track = shipped_examples(dataset_of(task))
-        track = track or shipped_track
-        output = output or Path("legoworld-runs") / f"examples-{task}"
-        notice(f"no SCENES given: reading the {task} examples that ship with legoworld")
-    output = output or default_output(scenes, task)
-    with shown_progress("scene", quiet=quiet) as listener:
-        run = readout(
+        shipped = {task: shipped_examples(dataset_of(task)) for task in tasks}
+        scenes = shipped[tasks[0]][0]
+        tracks = track or {task: own for task, (_, own) in shipped.items()}
+        output = output or Path("legoworld-runs") / (f"examples-{only}" if only else "examples")
+        named = f"the {only} examples" if only else "the examples"
+        notice(f"no SCENES given: reading {named} that ship with legoworld")
+    output = output or default_output(scenes, only)
+    with shown_progress("scene" if only else "answer", quiet=quiet) as listener:
+        found = readout(
             scenes,
             output,
-            task=task,
-            track=track,
+            task=only or list(tasks),
+            track=tracks,
             source=source,
             workers=workers,
             engine=engine,
@@ -146,10 +159,12 @@ def command(
             started=started,
         )
     if as_json:
-        options.print_json(run.to_dict())
-    else:
-        show_run(run, quiet=quiet, verbose=verbose)
-    return exit_codes.DONE if run.complete else exit_codes.INCOMPLETE
+        options.print_json(found.to_dict())
+    runs = {found.summary.task: found} if isinstance(found, Run) else found
+    if not as_json:
+        show_runs(runs, quiet=quiet, verbose=verbose)
+    complete = all(run.complete for run in runs.values())
+    return exit_codes.DONE if complete else exit_codes.INCOMPLETE
 
 
 def _started_ahead(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import click
@@ -24,25 +24,42 @@ if TYPE_CHECKING:
 _SHORT: Final = 3
 
 
-def show_run(
-    result: Run,
-    *,
-    quiet: bool,
-    verbose: bool,
-) -> None:
-    """Print failures and labels by kind, then the counts; warnings go to standard error."""
-    if verbose:
-        _table(result.rows)
-    for line in failure_lines(result.rows, verbose=verbose):
-        click.echo(line)
-    _limited(stranger_lines(result.strangers, verbose=verbose), "folders", verbose=True)
-    _limited(_label_lines(result), "labels outside the vocabulary", verbose=verbose)
-    for line in unlabelled_lines(result):
-        click.echo(line)
+def show_runs(results: Mapping[str, Run], *, quiet: bool, verbose: bool) -> None:
+    """Print the runs of one pass; what is the same for all of them is printed once."""
+    _print_once(
+        {task: _lines(result, verbose=verbose) for task, result in results.items()}, err=False
+    )
     if not quiet:
-        for line in warning_lines(result.rows, verbose=verbose):
-            click.echo(line, err=True)
-    click.echo(f"{_counts(result.summary)} -> {result.folder}")
+        warnings = {
+            task: warning_lines(result.rows, verbose=verbose) for task, result in results.items()
+        }
+        _print_once(warnings, err=True)
+    for task, result in results.items():
+        prefix = f"{task}: " if len(results) > 1 else ""
+        click.echo(f"{prefix}{_counts(result.summary)} -> {result.folder}")
+
+
+def _print_once(by_task: Mapping[str, Sequence[str]], *, err: bool) -> None:
+    """Lines that every task has come first, without a task's name."""
+    first, *others = by_task.values()
+    common = [line for line in first if all(line in other for other in others)]
+    for line in common:
+        click.echo(line, err=err)
+    for task, lines in by_task.items():
+        for line in lines:
+            if line not in common:
+                click.echo(f"{task}: {line}", err=err)
+
+
+def _lines(result: Run, *, verbose: bool) -> list[str]:
+    """What a run's user may want to change, by kind."""
+    return [
+        *(_table(result.rows) if verbose else []),
+        *failure_lines(result.rows, verbose=verbose),
+        *stranger_lines(result.strangers, verbose=verbose),
+        *_limited(_label_lines(result), "labels outside the vocabulary", verbose=verbose),
+        *unlabelled_lines(result),
+    ]
 
 
 def failure_lines(rows: Sequence[RunRow], *, verbose: bool) -> list[str]:
@@ -125,21 +142,19 @@ def unlabelled_lines(result: Run) -> list[str]:
     ]
 
 
-def _limited(lines: Sequence[str], what: str, *, verbose: bool) -> None:
-    shown = lines if verbose or len(lines) <= _SHORT + 1 else lines[:_SHORT]
-    for line in shown:
-        click.echo(line)
-    if len(shown) < len(lines):
-        click.echo(f"... and {len(lines) - len(shown)} more {what} (-v lists them)")
+def _limited(lines: Sequence[str], what: str, *, verbose: bool) -> list[str]:
+    if verbose or len(lines) <= _SHORT + 1:
+        return list(lines)
+    return [*lines[:_SHORT], f"... and {len(lines) - _SHORT} more {what} (-v lists them)"]
 
 
-def _table(rows: Sequence[RunRow]) -> None:
+def _table(rows: Sequence[RunRow]) -> list[str]:
     cells = [
         (row.image_id, row.file_name, row.status, *_exported(row), len(row.warnings))
         for row in rows
     ]
     header = ("image", "photo", "status", "exported", "unexported", "warnings")
-    click.echo(options.table(header, cells) + "\n")
+    return [options.table(header, cells), ""]
 
 
 def _failure(row: RunRow, more: int = 0) -> str:

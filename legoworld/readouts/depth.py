@@ -77,4 +77,6 @@ def _depth_bytes(row: RunRow) -> int:
     return row.depth.bytes
 
 
-READOUT: Final = ReadoutFamily(write=_write, sum_up=_sum_up, file_bytes=depth_file_bytes)
+READOUT: Final = ReadoutFamily(
+    write=_write, sum_up=_sum_up, file_bytes=depth_file_bytes, needs_instances=False
+)

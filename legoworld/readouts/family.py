@@ -50,6 +50,7 @@ class ReadoutFamily:
     write: Callable[[RunRow, AnsweredImage], RunRow] | None = None
     file_bytes: Callable[[tuple[int, int]], int] | None = None
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
+    needs_instances: bool = True
 
 
 def answer_file(name: str, suffix: str) -> str:

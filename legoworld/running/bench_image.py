@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
@@ -15,6 +13,7 @@ from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord
 from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import ImageOptions, failed, row_of, source_of
+from legoworld.running.shared_scene import SharedScene
 from legoworld.running.submission import (
     BenchRules,
     artefact_checks,
@@ -26,42 +25,36 @@ from legoworld.running.submission import (
 )
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import GLB, PICTURE, PROVENANCE, SceneFolder
-from legoworld.scene.freeze import FrozenFiles
-from legoworld.scene.opened import OpenedScene, twice
-from legoworld.scene.reading import ReadScene, read_hashed_side_file, read_scene
+from legoworld.scene.opened import OpenedScene
+from legoworld.scene.reading import ReadScene, read_hashed_side_file
 from legoworld.tracks.track import TrackImage
 
 
-@dataclass(frozen=True, kw_only=True)
-class Submission:
-    """A submission's folder and the hashes of its files."""
-
-    image: TrackImage
-    folder: SceneFolder
-    files: FrozenFiles
-
-
 def read_submission(
-    submission: Submission, options: ImageOptions, rules: BenchRules, blender: BlenderProcess
+    image: TrackImage,
+    asked: SharedScene,
+    options: ImageOptions,
+    rules: BenchRules,
+    blender: BlenderProcess,
 ) -> ImageRecord:
     """Read one submission out. An error becomes its verdict; what was made before it is kept.
 
     A scene that loses its Blender process is asked for once more, in a fresh one.
     """
-    row, folder = row_of(submission.image), submission.folder
+    row, folder = row_of(image), asked.folder
     checks = artefact_checks(folder)
     try:
-        scene = twice(lambda: _read(submission, options, blender))
+        scene = asked.read(attempts=2)
     except LegoWorldError as error:
         return failed(with_validity(row, {**checks, **blend_checks(error)}), error)
     row = with_validity(row, {**checks, **blend_checks(None)})
     opened = OpenedScene(folder, scene.files, blender, options.cache)
-    assert submission.image.hfov_deg is not None
+    assert image.hfov_deg is not None
     try:
         row, surface = read_surface(
             row,
             scene.snapshot,
-            submission.image.hfov_deg,
+            image.hfov_deg,
             opened,
             rules,
             options.run,
@@ -82,16 +75,6 @@ def read_submission(
     stored = provenance.value if provenance else None
     source = source_of(folder, scene, surface.projection, stored)
     return ImageRecord(row=row, scene=source)
-
-
-def _read(submission: Submission, options: ImageOptions, blender: BlenderProcess) -> ReadScene:
-    return read_scene(
-        submission.folder,
-        source=options.source,
-        blender=blender,
-        cache=options.cache,
-        files=submission.files,
-    )
 
 
 def _warnings(

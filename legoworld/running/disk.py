@@ -25,8 +25,12 @@ def check_disk(
     *,
     what: str,
     next_step: str,
+    beside: int = 0,
 ) -> None:
-    """Report the size of all files; OutputFullError if they do not fit. what: such as "depth"."""
+    """Report the size of all files; OutputFullError if they do not fit.
+
+    what: such as "depth"; beside: bytes that other runs of the same pass write.
+    """
     expected = sum(file_bytes)
     free = shutil.disk_usage(folder).free
     notice(
@@ -34,11 +38,11 @@ def check_disk(
         f"{counted(len(file_bytes), 'image', 'images')} of known size, "
         f"{_megabytes(free)} free"
     )
-    if expected > free:
+    if expected + beside > free:
         raise OutputFullError(
             f"the {what} files will not fit on the disk",
             found=f"{_megabytes(free)} free",
-            expected=_megabytes(expected),
+            expected=_megabytes(expected + beside),
             next_step=next_step,
         )
 

@@ -1,10 +1,10 @@
-"""One image of a run: from its scene folder to a record, or to a status with a reason."""
+"""One scene folder of a pass: to the record of each of its images, or a status with a reason."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from legoworld.errors import LegoWorldError
@@ -14,7 +14,7 @@ from legoworld.records.labels import LabelsFile
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.remote import PlaceError, child, fetch_folder
-from legoworld.running.bench_image import Submission, read_submission
+from legoworld.running.bench_image import read_submission
 from legoworld.running.image_record import (
     ImageOptions,
     SceneOfImage,
@@ -23,6 +23,7 @@ from legoworld.running.image_record import (
     sha256_by_name,
     verdict_instead,
 )
+from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import files_in
@@ -30,7 +31,7 @@ from legoworld.scene.folder import BLEND, GLB, LABELS, PROVENANCE, SIMULATIONS, 
 from legoworld.scene.freeze import FrozenFiles, Hashes, hashed_dependencies
 from legoworld.scene.labels import Labels, labels_in, resolve_labels
 from legoworld.scene.outside import leaves_scenes
-from legoworld.scene.reading import ReadScene, checked_scene, read_hashed_side_file, read_scene
+from legoworld.scene.reading import read_hashed_side_file
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.engines import machine_lost
 from legoworld.workers.scratch import scratch_folder
@@ -42,26 +43,54 @@ class FileNotSharedError(LegoWorldError):
     code = "run_folder_not_shared"
 
 
-class SceneReader:
-    """Reads images with its own Blender process.
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """One image of one run of a pass. run: the run's number in the pass."""
 
-    started: processes that are already running; one of them is used, and closed by its owner.
+    run: int
+    image: TrackImage
+
+
+#: What is asked of one scene folder.
+Questions = tuple[Question, ...]
+#: The record of each question, with its run's number, in any order.
+Answers = list[tuple[int, ImageRecord]]
+
+
+class SceneReader:
+    """Reads scene folders with its own Blender process.
+
+    options: of each run of the pass; scenes, source, cache, require_frozen and threads are those of
+    all. started: processes that are already running; one of them is used, and closed by its owner.
     """
 
     def __init__(
-        self, options: ImageOptions, limits: Limits, started: list[BlenderProcess] | None = None
+        self,
+        options: Sequence[ImageOptions],
+        limits: Limits,
+        started: list[BlenderProcess] | None = None,
     ) -> None:
-        self._options = options
+        self._options = tuple(options)
         self._lent = bool(started)
         self._blender = started.pop() if started else BlenderProcess(limits)
 
-    def do(self, image: TrackImage) -> ImageRecord:
-        """The record of one image; see `read_image`."""
+    def do(self, questions: Questions) -> Answers:
+        """The records of what is asked of one scene folder; see `read_image`."""
         try:
-            with _at_hand(image, self._options) as options:
-                return read_image(image, options, self._blender)
+            with at_hand(questions[0].image.scene, self._options) as options:
+                return self._answers(questions, options)
         except PlaceError as error:
-            return failed_record(image, error)
+            return [(asked.run, failed_record(asked.image, error)) for asked in questions]
+
+    def _answers(self, questions: Questions, options: Sequence[ImageOptions]) -> Answers:
+        """A draw that no task needs anew is made for the first that needs its instances."""
+        scene = SharedScene(questions[0].image.scene, options[0], self._blender)
+        exact = [options[asked.run].protocol.readout.needs_instances for asked in questions]
+        ordered = sorted(zip(questions, exact, strict=True), key=lambda pair: not pair[1])
+        return [
+            (asked.run, read_image(asked.image, options[asked.run], self._blender, scene))
+            for asked, _ in ordered
+        ]
 
     def abort(self) -> None:
         """End the Blender process during a running `do`."""
@@ -75,28 +104,30 @@ class SceneReader:
             self._blender.close()
 
 
-def read_image(image: TrackImage, options: ImageOptions, blender: BlenderProcess) -> ImageRecord:
+def read_image(
+    image: TrackImage,
+    options: ImageOptions,
+    blender: BlenderProcess,
+    shared: SharedScene | None = None,
+) -> ImageRecord:
     """Read one image out. Failures of its scene become the row's status and reason.
 
-    Raises the errors of this machine; see `judged`.
+    shared: its scene folder, where other images were read of it. Raises the errors of this machine;
+    see `judged`.
     """
+    scene = shared or SharedScene(image.scene, options, blender)
     try:
-        folder, files = _checked(image, options)
         if options.bench is not None:
-            submission = Submission(image=image, folder=folder, files=files)
-            return read_submission(submission, options, options.bench, blender)
-        scene = read_scene(
-            folder, source=options.source, blender=blender, cache=options.cache, files=files
-        )
-        return record_of(image, _with_side_files(folder, scene, options.protocol), options)
+            return read_submission(image, scene, options, options.bench, blender)
+        return record_of(image, _with_side_files(scene, options.protocol), options)
     except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
         written = [options.run, *([options.cache.folder] if options.cache else [])]
         return failed_record(image, judged(error, written))
 
 
-def lost_record(image: TrackImage, what: str) -> ImageRecord:
-    """The record of an image whose machine was lost at every attempt."""
-    return failed_record(image, machine_lost(what))
+def lost_records(questions: Questions, what: str) -> Answers:
+    """The records of a scene folder whose machine was lost at every attempt."""
+    return [(asked.run, failed_record(asked.image, machine_lost(what))) for asked in questions]
 
 
 def arrived(record: ImageRecord, options: ImageOptions) -> ImageRecord:
@@ -112,24 +143,23 @@ def arrived(record: ImageRecord, options: ImageOptions) -> ImageRecord:
     return verdict_instead(record, error)
 
 
-def still_valid(record: ImageRecord, image: TrackImage, options: ImageOptions) -> bool:
+def still_valid(record: ImageRecord, scene: HashedScene, options: ImageOptions) -> bool:
     """Whether reading the image again would give the stored record."""
     if record.row.status != "ok" or record.scene is None:
         return False
     try:
-        with _at_hand(image, options) as local:
-            return _unchanged(record.scene, image, local) and has_its_results(record, local.run)
+        return _unchanged(record.scene, scene, options) and has_its_results(record, options.run)
     except (LegoWorldError, OSError, ValueError):
         return False  # reading it again tells what is wrong
 
 
-def _unchanged(scene: ImageSource, image: TrackImage, options: ImageOptions) -> bool:
+def _unchanged(source: ImageSource, scene: HashedScene, options: ImageOptions) -> bool:
     """Whether the scene's files are those that it was read from."""
-    folder, now = _checked(image, options)
-    if sha256_by_name(now.artefacts) != scene.files or now.frozen != scene.frozen:
+    if sha256_by_name(scene.files.artefacts) != source.files or scene.files.frozen != source.frozen:
         return False
-    recorded = scene.dependencies or {}
-    return sha256_by_name(_dependencies_now(folder, now, recorded, options)) == recorded
+    recorded = source.dependencies or {}
+    now = _dependencies_now(scene.folder, scene.files, recorded, options)
+    return sha256_by_name(now) == recorded
 
 
 def _dependencies_now(
@@ -147,24 +177,20 @@ def _dependencies_now(
 
 
 @contextmanager
-def _at_hand(image: TrackImage, options: ImageOptions) -> Iterator[ImageOptions]:
-    """The options with the image's scene folder on this machine, fetched if it is at a URL."""
-    if isinstance(options.scenes, Path):
+def at_hand(scene: str, options: Sequence[ImageOptions]) -> Iterator[Sequence[ImageOptions]]:
+    """The options with a scene folder on this machine, fetched if it is at a URL."""
+    scenes = options[0].scenes
+    if isinstance(scenes, Path):
         yield options
         return
     with scratch_folder("legoworld-scene-") as folder:
-        scenes = folder / "scenes"
-        fetch_folder(child(options.scenes, image.scene), scenes / image.scene)
-        yield replace(options, scenes=scenes)
+        fetch_folder(child(scenes, scene), folder / "scenes" / scene)
+        yield [replace(one, scenes=folder / "scenes") for one in options]
 
 
-def _checked(image: TrackImage, options: ImageOptions) -> tuple[SceneFolder, FrozenFiles]:
-    assert isinstance(options.scenes, Path)
-    return checked_scene(options.scenes, image.scene, require_frozen=options.require_frozen)
-
-
-def _with_side_files(folder: SceneFolder, scene: ReadScene, protocol: Protocol) -> SceneOfImage:
-    """A scene with its labels under a protocol. Raises what is wrong with its side files."""
+def _with_side_files(asked: SharedScene, protocol: Protocol) -> SceneOfImage:
+    """A scene with its labels under a protocol. Raises what is wrong with it or its side files."""
+    folder, scene = asked.folder, asked.read()
     labels = Labels(objects={}, collections={}, warnings=())
     if protocol.vocabulary is not None:
         outside = labels_in(read_hashed_side_file(folder, LABELS, LabelsFile, scene.files))
@@ -177,4 +203,5 @@ def _with_side_files(folder: SceneFolder, scene: ReadScene, protocol: Protocol) 
         scene=scene,
         labels=labels,
         provenance=provenance.value if provenance else None,
+        views=asked.views,
     )

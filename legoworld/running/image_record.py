@@ -33,6 +33,7 @@ from legoworld.records.run_rows import (
     Unmatched,
 )
 from legoworld.remote import Place
+from legoworld.running.scene_views import SceneViews
 from legoworld.running.submission import BenchRules
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder, Source
@@ -44,7 +45,7 @@ from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.projection import Projection
-from legoworld.visibility.view import View, unseen_reasons, view
+from legoworld.visibility.view import View, unseen_reasons
 
 #: Version of the rows of a readout; 2: `exported` names the instance of each prediction.
 ROW_SCHEMA: Final = 2
@@ -76,12 +77,16 @@ class ImageOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneOfImage:
-    """An image's scene as it was read, with its side files. labels: under the run's protocol."""
+    """An image's scene as it was read, with its side files.
+
+    labels: under the run's protocol; views: what was drawn of the scene so far.
+    """
 
     folder: SceneFolder
     scene: ReadScene
     labels: Labels
     provenance: ProvenanceFile | None
+    views: SceneViews
 
 
 def failed_record(image: TrackImage, error: LegoWorldError) -> ImageRecord:
@@ -127,7 +132,10 @@ def record_of(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) 
     grouping = group(snapshot, labels)
     full_size = image.size_wh or snapshot.render.size_wh
     rendered_wh = options.rendered_size(full_size)
-    seen = view(snapshot, grouping, rendered_wh, threads=options.threads)
+    readout, vocabulary = options.protocol.readout, options.protocol.vocabulary
+    seen = of_image.views.view(
+        snapshot, grouping, rendered_wh, exact=readout.needs_instances, threads=options.threads
+    )
     row = replace(
         row_of(image),
         size_wh=full_size,
@@ -147,7 +155,6 @@ def record_of(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) 
         ),
     )
     predictions: tuple[Prediction, ...] = ()
-    readout, vocabulary = options.protocol.readout, options.protocol.vocabulary
     answered = AnsweredImage(
         image_id=image.id,
         name=as_unicode(image.scene if image.scene != "." else image.file_name),

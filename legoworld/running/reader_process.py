@@ -6,14 +6,13 @@ cores; the other half, the kernel's, runs in parallel.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from legoworld.errors import WorkerCrashedError
-from legoworld.records.run_file import ImageRecord
-from legoworld.running.image import SceneReader
+from legoworld.running.image import Answers, Questions, SceneReader
 from legoworld.running.image_record import ImageOptions, failed_record
 from legoworld.scene.blender_process import Limits
-from legoworld.tracks.track import TrackImage
 from legoworld.workers.task_process import ProcessLostError, TaskProcess
 
 #: Minimum number of images per process that is worth starting one.
@@ -30,21 +29,21 @@ def worth_processes(workers: int, n_images: int, cores: int) -> bool:
 class ReaderProcess:
     """A SceneReader in a separate process."""
 
-    def __init__(self, options: ImageOptions, limits: Limits) -> None:
-        self._process: TaskProcess[TrackImage, ImageRecord] = TaskProcess(_Read(options, limits))
+    def __init__(self, options: Sequence[ImageOptions], limits: Limits) -> None:
+        self._process: TaskProcess[Questions, Answers] = TaskProcess(_Read(options, limits))
         self._aborted = False
 
-    def do(self, image: TrackImage) -> ImageRecord:
-        """The record of one image. If the process ends, a new one retries once."""
+    def do(self, questions: Questions) -> Answers:
+        """The records of one scene folder. If the process ends, a new one retries once."""
         try:
-            return self._process.call(image)
+            return self._process.call(questions)
         except ProcessLostError as error:
             if self._aborted:
-                return _lost(image, error)
+                return _lost(questions, error)
         try:
-            return self._process.call(image)
+            return self._process.call(questions)
         except ProcessLostError as error:
-            return _lost(image, error)
+            return _lost(questions, error)
 
     def abort(self) -> None:
         """End the process during a running `do`; Blender ends with it."""
@@ -59,24 +58,22 @@ class ReaderProcess:
 class _Read:
     """The process's function: created here; its reader is created on the first call there."""
 
-    def __init__(self, options: ImageOptions, limits: Limits) -> None:
+    def __init__(self, options: Sequence[ImageOptions], limits: Limits) -> None:
         self._options = options
         self._limits = limits
         self._reader: SceneReader | None = None
 
-    def __call__(self, image: TrackImage) -> ImageRecord:
+    def __call__(self, questions: Questions) -> Answers:
         if self._reader is None:
             self._reader = SceneReader(self._options, self._limits)
-        return self._reader.do(image)
+        return self._reader.do(questions)
 
 
-def _lost(image: TrackImage, error: ProcessLostError) -> ImageRecord:
-    return failed_record(
-        image,
-        WorkerCrashedError(
-            "the process that read the scene ended, twice",
-            found=error.found,
-            expected="a record of the scene",
-            next_step="run the same command again, with fewer --workers where memory is short",
-        ),
+def _lost(questions: Questions, error: ProcessLostError) -> Answers:
+    verdict = WorkerCrashedError(
+        "the process that read the scene ended, twice",
+        found=error.found,
+        expected="a record of the scene",
+        next_step="run the same command again, with fewer --workers where memory is short",
     )
+    return [(asked.run, failed_record(asked.image, verdict)) for asked in questions]

@@ -22,7 +22,8 @@ from legoworld.scene.freeze import FrozenFiles
 T = TypeVar("T")
 #: Raised whenever what `facts` answers changes.
 _FACTS: Final = 2
-_LOST = (WorkerCrashedError, WorkerMemoryError)
+#: A Blender process that ended while it was asked.
+LOST: Final = (WorkerCrashedError, WorkerMemoryError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,5 +121,5 @@ def twice(ask: Callable[[], T]) -> T:
     """The answer; asked once more where the process that was asked is lost."""
     try:
         return ask()
-    except _LOST:
+    except LOST:
         return ask()

@@ -19,7 +19,7 @@ from strategies import Damage, damages, with_fixed_damage
 
 from legoworld import cli
 from legoworld.records.folders import run_folder
-from legoworld.running import readout_run
+from legoworld.running import scene_pass
 
 NAMES = ("a", "b", "c")
 
@@ -49,7 +49,7 @@ def stopped(scenes: Path) -> Path:
     """A run that was stopped when all images were in the journal."""
     output = scenes.parent / "stopped"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(readout_run.run_folder, "finish", _interrupt)
+        patch.setattr(scene_pass.run_folder, "finish", _interrupt)
         assert cli.run(command(scenes, output)) == 130
     assert (output / "journal.jsonl").read_bytes().count(b"\n") == len(NAMES)
     return output

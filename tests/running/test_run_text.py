@@ -177,7 +177,7 @@ def test_a_broken_installation_is_no_scenes_verdict(tmp_path, monkeypatch, capsy
     def missing():
         raise KernelBuildError("the visibility kernel was not compiled")
 
-    monkeypatch.setattr("legoworld.running.readout_run.library", missing)
+    monkeypatch.setattr("legoworld.running.scene_pass.library", missing)
     track = write_track(tmp_path / "t.json", ["coffee.png"])
     (tmp_path / "scenes").mkdir()
     arguments = [str(tmp_path / "scenes"), "--task", "coco", "--track", str(track)]

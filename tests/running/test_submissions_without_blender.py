@@ -25,8 +25,9 @@ from legoworld.errors import (
 from legoworld.readouts.protocol import protocol
 from legoworld.records.bench_run import Check, Validity
 from legoworld.records.run_rows import RunRow
-from legoworld.running.bench_image import Submission, read_submission
+from legoworld.running.bench_image import read_submission
 from legoworld.running.image_record import ImageOptions
+from legoworld.running.shared_scene import SharedScene
 from legoworld.running.submission import (
     OK,
     artefact_checks,
@@ -37,7 +38,6 @@ from legoworld.running.submission import (
     validity_counts,
 )
 from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts
 from legoworld.tracks.track import TrackImage
 
 CARD = load_card("bench")
@@ -76,10 +76,9 @@ def submitted(folder, blender, *, render=False, noise=False, facts=True):
         scenes=folder.path.parent, run=run, protocol=protocol("bench", None), source="blend",
         cache=None, require_frozen=False, max_side=None, threads=1, bench=rules,
     )  # fmt: skip
-    files = checked_artefacts(folder, require_frozen=False)
-    submission = Submission(image=IMAGE, folder=folder, files=files)
     with blender:
-        record = read_submission(submission, options, rules, blender)
+        scene = SharedScene(IMAGE.scene, options, blender)
+        record = read_submission(IMAGE, scene, options, rules, blender)
     return record, run
 
 

@@ -12,6 +12,7 @@ from scene.snapshots import snapshot_of
 from legoworld.readouts.protocol import protocol
 from legoworld.running.image import read_image, still_valid
 from legoworld.running.image_record import ImageOptions
+from legoworld.running.shared_scene import HashedScene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.tracks.track import TrackImage
@@ -133,8 +134,8 @@ def test_a_resumed_run_reads_a_scene_with_a_new_simulation_cache_again(
     image = TrackImage(id=1, file_name="plain.jpg", size_wh=(64, 48), scene="plain")
     record = read_image(image, options, blender)
     assert record.row.status == "ok"
-    assert still_valid(record, image, options)
+    assert still_valid(record, HashedScene(image.scene, options), options)
     (place / "blendcache_scene").mkdir()
-    assert still_valid(record, image, options)
+    assert still_valid(record, HashedScene(image.scene, options), options)
     (place / "blendcache_scene" / "0001.bphys").write_bytes(b"one")
-    assert not still_valid(record, image, options)
+    assert not still_valid(record, HashedScene(image.scene, options), options)

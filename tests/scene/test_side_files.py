@@ -20,6 +20,7 @@ from legoworld.records.base import canonical
 from legoworld.records.run_file import ImageRecord
 from legoworld.running.image import read_image, still_valid
 from legoworld.running.image_record import ImageOptions
+from legoworld.running.shared_scene import HashedScene
 from legoworld.scene import side_files
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import SceneFolder
@@ -47,6 +48,10 @@ def options_of(folder: Path, task: str = "coco") -> ImageOptions:
         scenes=folder.parent, run=folder.parent.parent / "run", protocol=protocol(task, None),
         source="glb", cache=None, require_frozen=False, max_side=None, threads=1,
     )  # fmt: skip
+
+
+def hashed(folder: Path) -> HashedScene:
+    return HashedScene(IMAGE.scene, options_of(folder))
 
 
 def record_of(folder: Path, task: str = "coco") -> ImageRecord:
@@ -200,9 +205,9 @@ def test_provenance_is_hashed_like_the_rest(folder):
     after = record_of(folder)
     assert set(after.scene.files) == {"scene.glb", "provenance.json"}
     assert before.row.files_sha256 != after.row.files_sha256
-    assert still_valid(after, IMAGE, options_of(folder))
+    assert still_valid(after, hashed(folder), options_of(folder))
     (folder / "provenance.json").write_text('{"agent": "b"}')
-    assert not still_valid(after, IMAGE, options_of(folder))
+    assert not still_valid(after, hashed(folder), options_of(folder))
 
 
 def test_a_frozen_scene_vouches_for_its_provenance(folder):

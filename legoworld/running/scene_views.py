@@ -1,0 +1,44 @@
+"""The views of one scene that several tasks share, each drawn once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from legoworld.scene.instances import Grouping
+from legoworld.scene.snapshot import Snapshot
+from legoworld.visibility.view import View, view
+
+
+class SceneViews:
+    """Views of one snapshot through its own camera."""
+
+    def __init__(self) -> None:
+        self._drawn: list[tuple[Grouping, View]] = []
+
+    def view(
+        self,
+        snapshot: Snapshot,
+        grouping: Grouping,
+        size_wh: tuple[int, int],
+        *,
+        exact: bool,
+        threads: int,
+    ) -> View:
+        """The view of a size, drawn at its first call.
+
+        exact: the instance buffer is of this grouping; otherwise any grouping serves, since depth
+        does not depend on it. Vocabularies that give every surface the same instance share a view:
+        ties are broken by the instance's number.
+        """
+        for other, drawn in self._drawn:
+            if drawn.size_wh == size_wh and (not exact or _same_instances(other, grouping)):
+                return drawn
+        drawn = view(snapshot, grouping, size_wh, threads=threads)
+        self._drawn.append((grouping, drawn))
+        return drawn
+
+
+def _same_instances(one: Grouping, other: Grouping) -> bool:
+    return len(one.instances) == len(other.instances) and np.array_equal(
+        one.surface_instance, other.surface_instance
+    )
