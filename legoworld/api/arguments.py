@@ -137,11 +137,16 @@ def _task(value: object) -> str | None:
     return None if isinstance(value, str) or several else "text, or a list of texts"
 
 
-def _track(value: object) -> str | None:
-    if not isinstance(value, Mapping):
-        return _of_kind(Track, _path)(value)
-    named = all(isinstance(task, str) for task in value)
-    return next(filter(None, map(_track, value.values())), None) if named else "tracks by task"
+def _by_task(check: _Check, expected: str) -> _Check:
+    """A value, or a mapping of values by the names of tasks."""
+
+    def each(value: object) -> str | None:
+        if not isinstance(value, Mapping):
+            return check(value)
+        named = bool(value) and all(isinstance(task, str) for task in value)
+        return next(filter(None, map(check, value.values())), None) if named else expected
+
+    return each
 
 
 def _shard(value: object) -> str | None:
@@ -151,13 +156,15 @@ def _shard(value: object) -> str | None:
 
 
 def _evaluation(value: object) -> str | None:
-    return None if hasattr(value, "summary") and hasattr(value, "folder") else _path(value)
+    one = hasattr(value, "summary") or isinstance(value, Mapping)
+    return None if one and hasattr(value, "folder") else _path(value)
 
 
 _SIZE: Final = f"(width, height), integers of 1 to {_LONGEST_PX}"
 CHECKS: Final[dict[str, _Check]] = {
-    **dict.fromkeys(("scenes", "output", "folder", "run", "truth"), _path),
-    "track": _or_none(_track),
+    **dict.fromkeys(("scenes", "output", "folder", "run"), _path),
+    "truth": _by_task(_path, "ground truths by task"),
+    "track": _or_none(_by_task(_of_kind(Track, _path), "tracks by task")),
     "cache": _of_kind(bool, _path),
     "photo": _or_none(_photo),
     "evaluations": _each(_evaluation, "evaluations or their folders"),

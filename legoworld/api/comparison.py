@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import checked
+from legoworld.api.by_task import ByTask, refuse_result_at
 from legoworld.api.evaluation import Evaluation
 from legoworld.api.listening import SILENT, Listener
+from legoworld.comparison.folder import COMPARISON
 from legoworld.comparison.making import make_comparison
 from legoworld.comparison.tables import Document, comparisons_of
-from legoworld.comparison.thresholds import Tripped
+from legoworld.comparison.thresholds import Tripped, thresholds_by_task
 from legoworld.errors import UsageError
 from legoworld.records.base import as_json
 from legoworld.records.evidence import ComparisonSettings
@@ -68,9 +70,32 @@ class Comparison:
         return comparison_html(self.document)
 
 
-@checked
+class ComparisonOptions(TypedDict, total=False):
+    """The keyword arguments of `compare`."""
+
+    draws: int
+    seed: int
+    fail_below: Sequence[str]
+    allow_truth_prompts: bool
+    overwrite: bool
+    listener: Listener
+
+
+@overload
 def compare(
     evaluations: Sequence[Evaluation | str | Path],
+    output: str | Path,
+    **options: Unpack[ComparisonOptions],
+) -> Comparison: ...
+@overload
+def compare(
+    evaluations: Sequence[ByTask[Evaluation]],
+    output: str | Path,
+    **options: Unpack[ComparisonOptions],
+) -> ByTask[Comparison]: ...
+@checked
+def compare(
+    evaluations: Sequence[Evaluation | str | Path] | Sequence[ByTask[Evaluation]],
     output: str | Path,
     *,
     draws: int = 2000,
@@ -79,26 +104,77 @@ def compare(
     allow_truth_prompts: bool = False,
     overwrite: bool = False,
     listener: Listener = SILENT,
-) -> Comparison:
+) -> Comparison | ByTask[Comparison]:
     """Compare the first evaluation, the scene's, with each of the others, and write the folder.
 
-    draws, seed: number of bootstrap samples and RNG seed, shared by both sides. fail_below:
-    "METRIC=DELTA" strings, the minimum gain of the scene; thresholds that are not met are in
-    `Comparison.below`. allow_truth_prompts: accept a baseline that was prompted with ground truth.
-    overwrite: replace an existing comparison.
+    evaluations: of one task, or the evaluations of several tasks: the scene's of each is then
+    compared, in output/<task>, with those of the others that have the task. draws, seed: number of
+    bootstrap samples and RNG seed, shared by both sides. fail_below: "METRIC=DELTA" strings, the
+    minimum gain of the scene; thresholds that are not met are in `Comparison.below`. Of several
+    tasks, each holds for those that have the metric. allow_truth_prompts: accept a baseline that
+    was prompted with ground truth. overwrite: replace an existing comparison.
 
     Raises UsageError or IncomparableError (different ground truth, track, card, evaluator or
     version) before anything is written.
     """
+    several = [one for one in evaluations if isinstance(one, ByTask)]
+    settings = ComparisonSettings(draws=draws, seed=seed, allow_truth_prompts=allow_truth_prompts)
+    if not several:
+        single = [_folder(one) for one in evaluations if not isinstance(one, ByTask)]
+        return _compare(single, Path(output), settings, fail_below, overwrite, listener)
+    if len(several) < len(evaluations):
+        raise UsageError(
+            "evaluations of one task and of several cannot be compared",
+            found=f"{len(several)} of {len(evaluations)} are of several tasks",
+            expected="folders of one kind",
+        )
+    refuse_result_at(Path(output), COMPARISON, "the comparisons of several tasks")
+    sides = {
+        task: [side[task] for side in several if task in side]
+        for task in several[0]
+        if any(task in side for side in several[1:])
+    }
+    alone = [task for task in several[0] if task not in sides]
+    if not sides:
+        raise UsageError(
+            "no task was evaluated on two sides",
+            found=" and ".join(", ".join(side) or "none" for side in several),
+            expected="a task that the first has in common with another",
+        )
+    if alone:
+        listener.notice(f"evaluated on one side only: {', '.join(alone)}")
+    thresholds = thresholds_by_task(fail_below, list(sides))
+    found = {
+        task: _compare(
+            [_folder(one) for one in of_task],
+            Path(output) / task,
+            settings,
+            thresholds[task],
+            overwrite,
+            listener,
+        )
+        for task, of_task in sides.items()
+    }
+    return ByTask(folder=Path(output), results=found)
+
+
+def _compare(
+    folders: Sequence[Path],
+    output: Path,
+    settings: ComparisonSettings,
+    fail_below: Sequence[str],
+    overwrite: bool,
+    listener: Listener,
+) -> Comparison:
     document, below = make_comparison(
-        [_folder(one) for one in evaluations],
-        Path(output),
-        ComparisonSettings(draws=draws, seed=seed, allow_truth_prompts=allow_truth_prompts),
+        folders,
+        output,
+        settings,
         thresholds=fail_below,
         overwrite=overwrite,
         notice=listener.notice,
     )
-    return Comparison(folder=Path(output), document=document, below=tuple(below))
+    return Comparison(folder=output, document=document, below=tuple(below))
 
 
 def _folder(evaluation: Evaluation | str | Path) -> Path:

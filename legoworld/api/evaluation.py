@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import checked
-from legoworld.api.family_options import own_options
+from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
+from legoworld.api.family_options import options_by_task, own_options
 from legoworld.api.folders import place_of, read_from, written_whole
 from legoworld.api.listening import SILENT, Listener
+from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.family import EvaluationRequest, evaluation_of
 from legoworld.evaluation.opening import Origins
@@ -97,12 +100,39 @@ class Evaluation:
         return evaluation_html(self.summary)
 
 
+class EvaluationOptions(TypedDict, total=False):
+    """The keyword arguments of `evaluate` beside the ground truth."""
+
+    evaluator: EvaluatorKind | None
+    camera_model: Literal["none", "dataset"] | None
+    reference_sampling: str | None
+    diagnostics: bool
+    draws: int | None
+    seed: int
+    workers: int | None
+    engine: EngineName
+    overwrite: bool
+    listener: Listener
+
+
+@overload
+def evaluate(
+    run: str | Path, output: str | Path, *, truth: str | Path, **options: Unpack[EvaluationOptions]
+) -> Evaluation: ...
+@overload
+def evaluate(
+    run: str | Path,
+    output: str | Path,
+    *,
+    truth: Mapping[str, str | Path],
+    **options: Unpack[EvaluationOptions],
+) -> ByTask[Evaluation]: ...
 @checked
 def evaluate(
     run: str | Path,
     output: str | Path,
     *,
-    truth: str | Path,
+    truth: str | Path | Mapping[str, str | Path],
     evaluator: EvaluatorKind | None = None,
     camera_model: Literal["none", "dataset"] | None = None,
     reference_sampling: str | None = None,
@@ -113,48 +143,102 @@ def evaluate(
     engine: EngineName = "local",
     overwrite: bool = False,
     listener: Listener = SILENT,
-) -> Evaluation:
+) -> Evaluation | ByTask[Evaluation]:
     """Score a run against ground truth and write the evaluation folder, which holds ground truth.
 
     run, output: folders or their URLs. truth: the dataset's own annotations, COCO or LVIS JSON,
-    ETH3D's folder, or a bench's DATASET/private. evaluator: "official" (pycocotools, lvis) or
-    "fast" (hotcoco); None selects the official one where it is installed. camera_model: depth only;
-    "dataset" warps a scene's pinhole depth through the dataset's camera. reference_sampling: bench
-    only, "raster", "all" or "random:SEED"; diagnostics: bench only, whether the numbers beside R
-    are computed. draws, seed: number of tie orders and bootstrap samples, None for 2000 (bench:
-    10,000), and their RNG seed. workers, engine: where the work runs; they change no byte of the
-    result. overwrite: replace an existing evaluation in the folder.
+    ETH3D's folder, or a bench's DATASET/private; or a mapping of these by task, for the folder of
+    the runs of several tasks: run/<task> is then evaluated into output/<task>. evaluator:
+    "official" (pycocotools, lvis) or "fast" (hotcoco); None selects the official one where it is
+    installed. camera_model: depth only; "dataset" warps a scene's pinhole depth through the
+    dataset's camera. reference_sampling: bench only, "raster", "all" or "random:SEED"; diagnostics:
+    bench only, whether the numbers beside R are computed. draws, seed: number of tie orders and
+    bootstrap samples, None for 2000 (bench: 10,000), and their RNG seed. workers, engine: where the
+    work runs; they change no byte of the result. overwrite: replace an existing evaluation in the
+    folder.
 
     Raises a LegoWorldError before anything is written: UsageError, TruthInvalidError,
-    PredictionsInvalidError, RunUnusableError and others.
+    PredictionsInvalidError, RunUnusableError and others. Of several tasks all are tried, and then
+    the first error is raised.
     """
-    source, written = place_of(run), place_of(output)
-    pool = WorkerPool(engine=engine, workers=workers or engine_cores(engine))
-    origins = Origins(
-        run_url=source if isinstance(source, str) else None,
-        output_url=written if isinstance(written, str) else None,
+    source, top = place_of(run), place_of(output)
+    request = _Request(
+        draws=draws,
+        seed=seed,
+        overwrite=overwrite,
+        pool=WorkerPool(engine=engine, workers=workers or engine_cores(engine)),
+        listener=listener,
     )
-    with read_from(source) as here, written_whole(written, last=EVIDENCE) as folder:
-        run_read = read_run(here)
-        listener.total(len(run_read.images))
-        options = own_options(
-            run_read.task, evaluator=evaluator, camera_model=camera_model,
-            reference_sampling=reference_sampling, diagnostics=None if diagnostics else False,
-        )  # fmt: skip
-        summary = evaluation_of(run_read.task).evaluate(
-            EvaluationRequest(
-                run=here,
-                truth=Path(truth),
-                output=folder,
-                draws=draws or family_of(run_read.task).draws,
-                seed=seed,
-                options=options,
-                overwrite=overwrite,
-                progress=listener.scored,
-                notice=listener.notice,
-                warn=listener.warn,
-                pool=pool,
-                origins=origins,
-            )
+    given: dict[str, Any] = {
+        "evaluator": evaluator,
+        "camera_model": camera_model,
+        "reference_sampling": reference_sampling,
+        "diagnostics": None if diagnostics else False,
+    }
+    if not isinstance(truth, Mapping):
+        return request.evaluate(source, top, Path(truth), given)
+    refuse_result_at(top, EVIDENCE, "the evaluations of several tasks")
+    by_task = options_by_task(list(truth), **given)
+    found: dict[str, Evaluation] = {}
+    errors: list[LegoWorldError] = []
+    for task, own in truth.items():
+        places = folder_of_task(source, task), folder_of_task(top, task)
+        try:
+            found[task] = request.evaluate(*places, Path(own), by_task[task], task)
+        except LegoWorldError as error:
+            if errors:
+                listener.warn(f"{task} was not evaluated: {error}")
+            errors.append(error)
+    if errors:
+        if found:
+            listener.warn(f"evaluated: {', '.join(found)} -> {top}")
+        raise errors[0]
+    return ByTask(folder=top, results=found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Request:
+    """What the evaluations of one call share."""
+
+    draws: int | None
+    seed: int
+    overwrite: bool
+    pool: WorkerPool
+    listener: Listener
+
+    def evaluate(
+        self,
+        source: Place,
+        written: Place,
+        truth: Path,
+        given: Mapping[str, Any],
+        task: str | None = None,
+    ) -> Evaluation:
+        """Evaluate one run. task: which it must be of, None for any."""
+        origins = Origins(
+            run_url=source if isinstance(source, str) else None,
+            output_url=written if isinstance(written, str) else None,
         )
-    return Evaluation(folder=written, summary=summary)
+        listener = self.listener
+        with read_from(source) as here, written_whole(written, last=EVIDENCE) as folder:
+            run = read_run(here)
+            if task not in (None, run.task):
+                raise UsageError(f"{task}/ holds another run", found=run.task, expected=task)
+            listener.total(len(run.images))
+            summary = evaluation_of(run.task).evaluate(
+                EvaluationRequest(
+                    run=here,
+                    truth=truth,
+                    output=folder,
+                    draws=self.draws or family_of(run.task).draws,
+                    seed=self.seed,
+                    options=own_options(run.task, **given),
+                    overwrite=self.overwrite,
+                    progress=listener.scored,
+                    notice=listener.notice,
+                    warn=listener.warn,
+                    pool=self.pool,
+                    origins=origins,
+                )
+            )
+        return Evaluation(folder=written, summary=summary)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import click
 
@@ -12,7 +12,11 @@ from legoworld.commands import options
 from legoworld.commands.comparison_text import coverage_text, headline_text, notes_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from legoworld.api.by_task import ByTask
     from legoworld.api.comparison import Comparison
+    from legoworld.api.evaluation import Evaluation
     from legoworld.comparison.tables import Document
 
 
@@ -64,6 +68,9 @@ def command(
 ) -> int:
     """Compare the first of EVALUATIONS, the scene's, with each of the others.
 
+    EVALUATIONS of one task, or folders of the evaluations of several: each task is then compared
+    into its own folder of the output.
+
     Prints the headline metrics and which side each favours; -v prints everything.
     Numbers are over all attempted images and over paired ones (scored on both sides, with ground
     truth). Differences have intervals from bootstrap samples that both sides share. Evaluations
@@ -78,10 +85,13 @@ def command(
       legoworld compare evals/scene evals/dino -o comparisons/coco
       legoworld compare evals/scene evals/dino evals/yolox -o comparisons/coco
       legoworld compare evals/scene evals/dino -o comparisons/coco --fail-below AP=-0.3
+      legoworld compare evals-scene evals-specialists -o comparisons
       legoworld compare --join comparisons/coco comparisons/eth3d -o comparisons/all
     """
     from legoworld.api.comparison import Comparison, compare
     from legoworld.api.listening import Listener
+    from legoworld.comparison.tables import comparisons_of
+    from legoworld.evaluation.family import evaluation_of
 
     if joining:
         if draws is not None or seed is not None or thresholds or allow_truth_prompts:
@@ -91,10 +101,14 @@ def command(
         from legoworld.comparison.making import make_joined
 
         joined = make_joined(evaluations, output, overwrite=overwrite)
-        _show(Comparison(folder=output, document=joined, below=()), as_json, verbose, joined=True)
+        comparison = Comparison(folder=output, document=joined, below=())
+        if as_json:
+            options.print_json(comparison.to_dict())
+        else:
+            _print(comparison, verbose=verbose)
         return exit_codes.DONE
-    comparison = compare(
-        evaluations,
+    found = compare(
+        cast("Sequence[Path]", [_evaluated(folder) for folder in evaluations]),
         output,
         draws=2000 if draws is None else draws,
         seed=seed or 0,
@@ -103,25 +117,37 @@ def command(
         overwrite=overwrite,
         listener=Listener(notice=options.notifier(quiet or not (verbose or options.on_terminal()))),
     )
-    _show(comparison, as_json, verbose)
-    for one in comparison.below:
-        click.echo(f"legoworld: below its threshold: {one}", err=True)
-    return exit_codes.BELOW if comparison.below else exit_codes.DONE
-
-
-def _show(found: Comparison, as_json: bool, verbose: bool, *, joined: bool = False) -> None:
-    from legoworld.commands.comparison_short import short_comparison
-    from legoworld.comparison.tables import comparisons_of
-    from legoworld.evaluation.family import evaluation_of
-
+    comparisons = [found] if isinstance(found, Comparison) else list(found.values())
     if as_json:
         options.print_json(found.to_dict())
-        return
+    else:
+        for comparison in comparisons:
+            _print(comparison, verbose=verbose)
+        tasks = {one.task for c in comparisons for one in comparisons_of(c.document)}
+        photos = any(evaluation_of(task).photos for task in tasks)
+        click.echo(options.report_hint(output, photos=photos))
+    below = [one for comparison in comparisons for one in comparison.below]
+    for one in below:
+        click.echo(f"legoworld: below its threshold: {one}", err=True)
+    return exit_codes.BELOW if below else exit_codes.DONE
+
+
+def _evaluated(folder: Path) -> Path | ByTask[Evaluation]:
+    """An evaluation's folder, or the evaluations of several tasks below it."""
+    from legoworld.api.by_task import ByTask, tasks_below
+    from legoworld.api.evaluation import Evaluation
+    from legoworld.records.folders.evaluation_reading import EVIDENCE
+
+    tasks = tasks_below(folder, EVIDENCE)
+    opened = {task: Evaluation.open(folder / task) for task in tasks}
+    return ByTask(folder=folder, results=opened) if tasks else folder
+
+
+def _print(found: Comparison, *, verbose: bool) -> None:
+    from legoworld.commands.comparison_short import short_comparison
+
     click.echo(_tables(found.document) if verbose else short_comparison(found.document))
     click.echo(f"\n-> {found.folder}")
-    if not joined:
-        (one,) = comparisons_of(found.document)
-        click.echo(options.report_hint(found.folder, photos=evaluation_of(one.task).photos))
 
 
 def _tables(document: Document) -> str:

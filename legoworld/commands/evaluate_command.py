@@ -19,6 +19,7 @@ from legoworld.remote import Place
 if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
 
+    from legoworld.api.evaluation import Evaluation
     from legoworld.evaluation.detection.evaluators import EvaluatorKind
     from legoworld.records.evaluation_rows import EvaluationRow
 
@@ -27,16 +28,19 @@ if TYPE_CHECKING:
 @click.argument("run", type=PlaceType(exists=True))
 @click.option(
     "--truth",
+    "truths",
     required=True,
-    type=click.Path(path_type=Path, exists=True),
-    help="Ground truth: COCO or LVIS JSON, ETH3D's folder, or a bench's DATASET/private.",
+    multiple=True,
+    metavar="PATH",
+    help="Ground truth: COCO or LVIS JSON, ETH3D's folder, or a bench's DATASET/private. For a "
+    "folder of runs: TASK=PATH, repeatable, or a folder with <task>.json or <task>/ of each.",
 )
 @click.option(
     "-o",
     "--output",
     type=PlaceType(exists=False),
     required=True,
-    help="Evaluation folder to write, or its URL.",
+    help="Evaluation folder to write, or its URL; of a folder of runs the folder of theirs.",
 )
 @click.option(
     "--evaluator",
@@ -74,7 +78,7 @@ if TYPE_CHECKING:
 @options.output_options
 def command(
     run: Place,
-    truth: Path,
+    truths: tuple[str, ...],
     output: Place,
     evaluator: EvaluatorKind | None,
     camera_model: Literal["none", "dataset"] | None,
@@ -89,7 +93,7 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Score a RUN against private ground truth.
+    """Score a RUN, or each run of a folder RUN/<task>, against private ground truth.
 
     Boxes and masks are scored by the unmodified official evaluator over every image the run
     attempted. -v prints the evaluator's own lines, then every metric with its interval and
@@ -101,15 +105,18 @@ def command(
       legoworld evaluate runs/coco --truth instances_val2017.json -o evals/coco
       legoworld evaluate runs/lvis --truth lvis_v1_val.json -o evals/lvis --evaluator fast
       legoworld evaluate runs/mine --truth bench/private -o evals/mine
+      legoworld evaluate runs --truth coco=instances_val2017.json --truth lvis=lvis.json -o evals
       legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
     """
-    from legoworld.api.evaluation import evaluate
+    from legoworld.api.evaluation import Evaluation, evaluate
+    from legoworld.commands.truths import truth_of
+    from legoworld.evaluation.family import evaluation_of
 
     with _listening(quiet=quiet, verbose=verbose) as listener:
         found = evaluate(
             run,
             output,
-            truth=truth,
+            truth=truth_of(run, truths),
             evaluator=evaluator,
             camera_model=camera_model,
             reference_sampling=reference_sampling,
@@ -121,19 +128,29 @@ def command(
             overwrite=overwrite,
             listener=listener,
         )
+    if as_json:
+        options.print_json(found.to_dict())
+        return exit_codes.DONE
+    evaluations = [found] if isinstance(found, Evaluation) else list(found.values())
+    for one in evaluations:
+        if len(evaluations) > 1:
+            click.echo(f"{one.task}:")
+        _print(one, verbose=verbose)
+    if isinstance(found.folder, Path):
+        photos = any(evaluation_of(one.task).photos for one in evaluations)
+        click.echo(options.report_hint(found.folder, photos=photos))
+    return exit_codes.DONE
+
+
+def _print(found: Evaluation, *, verbose: bool) -> None:
     from legoworld.evaluation.family import evaluation_of
 
     family = evaluation_of(found.task)
-    if as_json:
-        options.print_json(found.to_dict())
-    elif verbose:
+    if verbose:
         text = options.within_width(family.text(found.summary, options.table))
         click.echo(f"{text}\n\n-> {found.folder}")
     else:
         click.echo(f"{family.short(found.summary)}\n-> {found.folder}")
-    if not as_json and isinstance(found.folder, Path):
-        click.echo(options.report_hint(found.folder, photos=family.photos))
-    return exit_codes.DONE
 
 
 @contextmanager

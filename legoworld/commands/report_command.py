@@ -45,6 +45,8 @@ def command(
 ) -> int:
     """Write one HTML page of evaluations and comparisons (FOLDERS): numbers, errors, every photo.
 
+    A folder of the evaluations or comparisons of several tasks stands for all of them.
+
     The page opens from disk and needs no network. It shows ground truth: keep it private. Above 500
     views or 64 MiB its pictures are in a folder beside it. An existing page is overwritten.
     Pictures of LEGO-Bench are found through its evaluations.
@@ -53,6 +55,7 @@ def command(
     Examples:
       legoworld report evals/coco --photos photos -o report.html
       legoworld report evals/coco evals/lvis evals/depth --photos photos -o report.html
+      legoworld report evals --photos photos -o report.html
       legoworld report comparisons/coco --photos photos --scenes scenes -o report.html
       legoworld report evals/agent-1 evals/agent-2 -o bench.html
     """
@@ -60,7 +63,8 @@ def command(
     from legoworld.report.page_file import write_page
     from legoworld.report.sources import read_sources
 
-    document = page_document(read_sources(folders), photos, scenes)
+    sources = [one for folder in folders for one in _of_its_tasks(folder)]
+    document = page_document(read_sources(sources), photos, scenes)
     words = ["legoworld", "report", *(f.resolve().name for f in folders)]
     words += ["--photos", "PHOTOS"] if photos else []
     words += ["--scenes", "SCENES"] * len(scenes)
@@ -85,3 +89,11 @@ def command(
     views = counted(len(document.views), "view", "views")
     click.echo(f"{views}, {written.n_bytes / 1e6:.1f} MB -> {output}{more}")
     return 0
+
+
+def _of_its_tasks(folder: Path) -> list[Path]:
+    """An evaluation or comparison, or those of several tasks below a folder."""
+    from legoworld.api.by_task import tasks_below
+    from legoworld.records.folders.evaluation_reading import EVIDENCE
+
+    return [folder / task for task in tasks_below(folder, EVIDENCE)] or [folder]

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from legoworld.comparison.family import comparison_of_task
 from legoworld.errors import UsageError
 from legoworld.records.comparison import Comparison, ComparisonRow
 
@@ -69,6 +70,16 @@ def _parse(text: str, known: Sequence[str]) -> Threshold:
             expected=f"one of {len(known)}, nearest: {', '.join(near)}",
         )
     return Threshold(metric=metric, paired=paired, least_gain=least)
+
+
+def thresholds_by_task(texts: Sequence[str], tasks: Sequence[str]) -> dict[str, list[str]]:
+    """The METRIC=DELTA texts of each task that has the metric. UsageError for one of none."""
+    known = {task: [m.id for m in comparison_of_task(task).metrics(task)] for task in tasks}
+    parsed = [_parse(text, sorted({m for of in known.values() for m in of})) for text in texts]
+    return {
+        task: [t for t, one in zip(texts, parsed, strict=True) if one.metric in known[task]]
+        for task in tasks
+    }
 
 
 def tripped(document: Comparison, thresholds: Sequence[Threshold]) -> list[Tripped]:
