@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,13 +20,17 @@ if TYPE_CHECKING:
 @click.command("make", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--task",
+    "tasks",
     required=True,
+    multiple=True,
     type=options.TaskChoice(options.has_track),
-    help="Task of the track.",
+    help="Task of the track; repeatable, each with its --truth: tracks over the same photos.",
 )
 @click.option(
     "--truth",
+    "truths",
     required=True,
+    multiple=True,
     type=click.Path(path_type=Path, exists=True),
     help="COCO or LVIS annotations (JSON), or a folder of measured depth.",
 )
@@ -33,8 +38,14 @@ if TYPE_CHECKING:
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Track file to write.",
+    type=click.Path(path_type=Path),
+    help="Track file to write; of several tasks the folder of <task>.json.",
+)
+@click.option(
+    "--any",
+    "every",
+    is_flag=True,
+    help="Several tasks: the photos that any truth lists [default: those that all list].",
 )
 @click.option(
     "--sample", type=click.IntRange(min=1), help="Number of images to sample [default: all]."
@@ -70,9 +81,10 @@ if TYPE_CHECKING:
 @click.option("--overwrite", is_flag=True, help="Replace an existing track file.")
 @options.output_options
 def make_command(
-    task: str,
-    truth: Path,
+    tasks: tuple[str, ...],
+    truths: tuple[Path, ...],
     output: Path,
+    every: bool,
     sample: int | None,
     seed: int,
     images: Path | None,
@@ -96,6 +108,7 @@ def make_command(
     \b
     Examples:
       legoworld track make --task coco --truth instances_val2017.json --sample 100 -o track.json
+      legoworld track make --task coco --truth coco.json --task lvis --truth lvis.json -o tracks
       legoworld track make --task eth3d --truth eth3d --scenes courtyard,office -o two.json
       legoworld track make --task eth3d --truth depths --photos photos --space depth --unit mm \\
           --dataset desk -o desk.json
@@ -104,34 +117,48 @@ def make_command(
         options.refuse_given(["seed"], "is for --sample")
     if images is not None and sample is not None:
         raise click.UsageError("--images and --sample exclude each other: pass one")
+    if len(tasks) != len(truths) or len(set(tasks)) < len(tasks):
+        raise click.UsageError("pass one --truth for each --task, in the same order")
+    if every and len(tasks) == 1:
+        raise click.UsageError("--any is for several --task")
     chosen = _lines(images) if images is not None else None
     named = {"scenes": scenes, "dataset": dataset, "space": space, "unit": unit, "photos": photos}
-    _refuse_others_options(task, named)
+    takers = _takers(tasks, named)
     if photos is not None:
-        _declare(truth, space, unit, quiet=quiet)
+        for task in takers:
+            _declare(truths[tasks.index(task)], space, unit, quiet=quiet)
     made = _make(
-        task,
-        truth,
+        dict(zip(tasks, truths, strict=True)),
         output,
-        sample,
-        seed,
-        chosen,
-        _own_options(scenes, dataset=dataset, photos=photos),
+        Selection(sample=sample, seed=seed, chosen=chosen, every=every),
+        dict.fromkeys(takers, _own_options(scenes, dataset=dataset, photos=photos)),
         overwrite=overwrite,
         notice=options.notifier(quiet),
     )
     return _show(made, output, seed, as_json=as_json)
 
 
-def _refuse_others_options(task: str, given: Mapping[str, object]) -> None:
-    """Raise click.UsageError for an option that the task's tracks do not take."""
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Which images a track gets. chosen: ids or file names; every: photos that any truth lists."""
+
+    sample: int | None
+    seed: int
+    chosen: list[str] | None
+    every: bool
+
+
+def _takers(tasks: Sequence[str], given: Mapping[str, object]) -> list[str]:
+    """The tasks whose tracks take the given options; click.UsageError for an option of none."""
     from legoworld.track_making.family import track_of
 
-    for name, value in given.items():
-        if value is not None and name not in track_of(task).options:
-            raise click.UsageError(f"track make: --{name} is not for --task {task}")
-        if value is not None and name in ("space", "unit") and given["photos"] is None:
+    names = [name for name, value in given.items() if value is not None]
+    for name in names:
+        if not any(name in track_of(task).options for task in tasks):
+            raise click.UsageError(f"track make: --{name} is not for --task {', '.join(tasks)}")
+        if name in ("space", "unit") and given["photos"] is None:
             raise click.UsageError(f"track make: --{name} is for depth files, with --photos")
+    return [task for task in tasks if any(name in track_of(task).options for name in names)]
 
 
 def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -> None:
@@ -152,43 +179,59 @@ def _own_options(scenes: str | None, **given: object) -> dict[str, object]:
 
 
 def _make(
-    task: str,
-    truth: Path,
+    truths: Mapping[str, Path],
     output: Path,
-    sample: int | None,
-    seed: int,
-    chosen: list[str] | None,
-    own: Mapping[str, object],
+    selection: Selection,
+    own: Mapping[str, Mapping[str, object]],
     *,
     overwrite: bool,
     notice: Callable[[str], None],
-) -> MadeTrack:
+) -> dict[Path, MadeTrack]:
+    """The tracks by their files."""
     from legoworld.errors import UsageError
-    from legoworld.track_making.making import make_track
+    from legoworld.track_making.making import make_track, make_tracks
 
-    if output.exists() and not overwrite:
-        raise UsageError(
-            f"{output.name} already exists",
-            expected="a new file",
-            next_step="choose another -o, or pass --overwrite",
-        )
-    return make_track(
-        task, truth, output, sample=sample, seed=seed, chosen=chosen, options=own, notice=notice
-    )
+    several = len(truths) > 1
+    files = {task: output / f"{task}.json" if several else output for task in truths}
+    for path in files.values():
+        if path.exists() and not overwrite:
+            raise UsageError(
+                f"{path.name} already exists",
+                expected="a new file",
+                next_step="choose another -o, or pass --overwrite",
+            )
+    sample, seed, chosen = selection.sample, selection.seed, selection.chosen
+    if several:
+        tracks = make_tracks(
+            truths, output, sample=sample, seed=seed, chosen=chosen, every=selection.every,
+            options=own, notice=notice,
+        )  # fmt: skip
+    else:
+        tracks = {
+            task: make_track(
+                task, truth, output, sample=sample, seed=seed, chosen=chosen,
+                options=own.get(task), notice=notice,
+            )
+            for task, truth in truths.items()
+        }  # fmt: skip
+    return {files[task]: track for task, track in tracks.items()}
 
 
-def _show(made: MadeTrack, output: Path, seed: int, *, as_json: bool) -> int:
-    info = made.info
+def _show(tracks: Mapping[Path, MadeTrack], output: Path, seed: int, *, as_json: bool) -> int:
     if as_json:
-        options.print_json({"track": str(output), "info": info})
+        infos = {path.stem: {"track": str(path), "info": t.info} for path, t in tracks.items()}
+        alone = next(iter(infos.values()))
+        options.print_json(alone if len(infos) == 1 else {"tracks": str(output), "tasks": infos})
         return 0
-    drawn = f", drawn with seed {seed}" if info.sample else ""
-    of = info.dataset_images or info.source_images
-    source = f" of {info.dataset}" if info.dataset else ""
-    click.echo(
-        f"{share(len(made.images), of, 'image', 'images')}{source}{drawn}, "
-        f"{counted(len(made.categories), 'category', 'categories')} -> {output}"
-    )
+    for path, made in tracks.items():
+        info = made.info
+        drawn = f", drawn with seed {seed}" if info.sample else ""
+        of = info.dataset_images or info.source_images
+        source = f" of {info.dataset}" if info.dataset else ""
+        click.echo(
+            f"{share(len(made.images), of, 'image', 'images')}{source}{drawn}, "
+            f"{counted(len(made.categories), 'category', 'categories')} -> {path}"
+        )
     return 0
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from msgspec.structs import asdict
@@ -20,8 +20,10 @@ from legoworld.records.base import canonical, readable
 from legoworld.records.track import ImageInfo, MadeTrack, TrackInfo
 from legoworld.track_making.family import track_of
 from legoworld.tracks.dataset_versions import dataset_of
-from legoworld.tracks.track import TrackImage, load_track, photo_names
+from legoworld.tracks.source import Source
+from legoworld.tracks.track import TrackImage, load_track, photo_names, scene_of
 
+T = TypeVar("T")
 _PHOTO_FOLDERS: Final = ("", "train2017", "val2017")
 
 
@@ -56,16 +58,89 @@ def make_track(
     source = track_of(task).source(task, truth, options or {})
     images = sorted(source.images, key=lambda image: image.id)
     if sample is not None:
-        if sample > len(images):
-            raise UsageError(
-                "--sample exceeds the number of images",
-                found=f"--sample {sample}",
-                expected=f"at most {len(images)}, the number of images in {source.name}",
-            )
-        drawn = np.random.default_rng(seed).choice(len(images), sample, replace=False)
-        images = [images[i] for i in sorted(drawn.tolist())]
+        images = _drawn(images, sample, seed, source.name)
     if chosen is not None:
         images = _chosen(images, chosen, source.name)
+    selected = _Selected(sample=sample, seed=seed, listed=chosen is not None)
+    return _write(task, source, images, selected, output, notice)
+
+
+def make_tracks(
+    truths: Mapping[str, Path],
+    output: Path,
+    *,
+    sample: int | None,
+    seed: int,
+    chosen: Sequence[str] | None = None,
+    every: bool = False,
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    notice: Callable[[str], None] = lambda _text: None,
+) -> dict[str, MadeTrack]:
+    """Write OUTPUT/<task>.json for each task, over the same photos.
+
+    truths: by task. The photos are those that all truths list, with `every` those that any lists;
+    two images are one photo where they name the same scene folder. sample and chosen select among
+    the photos. options: by task. Raises as `make_track`; UsageError where no photo is left.
+    """
+    sources = {
+        task: track_of(task).source(task, truth, (options or {}).get(task, {}))
+        for task, truth in truths.items()
+    }
+    listed = {
+        task: {scene_of(image): image for image in source.images}
+        for task, source in sources.items()
+    }
+    name = " and ".join(dict.fromkeys(source.name for source in sources.values()))
+    photos = _photos_of([*listed.values()], name, every=every)
+    if sample is not None:
+        photos = _drawn(photos, sample, seed, name)
+    if chosen is not None:
+        images = [of[photo] for of in listed.values() for photo in photos if photo in of]
+        wanted = {scene_of(image) for image in _chosen(images, chosen, name)}
+        photos = [photo for photo in photos if photo in wanted]
+    selected = _Selected(sample=sample, seed=seed, listed=chosen is not None)
+    output.mkdir(parents=True, exist_ok=True)
+    tracks = {}
+    for task, source in sources.items():
+        images = [listed[task][photo] for photo in photos if photo in listed[task]]
+        images.sort(key=lambda image: image.id)
+        tracks[task] = _write(task, source, images, selected, output / f"{task}.json", notice)
+    return tracks
+
+
+def _photos_of(listed: Sequence[Mapping[str, ImageInfo]], name: str, *, every: bool) -> list[str]:
+    """The scene folders of the photos that all truths list, or any; sorted."""
+    sets = [set(images) for images in listed]
+    photos = sorted(set.union(*sets) if every else set.intersection(*sets))
+    if not photos:
+        raise UsageError(
+            "the ground truths have no photo in common",
+            found=", ".join(
+                f"{min(images, default='none')} among {len(images)}" for images in sets
+            ),
+            expected=f"one photo that {name} list",
+            next_step="pass truths over the same photos, or --any for the photos of any of them",
+        )
+    return photos
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Selected:
+    """How a track's images were selected. listed: by names."""
+
+    sample: int | None
+    seed: int
+    listed: bool
+
+
+def _write(
+    task: str,
+    source: Source,
+    images: Sequence[ImageInfo],
+    selected: _Selected,
+    output: Path,
+    notice: Callable[[str], None],
+) -> MadeTrack:
     info = TrackInfo(
         description=f"legoworld track: public half of {source.name}",
         task=dataset_of(task),
@@ -73,9 +148,9 @@ def make_track(
         source=source.name,
         source_sha256=source.sha256,
         source_images=len(source.images),
-        sample=sample,
-        seed=None if sample is None else seed,
-        chosen=chosen is not None,
+        sample=selected.sample,
+        seed=None if selected.sample is None else selected.seed,
+        chosen=selected.listed,
         **asdict(source.part),
     )
     document = MadeTrack(info=info, images=tuple(images), categories=source.categories)
@@ -85,6 +160,18 @@ def make_track(
     for text in source.notices:
         notice(text)
     return document
+
+
+def _drawn(items: Sequence[T], sample: int, seed: int, name: str) -> list[T]:
+    """A seeded sample without repetition, in the order of the items."""
+    if sample > len(items):
+        raise UsageError(
+            "--sample exceeds the number of images",
+            found=f"--sample {sample}",
+            expected=f"at most {len(items)}, the number of images in {name}",
+        )
+    drawn = np.random.default_rng(seed).choice(len(items), sample, replace=False)
+    return [items[i] for i in sorted(drawn.tolist())]
 
 
 def _chosen(images: Sequence[ImageInfo], chosen: Sequence[str], name: str) -> list[ImageInfo]:

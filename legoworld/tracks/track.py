@@ -159,6 +159,11 @@ def _image(info: ImageInfo, source: str) -> TrackImage:
     )
 
 
+def scene_of(info: ImageInfo) -> str:
+    """The scene folder of an image's photo; a photo in several datasets has one."""
+    return scene_name(_file_name(info))
+
+
 def _file_name(info: ImageInfo) -> str:
     """The photo's file name. LVIS names photos by coco_url (v0.5's file_name is different)."""
     name, by_url = info.file_name or "", _name_by_url(info)
