@@ -43,9 +43,9 @@ test-checkout: $(VENV)/tests-installed
 
 # What needs torch runs in an environment of its own; see docs/baselines.md.
 test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
-	OMP_NUM_THREADS=1 $(BASELINES)/bin/python -m pytest $(PARALLEL_MODELS) tests/baselines $(PYTEST_ARGS)
+	OMP_NUM_THREADS=1 $(BASELINES)/bin/python -m pytest $(PARALLEL_MODELS) tests/baseline_programs $(PYTEST_ARGS)
 	LEGOWORLD_BASELINE_PYTHON=$(CURDIR)/$(BASELINES)/bin/python \
-	  $(PYTHON) -m pytest $(PARALLEL_MODELS) tests/specialists/test_by_name.py $(PYTEST_ARGS)
+	  $(PYTHON) -m pytest $(PARALLEL_MODELS) tests/baselines/test_by_name.py $(PYTEST_ARGS)
 
 # Ray, and S3 from a server on this machine; see docs/clusters.md. In one process: one Ray cluster
 # serves all of them.

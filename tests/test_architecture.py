@@ -115,6 +115,32 @@ def test_the_blender_corner_is_only_named_across_the_process_border(path):
     assert not any(name.startswith("legoworld.scene.blender.") for name in imported(path))
 
 
+#: Rooms of one line or of values alone, and the tests that hold them.
+TESTED_WITH = {
+    "errors": "test_cli.py",
+    "exit_codes": "test_cli.py",
+    "__main__": "test_cli.py",
+    "conventions": "running/test_run_contents.py",
+    "system_libraries": "packaging/test_requirements.py",
+    "extras": "test_docs.py",
+}
+#: Folders of tests that are about no room: what they are about is in tests/README.md.
+OF_NO_ROOM = {"agreement", "baseline_programs", "cases", "cluster", "outside", "packaging", "real"}
+
+
+def test_every_room_is_tested_under_its_name():
+    """legoworld/ROOM in tests/ROOM/ or tests/test_ROOM.py, and no folder has another name."""
+    tests = Path(__file__).parent
+    folders = {path.parent.relative_to(tests).parts[0] for path in tests.glob("*/**/test_*.py")}
+    files = {path.stem.removeprefix("test_") for path in tests.glob("test_*.py")}
+    assert folders - set(LEVEL) == OF_NO_ROOM
+    assert set(LEVEL) - folders - files == set(TESTED_WITH)
+    for name, file in TESTED_WITH.items():
+        assert name in (tests / file).read_text(encoding="utf-8"), file
+    readme = (tests / "README.md").read_text(encoding="utf-8")
+    assert [name for name in OF_NO_ROOM if f"`{name}`" not in readme] == []
+
+
 #: Also in the programs that tests hold as text.
 IMPORT_OF_TESTS = re.compile(r"^\s*(?:from (?:\w+\.)*test_\w+ import|import .*\btest_\w+)", re.M)
 

@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 from conftest import _PRELUDE as PRELUDE
 from conftest import REAL_DATA
-from foreign.sandbox import Outcome, Planned, disagreements, faults, lay_out, read_out, whole
-from foreign.sources import PROGRAM, sources
+from scene.foreign.sandbox import Outcome, Planned, disagreements, faults, lay_out, read_out, whole
+from scene.foreign.sources import PROGRAM, sources
 
 
 def main() -> int:

@@ -54,7 +54,7 @@ def _run(command: list[str], seconds: float) -> list[dict]:
 
 def _worker(arguments: argparse.Namespace) -> None:
     sys.path.insert(0, str(TESTS))
-    from gltf.mutants import mutant, outcome, rich_glb
+    from scene.gltf.mutants import mutant, outcome, rich_glb
 
     resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
     files = [path.read_bytes() for path in arguments.files] or [rich_glb()]

@@ -19,7 +19,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 from answers import CASES, Case
-from foreign.processes import Usage, run_measured
+from scene.foreign.processes import Usage, run_measured
 
 HERE = Path(__file__).resolve().parent
 STAGES = ("open", "evaluate", "extract", "save", "load", "group", "kernel", "encode")

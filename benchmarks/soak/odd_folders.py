@@ -24,7 +24,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
-from foreign.processes import open_files, resident, run_measured, zombies
+from scene.foreign.processes import open_files, resident, run_measured, zombies
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 MB = 1e6

@@ -24,7 +24,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 from conftest import _PRELUDE as PRELUDE
-from foreign.processes import (
+from scene.foreign.processes import (
     Usage,
     descendants,
     open_files,
@@ -32,13 +32,13 @@ from foreign.processes import (
     run_measured,
     zombies,
 )
-from foreign.sources import PROGRAM
+from scene.foreign.sources import PROGRAM
 
 MB = 1e6
 GROWTH_MB = 50.0
 SETTLED = 100
 
-#: Besides the scene of `foreign.sources`: many objects, one large mesh, many placements.
+#: Besides the scene of `scene.foreign.sources`: many objects, one large mesh, many placements.
 SCENES = """
 fresh(); camera(z=40)
 for i in range(300):

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
-from foreign.processes import descendants, resident
+from scene.foreign.processes import descendants, resident
 
 HERE = Path(__file__).parent
 _SAMPLED_EVERY_S = 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from specialists.tracks import call, make_photos, make_track, run_arguments
+from baselines.tracks import call, make_photos, make_track, run_arguments
 
 from legoworld import cli
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin

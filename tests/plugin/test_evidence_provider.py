@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from specialists.tracks import FAKE, SIZE_WH, make_photos
+from baselines.tracks import FAKE, SIZE_WH, make_photos
 
 from legoworld.cli import run
 from legoworld.files import sha256_of_file

@@ -8,7 +8,7 @@ import shutil
 
 import numpy as np
 import pytest
-from specialists.tracks import SIZE_WH, call, make_photos, make_track, run_arguments
+from baselines.tracks import SIZE_WH, call, make_photos, make_track, run_arguments
 
 from legoworld.cli import run
 from legoworld.files import sha256_of_file

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
-from gltf.scenes import scene_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from running.run_folders import tree
+from scene.gltf.scenes import scene_at
 from strategies import Damage, damages, with_fixed_damage
 
 from legoworld import cli

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from baselines.tracks import make_track
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 from running.run_folders import tree
-from specialists.tracks import make_track
 
 from legoworld import cli
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from gltf.documents import Document
+from scene.gltf.documents import Document
 
 from legoworld import cli
 from legoworld.files import TEMPORARY_SUFFIX

@@ -7,7 +7,7 @@ import json
 import cv2
 import numpy as np
 import pytest
-from gltf.documents import Document
+from scene.gltf.documents import Document
 from scene.stand_in import StandIn
 
 from legoworld.running.freeze_run import freeze_scene

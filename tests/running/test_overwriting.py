@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from gltf.documents import Document
 from running.run_folders import readout, tree
+from scene.gltf.documents import Document
 
 from legoworld import cli
 

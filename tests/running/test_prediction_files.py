@@ -11,10 +11,10 @@ from itertools import chain
 from pathlib import Path
 
 import pytest
+from baselines.tracks import make_track
 from evaluation.detection_runs import random_predictions, random_truth, write_truth
 from running.run_folders import readout as readout_of
 from running.run_folders import results
-from specialists.tracks import make_track
 
 from legoworld import cli
 from legoworld.records.base import canonical

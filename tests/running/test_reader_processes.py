@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from foreign.processes import descendants
 from running.run_folders import readout, results
+from scene.foreign.processes import descendants
 
 from legoworld.running import reader_process
 from legoworld.running.reader_process import worth_processes

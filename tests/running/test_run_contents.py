@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gltf.documents import Document
 from running.run_folders import readout, tree
+from scene.gltf.documents import Document
 
 import legoworld
 from legoworld import cli

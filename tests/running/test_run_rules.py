@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from gltf.scenes import scene_at
 from msgspec.structs import replace
 from running.run_folders import readout, results, tree
+from scene.gltf.scenes import scene_at
 
 from legoworld import cli
 from legoworld.readouts.depth import depth_file_bytes

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from gltf.documents import Document
+from scene.gltf.documents import Document
 
 from legoworld import cli
 from legoworld.commands import progress

@@ -7,9 +7,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from gltf.documents import Document
 from running.run_folders import readout as readout_of
 from running.run_folders import results
+from scene.gltf.documents import Document
 
 from legoworld import cli
 from legoworld.errors import UsageError

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gltf.documents import Document
-from gltf.scenes import NoBlender
 from msgspec.structs import replace as replace_row
 from scene.by_hand import VOCABULARY
+from scene.gltf.documents import Document
+from scene.gltf.scenes import NoBlender
 
 from legoworld.errors import LegoWorldError, SceneChangedError
 from legoworld.running import source_comparison

@@ -9,7 +9,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from gltf.documents import Document
+from scene.gltf.documents import Document
 from scene.stand_in import FACTS, StandIn
 
 from legoworld.cards import load_card

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from baselines.tracks import make_track
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
-from foreign.processes import descendants
 from running import paused
 from running.run_folders import tree
-from specialists.tracks import make_track
+from scene.foreign.processes import descendants
 from waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.blender

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from gltf.documents import Document
-from gltf.scenes import NoBlender, scene_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from scene.gltf.documents import Document
+from scene.gltf.scenes import NoBlender, scene_at
 
 from legoworld import cli
 from legoworld.errors import KernelBuildError, LegoWorldError

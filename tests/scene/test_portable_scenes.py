@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gltf.documents import png_of_alpha
+from scene.gltf.documents import png_of_alpha
 
 from legoworld import cli
 from legoworld.scene.cache import bpy_version

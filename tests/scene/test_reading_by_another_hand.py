@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gltf.documents import Document
 from scene.by_hand import CAMERA, HandScene
+from scene.gltf.documents import Document
 from scene.stand_in import FACTS, StandIn
 
 from legoworld.errors import (

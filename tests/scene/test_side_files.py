@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from gltf.documents import Document
-from gltf.scenes import NoBlender
+from scene.gltf.documents import Document
+from scene.gltf.scenes import NoBlender
 
 from legoworld.errors import LabelsInvalidError, SceneInvalidError, SideFileInvalidError
 from legoworld.files import readable_json

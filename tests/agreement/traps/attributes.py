@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 from agreement.traps.materials import cards, leaf_image, small_picture, textured
 from agreement.traps.stage import Expect, camera, material, solid, wall
-from gltf.documents import Document
 from numpy.typing import NDArray
+from scene.gltf.documents import Document
 
 #: A node tree to the socket of a value.
 Read = Callable[[Any], Any]

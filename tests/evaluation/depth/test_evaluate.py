@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evaluation.depth.array_files import npy, npz
+from depth_files.array_files import npy, npz
 from evaluation.depth.folders import (
     Predictions,
     plane,
