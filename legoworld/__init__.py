@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from legoworld.api.by_task import ByTask
     from legoworld.api.comparison import Comparison, compare
     from legoworld.api.evaluation import Evaluation, evaluate
     from legoworld.api.listening import Listener
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from legoworld.errors import LegoWorldError
 
 _HOMES = {
+    "ByTask": "legoworld.api.by_task",
     "Comparison": "legoworld.api.comparison",
     "Evaluation": "legoworld.api.evaluation",
     "LegoWorldError": "legoworld.errors",
@@ -37,6 +39,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "ByTask",
     "Comparison",
     "Evaluation",
     "LegoWorldError",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Final, Self
@@ -16,16 +16,19 @@ from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
     Cache,
+    Tracks,
     limits_of,
     protocol_of,
     snapshot_cache,
+    tracks_by_task,
 )
 from legoworld.errors import LegoWorldError, UsageError
+from legoworld.readouts.protocol import Protocol
 from legoworld.running.inspection import open_scene
+from legoworld.running.scene_views import SceneViews
 from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import Source, find_scene
-from legoworld.tracks.track import Track
 from legoworld.visibility.library import library
 from legoworld.workers.processors import usable_cores
 
@@ -37,13 +40,15 @@ _AHEAD: Final = 2
 class Reading:
     """The result of one scene. status: as in per_image.jsonl; "ok" has a view, others an error.
 
-    scene: the folder as it was passed.
+    scene: the folder as it was passed; views: of each task the reader was made for, by its name;
+    view: of the first, or of every label where the reader has no task.
     """
 
     scene: Path
     status: str
     view: SceneView | None
     error: LegoWorldError | None
+    views: Mapping[str, SceneView] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -66,8 +71,8 @@ class Reader:
     def __init__(
         self,
         *,
-        task: str | None = None,
-        track: Track | str | Path | None = None,
+        task: str | list[str] | tuple[str, ...] | None = None,
+        track: Tracks = None,
         workers: int | None = None,
         source: Source = "blend",
         cache: Cache = True,
@@ -75,14 +80,16 @@ class Reader:
         time_limit_s: float = TIME_LIMIT_S,
         memory_limit_gib: float = MEMORY_LIMIT_GIB,
     ) -> None:
-        """task, track: as in `Scene.view`; workers: Blender processes, None for one per core.
+        """task: as in `Scene.view`, or several, which share what is drawn of a scene.
 
-        Other arguments: as in `open_scene`. Processes start with the first scene they read. Raises
-        UsageError, CatalogError, or KernelBuildError if the installation is broken.
+        track: as in `Scene.view`; of several tasks as in `readout`. workers: Blender processes,
+        None for one per core. Other arguments: as in `open_scene`. Processes start with the first
+        scene they read. Raises UsageError, CatalogError, or KernelBuildError if the installation is
+        broken.
         """
         library()  # a broken installation is not the scene's fault
         n = usable_cores() if workers is None else workers
-        self._protocol = protocol_of(task, track)
+        self._protocols = _protocols(task, track)
         self._source: Source = source
         self._cache = snapshot_cache(cache)
         self._require_frozen = require_frozen
@@ -149,19 +156,41 @@ class Reader:
                 cache=self._cache,
                 require_frozen=self._require_frozen,
             )
-            view = Scene(opened).view_by(self._protocol, size_wh, self._threads)
+            seen = self._views(Scene(opened), size_wh)
         except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
             verdict = judged(error, [self._cache.folder] if self._cache else [])
             return Reading(scene=folder, status=verdict.status, view=None, error=verdict)
         finally:
             self._idle.put(blender)
-        return Reading(scene=folder, status="ok", view=view, error=None)
+        named = {
+            protocol.task.name: view
+            for protocol, view in zip(self._protocols, seen, strict=True)
+            if protocol is not None
+        }
+        return Reading(scene=folder, status="ok", view=seen[0], error=None, views=named)
+
+    def _views(self, scene: Scene, size_wh: tuple[int, int] | None) -> list[SceneView]:
+        """The scene's view by each protocol; those of equal instances are drawn once."""
+        drawn = SceneViews()
+        return [scene.view_by(one, size_wh, self._threads, drawn) for one in self._protocols]
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_error: object) -> None:
         self.close()
+
+
+def _protocols(task: str | Sequence[str] | None, track: Tracks) -> list[Protocol | None]:
+    if task is None:
+        if isinstance(track, Mapping):
+            raise UsageError("tracks by task need their tasks", next_step="pass task=[...] as well")
+        return [protocol_of(None, track)]
+    tasks = [task] if isinstance(task, str) else list(task)
+    if not tasks:
+        raise UsageError("a reader of several tasks needs one", found="an empty list")
+    tracks = tracks_by_task(tasks, track)
+    return [protocol_of(one, tracks.get(one)) for one in tasks]
 
 
 def _folder(scene: str | Path) -> Path:

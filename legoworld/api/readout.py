@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import checked
-from legoworld.api.by_task import ByTask, entry_of_task, folder_of_task, refuse_result_at
+from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
 from legoworld.api.family_options import options_by_task
 from legoworld.api.folders import place_of, written_at
 from legoworld.api.listening import SILENT, Listener
@@ -18,10 +18,10 @@ from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
     Cache,
+    Tracks,
     limits_of,
-    refuse_other_task,
     snapshot_cache,
-    track_of,
+    tracks_by_task,
 )
 from legoworld.errors import CatalogError, UsageError
 from legoworld.pluralize import counted
@@ -41,9 +41,6 @@ from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
     from legoworld.tracks.scene_names import Stranger
-
-#: A track or its file; for several tasks also a folder with <task>.json, or a mapping by task.
-Tracks = Track | str | Path | Mapping[str, Track | str | Path] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +170,8 @@ def readout(
     folders = {name: top if isinstance(task, str) else folder_of_task(top, name) for name in tasks}
     if not isinstance(task, str):
         refuse_result_at(top, CONFIGURATION, "the runs of several tasks")
-    tracks = _tracks(tasks, track, place)
+    every = track_of_folder(place) if track is None else track
+    tracks = tracks_by_task(tasks, every)
     given = options_by_task(
         tasks,
         max_side=max_side,
@@ -251,25 +249,6 @@ def _distinct(tasks: Sequence[str]) -> list[str]:
             expected="one or more tasks, each once",
         )
     return list(tasks)
-
-
-def _tracks(tasks: Sequence[str], given: Tracks, scenes: Place) -> dict[str, Track]:
-    """The track of each task. UsageError for one that was made for another task."""
-    if given is None:
-        every = track_of_folder(scenes)
-        return dict.fromkeys(tasks, every)
-    tracks = {}
-    for task in tasks:
-        if isinstance(given, Mapping):
-            if task not in given:
-                raise UsageError(f"there is no track of {task}", found=", ".join(given))
-            tracks[task] = track_of(given[task])
-        elif isinstance(given, str | Path) and Path(given).is_dir():
-            tracks[task] = track_of(entry_of_task(Path(given), task, "track"))
-        else:
-            tracks[task] = track_of(given)
-        refuse_other_task(tracks[task], task)
-    return tracks
 
 
 def _strangers(scenes: Place, track: Track) -> list[Stranger]:

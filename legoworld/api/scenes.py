@@ -28,6 +28,7 @@ from legoworld.records.base import as_json, canonical
 from legoworld.records.instances import InstanceRow
 from legoworld.running.inspection import Inspection, OpenScene, look, write_inspection
 from legoworld.running.inspection import open_scene as read_folder
+from legoworld.running.scene_views import SceneViews
 from legoworld.running.source_comparison import SourceComparison, compare_sources
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import Source, find_scene
@@ -112,15 +113,23 @@ class Scene:
         return self.view_by(protocol_of(task, track), size_wh)
 
     def view_by(
-        self, protocol: Protocol | None, size_wh: tuple[int, int] | None, threads: int | None = None
+        self,
+        protocol: Protocol | None,
+        size_wh: tuple[int, int] | None,
+        threads: int | None = None,
+        views: SceneViews | None = None,
     ) -> SceneView:
-        """`view` with a protocol already loaded; threads: of the kernel, None for all cores."""
+        """`view` with a protocol already loaded.
+
+        threads: of the kernel, None for all cores; views: what was drawn of this scene already.
+        """
         inspection = look(
             self._opened,
             size_wh=size_wh,
             vocabulary=protocol.vocabulary if protocol else None,
             override_property=protocol.override_property if protocol else None,
             threads=threads,
+            views=views,
         )
         return SceneView(inspection, protocol)
 

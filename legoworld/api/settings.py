@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from legoworld.api.arguments import check_argument
+from legoworld.api.by_task import entry_of_task
 from legoworld.errors import UsageError
 from legoworld.readouts.protocol import Protocol, protocol
 from legoworld.scene.blender_process import Limits
@@ -24,6 +26,30 @@ def snapshot_cache(cache: Cache) -> SnapshotCache | None:
     if cache is False:
         return None
     return SnapshotCache(default_cache_folder() if cache is True else Path(cache))
+
+
+#: A track or its file; for several tasks also a folder with <task>.json, or a mapping by task.
+Tracks = Track | str | Path | Mapping[str, Track | str | Path] | None
+
+
+def tracks_by_task(tasks: Sequence[str], given: Tracks) -> dict[str, Track]:
+    """The track of each task, of those that have one. UsageError for one made for another task."""
+    tracks: dict[str, Track] = {}
+    if given is None:
+        return tracks
+    for task in tasks:
+        own: Track | str | Path
+        if isinstance(given, Mapping):
+            if task not in given:
+                raise UsageError(f"there is no track of {task}", found=", ".join(given))
+            own = given[task]
+        elif isinstance(given, str | Path) and Path(given).is_dir():
+            own = entry_of_task(Path(given), task, "track")
+        else:
+            own = given
+        tracks[task] = track_of(own)
+        refuse_other_task(tracks[task], task)
+    return tracks
 
 
 def limits_of(time_limit_s: float, memory_limit_gib: float) -> Limits:

@@ -119,7 +119,8 @@ def command(
         memory_limit,
         wanted=no_cache and source == "blend" and engine == "local" and not isinstance(scenes, str),
     )
-    from legoworld.api.readout import Run, Tracks, default_output, readout
+    from legoworld.api.readout import Run, default_output, readout
+    from legoworld.api.settings import Tracks
     from legoworld.shipped.examples import shipped_examples
 
     notice = options.notifier(quiet)

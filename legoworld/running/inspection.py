@@ -20,6 +20,7 @@ from legoworld.readouts.pictures import (
 )
 from legoworld.records.base import readable
 from legoworld.records.instances import InstanceRow, InstancesFile
+from legoworld.running.scene_views import SceneViews
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, SceneFolder, Source
@@ -29,7 +30,7 @@ from legoworld.scene.labels import read_labels_file, resolve_labels
 from legoworld.scene.reading import ReadScene, read_scene
 from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.visibility.camera import aspect_differs
-from legoworld.visibility.view import View, unseen_reasons, view
+from legoworld.visibility.view import View, unseen_reasons
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,15 +87,20 @@ def look(
     vocabulary: Vocabulary | None,
     override_property: str | None,
     threads: int | None = None,
+    views: SceneViews | None = None,
 ) -> Inspection:
-    """A scene's view at a size, None for its own. Raises LabelsInvalidError."""
+    """A scene's view at a size, None for its own. Raises LabelsInvalidError.
+
+    views: what was drawn of the scene for other vocabularies.
+    """
     scene = opened.scene
     labels = resolve_labels(
         scene.snapshot, read_labels_file(opened.folder.file(LABELS)), vocabulary, override_property
     )
     grouping = group(scene.snapshot, labels)
     size = size_wh or scene.snapshot.render.size_wh
-    seen = view(scene.snapshot, grouping, size, threads=threads)
+    drawn = SceneViews() if views is None else views
+    seen = drawn.view(scene.snapshot, grouping, size, exact=True, threads=threads)
     warnings = [
         *opened.warnings,
         *scene.files.warnings,

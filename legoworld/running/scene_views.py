@@ -22,7 +22,7 @@ class SceneViews:
         size_wh: tuple[int, int],
         *,
         exact: bool,
-        threads: int,
+        threads: int | None,
     ) -> View:
         """The view of a size, drawn at its first call.
 
