@@ -82,6 +82,11 @@ def tasks_below(folder: Path, holds: str) -> list[str]:
     return [task for task in task_names() if (folder / task / holds).is_file()]
 
 
+def folders_of_tasks(folder: Path, holds: str) -> list[Path]:
+    """One task's result, or those of several below a folder."""
+    return [folder / task for task in tasks_below(folder, holds)] or [folder]
+
+
 def entry_of_task(folder: Path, task: str, what: str) -> Path:
     """FOLDER/<task>.json, or the folder FOLDER/<task>. what: such as "track".
 

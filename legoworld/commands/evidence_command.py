@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def command() -> None:
 def verify_command(
     folder: Path, root: Path | None, as_json: bool, quiet: bool, verbose: bool
 ) -> int:
-    """Verify the FOLDER of an evaluation or a comparison against its evidence.json.
+    """Verify the FOLDER of an evaluation or a comparison, or of several tasks', by evidence.json.
 
     Every file of the folder and every input is hashed again. The numbers of an evaluation are
     recomputed from matches.npz and per_image.jsonl, and for depth the rows of up to ten images
@@ -48,13 +49,18 @@ def verify_command(
       legoworld evidence verify evals/coco --root /data
       legoworld evidence verify comparisons/coco
     """
+    from legoworld.api.by_task import folders_of_tasks
     from legoworld.comparison.folder import KINDS
     from legoworld.comparison.verification import verify_comparison
     from legoworld.evaluation.evidence import verify
-    from legoworld.records.folders.evaluation_reading import read_evidence
+    from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
 
-    kind = read_evidence(folder, ("evaluation", *KINDS)).kind
-    checks = verify_comparison(folder, root) if kind in KINDS else verify(folder, root)
+    checks = []
+    for one in folders_of_tasks(folder, EVIDENCE):
+        kind = read_evidence(one, ("evaluation", *KINDS)).kind
+        found = verify_comparison(one, root) if kind in KINDS else verify(one, root)
+        prefix = f"{one.name}: " if one != folder else ""
+        checks += [replace(check, what=prefix + check.what) for check in found]
     bad = [check for check in checks if check.status != "ok"]
     if as_json:
         options.print_json({"ok": not bad, "checks": [check.__dict__ for check in checks]})

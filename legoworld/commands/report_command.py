@@ -59,11 +59,13 @@ def command(
       legoworld report comparisons/coco --photos photos --scenes scenes -o report.html
       legoworld report evals/agent-1 evals/agent-2 -o bench.html
     """
+    from legoworld.api.by_task import folders_of_tasks
+    from legoworld.records.folders.evaluation_reading import EVIDENCE
     from legoworld.report.document import page_document
     from legoworld.report.page_file import write_page
     from legoworld.report.sources import read_sources
 
-    sources = [one for folder in folders for one in _of_its_tasks(folder)]
+    sources = [one for folder in folders for one in folders_of_tasks(folder, EVIDENCE)]
     document = page_document(read_sources(sources), photos, scenes)
     words = ["legoworld", "report", *(f.resolve().name for f in folders)]
     words += ["--photos", "PHOTOS"] if photos else []
@@ -89,11 +91,3 @@ def command(
     views = counted(len(document.views), "view", "views")
     click.echo(f"{views}, {written.n_bytes / 1e6:.1f} MB -> {output}{more}")
     return 0
-
-
-def _of_its_tasks(folder: Path) -> list[Path]:
-    """An evaluation or comparison, or those of several tasks below a folder."""
-    from legoworld.api.by_task import tasks_below
-    from legoworld.records.folders.evaluation_reading import EVIDENCE
-
-    return [folder / task for task in tasks_below(folder, EVIDENCE)] or [folder]
