@@ -44,7 +44,8 @@ def command(
     """Join the SHARDS 1/n to n/n of one readout: the same bytes as one undivided run.
 
     Shards of several tasks are joined task by task. A single undivided run, of a baseline too, is
-    rewritten with its predictions in one file, or divided by --images-per-file. Exit code 1 when some scene of the run could not be read.
+    rewritten with its predictions in one file, or divided by --images-per-file. Exit code 1 when
+    some scene of the run could not be read.
 
     \b
     Examples:
