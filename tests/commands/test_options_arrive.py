@@ -52,7 +52,7 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
     ("bench make . -o out", "legoworld.bench.making.make_dataset",
      {"0.options.picture.denoised": True, "0.options.require_frozen": False}),
     (f"track make --task coco --truth {TRUTH} -o out --images ids.txt",
-     "legoworld.commands.track_making._make", {"5": ["5", "7"]}),
+     "legoworld.commands.track_making._make", {"2.chosen": ["5", "7"]}),
     (f"{PLUGIN} --model m-1 --plugin --regions d --depth d --prices x.txt",
      "legoworld.agents.run_plan.plan_run",
      {"model": "m-1", "prices": Path("x.txt"), "plugin.depth": Path("d")}),
