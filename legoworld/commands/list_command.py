@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from legoworld.readouts.instructions import Instructions
     from legoworld.readouts.protocol import Protocol
     from legoworld.records.cards import LicensedHead
+
+C = TypeVar("C", bound="LicensedHead")
 
 
 @click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
@@ -74,24 +77,30 @@ def _cards(kind: str, task: str | None) -> list[tuple[str, ...]]:
         readouts = [load_card(one.name).declared.readout for one in known_tasks()]
         readouts.sort(key=lambda readout: readout.name)
         return [(r.name, r.version, r.title, "") for r in readouts if task in (None, r.task)]
-    folder = catalog.folder("datasets" if kind == "datasets" else "baselines")
-    heads = [_head(path) for path in sorted(folder.glob("*/card.toml"))]
+    from legoworld.records.cards import BaselineCardFile, DatasetCardFile
+
+    paths = sorted(catalog.folder(kind).glob("*/card.toml"))
+    served: list[tuple[LicensedHead, Collection[str]]]
+    if kind == "datasets":
+        cards = [_card(DatasetCardFile, path) for path in paths]
+        served = [(c, [t.name for t in known_tasks() if t.dataset.name in c.serves]) for c in cards]
+    else:
+        served = [(card, card.tasks) for card in (_card(BaselineCardFile, path) for path in paths)]
     return [
         (head.name, head.version, head.title, head.licence)
-        for head in heads
-        if task is None or task in head.tasks
+        for head, tasks in served
+        if task is None or task in tasks
     ]
 
 
-def _head(path: Path) -> LicensedHead:
+def _card(kind: type[C], path: Path) -> C:
     from legoworld.cards import read_toml
-    from legoworld.records.cards import LicensedHead
 
     return read_toml(
-        LicensedHead,
+        kind,
         path,
         what=f"{path.parent.name}/{path.name}",
-        expected="a card with name, version, title, licence and tasks",
+        expected="a card with name, version, title and licence",
         next_step="correct the card, or install legoworld again",
     )
 

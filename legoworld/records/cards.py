@@ -33,7 +33,12 @@ class LicensedHead(Head, frozen=True, kw_only=True):
     """What the card of a dataset or a baseline says besides."""
 
     licence: Text
-    tasks: Annotated[tuple[str, ...], Meta(min_length=1)]
+
+
+class DatasetCardFile(LicensedHead, frozen=True, kw_only=True):
+    """datasets/NAME/card.toml. serves: the datasets of tasks that it has tracks and truth for."""
+
+    serves: Annotated[tuple[str, ...], Meta(min_length=1)]
 
 
 class VocabularyRules(Record, frozen=True, kw_only=True):
@@ -72,6 +77,7 @@ class BaselineCardFile(LicensedHead, frozen=True, kw_only=True):
     weights that are no file or folder here.
     """
 
+    tasks: Annotated[tuple[str, ...], Meta(min_length=1)]
     options: dict[str, BaselineOption] = field(default_factory=dict)
     prompts_from_truth: bool = False
     variables: tuple[Text, ...] = ()

@@ -13,6 +13,8 @@ import pytest
 from pycocotools import mask as mask_api
 from pycocotools.coco import COCO
 
+from legoworld.tasks.shipped import TASKS as TASKS_THAT_SHIP
+
 ROOT = Path(__file__).parents[2]
 DATASETS = ROOT / "datasets"
 READOUTS = ROOT / "readouts"
@@ -25,7 +27,7 @@ ETH3D_SCENES = Counter(
     | {"relief": 31, "relief_2": 31, "terrace": 23, "terrains": 42}
 )
 CARD_TEXTS = ("name", "version", "title", "url", "source", "licence")
-CARD_LISTS = ("tasks", "public", "private", "facts", "traps", "files")
+CARD_LISTS = ("serves", "public", "private", "facts", "traps", "files")
 PHOTOS = {
     "astronaut.png": (1, 512, 512),
     "chelsea.png": (2, 451, 300),
@@ -138,7 +140,7 @@ def test_dataset_card(name: str) -> None:
     assert set(card) - {*CARD_TEXTS, *CARD_LISTS} - {"depth"} == {"schema_version"}
     assert card["schema_version"] == 1
     assert card["name"] == name
-    assert set(card["tasks"]) <= {"coco", "coco-masks", "lvis", "eth3d"}
+    assert set(card["serves"]) <= {task.dataset.name for task in TASKS_THAT_SHIP}
     assert not set(card["public"]) & set(card["private"])
 
 
