@@ -79,7 +79,9 @@ def _cards(kind: str, task: str | None) -> list[tuple[str, ...]]:
         return [(r.name, r.version, r.title, "") for r in readouts if task in (None, r.task)]
     from legoworld.records.cards import BaselineCardFile, DatasetCardFile
 
-    paths = sorted(catalog.folder(kind).glob("*/card.toml"))
+    paths = sorted(
+        catalog.folder("datasets" if kind == "datasets" else "baselines").glob("*/card.toml")
+    )
     served: list[tuple[LicensedHead, Collection[str]]]
     if kind == "datasets":
         cards = [_card(DatasetCardFile, path) for path in paths]
