@@ -16,10 +16,11 @@ from typing import Any, NoReturn
 
 import click
 
-from legoworld import __version__, exit_codes
+from legoworld import exit_codes
 from legoworld.commands.terminal import printable_streams
 from legoworld.errors import LegoWorldError
 from legoworld.pluralize import did_you_mean
+from legoworld.version import __version__
 
 _COMMANDS = {
     "execute": "run a scene program in its own process and export the scene",

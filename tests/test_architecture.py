@@ -30,6 +30,7 @@ ROOMS = [
         "pluralize",
         "escaping",
         "extras",
+        "version",
     ),
     ("shipped",),
     ("tasks",),
@@ -82,6 +83,18 @@ def test_imports_point_one_way(path):
     for module in imported(path):
         if module.startswith("legoworld.") and room(module) in LEVEL:
             assert LEVEL[room(module)] <= LEVEL[own], f"{own} imports {module}"
+
+
+def test_no_room_imports_the_package_itself():
+    """Its names are those of the API, which stands above: the version is on the ground."""
+    found = []
+    for path in FILES:
+        inside = path.relative_to(PACKAGE)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = {a.name for a in node.names} if isinstance(node, ast.ImportFrom) else set()
+            if getattr(node, "module", None) == "legoworld" and names - LEVEL.keys():
+                found.append(f"{inside}: {sorted(names - LEVEL.keys())}")
+    assert found == []
 
 
 def test_every_room_is_a_folder_or_module_and_each_of_those_a_room():

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld import __version__
 from legoworld.agents.plugin_host import PluginHost
 from legoworld.agents.workspaces import Commission
 from legoworld.endpoint.listener import HOST
@@ -30,6 +29,7 @@ from legoworld.records.plugin_modules import Module, PluginUsed
 from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
+from legoworld.version import __version__
 
 PLUGIN: Final = "plugin"
 _EVIDENCE: Final = "evidence"

@@ -8,7 +8,6 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from legoworld import __version__
 from legoworld.agents.prices import used, with_cost
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PLUGIN, calls_of
@@ -24,6 +23,7 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import PROVENANCE, SceneFolder
 from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, TRIAL
+from legoworld.version import __version__
 
 _SAID_AT_END: Final = 200
 

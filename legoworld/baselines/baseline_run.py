@@ -9,7 +9,6 @@ from pathlib import Path
 
 from msgspec import structs
 
-from legoworld import __version__
 from legoworld.baselines.conversation import Conversation, Provenance
 from legoworld.baselines.family import baseline_of
 from legoworld.baselines.records import PhotoMissingError, is_intact
@@ -37,6 +36,7 @@ from legoworld.running.readout_run import Progress, RunResult
 from legoworld.tasks.registry import task_named
 from legoworld.track_making.making import find_photo
 from legoworld.tracks.track import TrackImage
+from legoworld.version import __version__
 from legoworld.workers.environment import passed
 
 Say = Callable[[str], None]

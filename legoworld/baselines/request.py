@@ -8,7 +8,6 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from legoworld import __version__
 from legoworld.baselines.cards import BaselineCard
 from legoworld.baselines.confinement import Confined
 from legoworld.baselines.labels import LabelMap
@@ -28,6 +27,7 @@ from legoworld.records.baseline_messages import (
 from legoworld.records.cards import OptionValue
 from legoworld.records.run_file import Configuration
 from legoworld.tracks.track import Track, TrackImage
+from legoworld.version import __version__
 
 
 @dataclass(frozen=True, kw_only=True)

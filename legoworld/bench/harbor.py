@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld import __version__
 from legoworld.errors import UsageError
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchDataset
 from legoworld.files import sha256_of_text, write_text
 from legoworld.records.base import readable
 from legoworld.records.bench_dataset import BenchImage, BenchTrackFile, BenchTruthFile
+from legoworld.version import __version__
 
 #: Of task.toml; the version that Harbor reads today.
 _SCHEMA: Final = "1.4"

@@ -40,7 +40,7 @@ def plugin_server(
     from mcp.server import MCPServer
     from mcp.server.mcpserver.exceptions import ToolError
 
-    from legoworld import __version__
+    from legoworld.version import __version__
 
     server: MCPServer[Any] = MCPServer("legoworld", instructions=_INSTRUCTIONS, version=__version__)
 

@@ -12,7 +12,6 @@ from typing import Any, Final
 import jinja2
 from markupsafe import Markup
 
-from legoworld import __version__
 from legoworld.files import write_text
 from legoworld.records.base import canonical
 from legoworld.records.report_tables import PageSection
@@ -21,6 +20,7 @@ from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
 from legoworld.report.page_content import PageDocument
 from legoworld.report.page_script import SCRIPTS, page_script
 from legoworld.report.tables import NO_SPECIALIST
+from legoworld.version import __version__
 
 #: More views than this, or more bytes of them, and they lie beside the page.
 EMBEDDED_VIEWS: Final = 500

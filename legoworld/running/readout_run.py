@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import as_unicode, canonical_json, sha256_of_text
@@ -29,6 +28,7 @@ from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
 from legoworld.tasks.registry import task_named
 from legoworld.tracks.track import Track, TrackImage
+from legoworld.version import __version__
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Final, Literal
 
-from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError, cause
 from legoworld.files import (
@@ -36,6 +35,7 @@ from legoworld.scene.folder import (
 )
 from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, program_warnings, read_side_file
+from legoworld.version import __version__
 
 #: sha256 and size of a file by its path relative to the scene folder; None: it was not there.
 Hashes = Mapping[str, "FileHash | None"]

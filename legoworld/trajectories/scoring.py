@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld import __version__
 from legoworld.api.evaluation import evaluate
 from legoworld.api.readout import readout
 from legoworld.conventions import SCHEMA_VERSION
@@ -34,6 +33,7 @@ from legoworld.tasks.shipped import BENCH
 from legoworld.trajectories.curves import Trajectory, moments, score_trajectory
 from legoworld.trajectories.folder import RecordedTrial, recorded_trials
 from legoworld.trajectories.tables import SHARES, agent_tables, common_images
+from legoworld.version import __version__
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
 from legoworld.workers.scratch import scratch_folder

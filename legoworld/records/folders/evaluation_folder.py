@@ -13,7 +13,6 @@ from typing import Any, Final, Generic, TypeVar
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from legoworld import __version__
 from legoworld.errors import ConfigurationMismatchError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
@@ -50,6 +49,7 @@ from legoworld.records.folders.evaluation_reading import (
     read_evidence,
 )
 from legoworld.records.folders.input_hash import hash_and_size, without_of
+from legoworld.version import __version__
 
 #: Packages a score can depend on; those that are installed are named in evidence.json.
 _PACKAGES: Final = ("numpy", "scipy", "pycocotools", "lvis", "hotcoco", "OpenEXR")

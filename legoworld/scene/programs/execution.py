@@ -13,7 +13,6 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from legoworld import __version__
 from legoworld.beneath import Beneath, RefusedFileError
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import (
@@ -39,6 +38,7 @@ from legoworld.scene.programs.verdicts import (
     ended_early,
     over_limit,
 )
+from legoworld.version import __version__
 from legoworld.workers.protections import Confinement, Protections, protections
 from legoworld.workers.sandbox import Sandbox, SandboxLimits
 from legoworld.workers.scratch import scratch_folder
