@@ -12,7 +12,7 @@ from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth_folder import DepthSource, read_cameras_file
 from legoworld.baselines.depth_import import import_depth
 from legoworld.baselines.family import BaselineFamily, Telling
-from legoworld.readouts.depth import depth_file
+from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult
@@ -44,5 +44,5 @@ BASELINE: Final = BaselineFamily(
     options=frozenset({"space", "unit", "intrinsics", "array", "suffix"}),
     import_answers=_import,
     sum_up=_sum_up,
-    own_file=lambda row: depth_file(row.scene),
+    own_file=lambda row: DEPTH_FILE.path(row.scene),
 )

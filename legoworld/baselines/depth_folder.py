@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,8 +21,9 @@ from legoworld.evaluation.depth.arrays import (
     ray_lengths,
 )
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
+from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.depth.resampling import check_size
+from legoworld.evaluation.pixels.resampling import size_check
 from legoworld.files import write_npz
 from legoworld.records.base import RecordError, decode, to_record
 from legoworld.records.cameras import CameraEntry
@@ -73,7 +73,7 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
     """
     assert image.size_wh is not None
     camera = source.cameras.get(image.file_name, source.cameras.get(""))
-    array = _labelled(path, source, camera, partial(check_size, truth_wh=image.size_wh))
+    array = _labelled(path, source, camera, size_check(PIXELS, image.size_wh))
     if camera and camera.size_wh not in (None, array.size_wh):
         raise DepthFileError(
             f"{path.name} is of another size than its intrinsics",

@@ -29,7 +29,7 @@ from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.pluralize import counted
-from legoworld.readouts.depth import depth_file, depth_file_bytes
+from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom, ReadArray
@@ -73,7 +73,7 @@ def import_depth(
         sizes = [i.size_wh for i in images if i.id not in by_id and i.size_wh is not None]
         check_disk(
             request.run,
-            [depth_file_bytes(size) for size in sizes],
+            [DEPTH_FILE.most_bytes(size) for size in sizes],
             notice,
             what="depth",
             next_step="free some space, or choose another -o",
@@ -104,7 +104,7 @@ def _depth_records(
                 yield earlier[image.id]
                 continue
             array = planar_depth(match.path, source, image)
-            write_array(request.run / depth_file(image.scene), array)
+            write_array(request.run / DEPTH_FILE.path(image.scene), array)
             yield _depth_record(image, request, entry, array)
         except LegoWorldError as error:
             yield failed_record(image, error)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -12,14 +11,15 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.errors import DepthPredictionError
+from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.depth.resampling import check_size
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
 from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
 from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
 from legoworld.evaluation.detection.protocols import DetectionProtocol
+from legoworld.evaluation.pixels.resampling import size_check
 from legoworld.files import sha256_of_file
-from legoworld.readouts.depth import depth_file
+from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.base import UNSET, as_json, canonical
 from legoworld.records.baseline_messages import DepthSaid, Message
 from legoworld.records.folders.prediction_files import has_its_results, predictions_sha256
@@ -115,12 +115,12 @@ def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageReco
 
     LegoWorldError if it is missing, undeclared, or cannot be scored.
     """
-    name = depth_file(image.scene)
+    name = DEPTH_FILE.path(image.scene)
     path = run / name
     if not path.is_file():
         raise AnswerInvalidError("the depth file was not written", expected=name)
     assert image.size_wh is not None
-    check = partial(check_size, truth_wh=image.size_wh)
+    check = size_check(PIXELS, image.size_wh)
     array = read_labelled(path, Declaration(), check_size=check)
     depth = DepthFile(
         file=name,
@@ -135,13 +135,13 @@ def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageReco
 
 
 def predicted_px(array: DepthArray, image: TrackImage) -> int:
-    """The number of pixels with a prediction, as in scoring (`DepthArray.disparity_at`).
+    """The number of pixels with a prediction, as in scoring (`DepthArray.at`).
 
     DepthPredictionError for an array that cannot be scored: of the wrong size, or without a
     prediction at any pixel.
     """
     assert image.size_wh is not None
-    check_size(array.size_wh, image.size_wh)
+    size_check(PIXELS, image.size_wh)(array.size_wh)
     predicted = array.predicted(array.values)
     if not predicted.any():
         raise DepthPredictionError(

@@ -36,8 +36,9 @@ from legoworld.records.run_file import ImageSource, RunView, UsedTruth
 from legoworld.records.run_rows import RunRow
 
 if TYPE_CHECKING:
-    from legoworld.records.evaluation_rows import DepthRow, DetectionRow
-    from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+    from legoworld.records.depth import DepthRow, DepthSummary
+    from legoworld.records.evaluation_rows import DetectionRow
+    from legoworld.records.evaluation_summary import DetectionSummary
     from legoworld.records.reconstruction_rows import ReconstructionRow
     from legoworld.records.reconstruction_summary import ReconstructionSummary
 

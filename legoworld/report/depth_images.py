@@ -11,9 +11,9 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.view import decoded
+from legoworld.evaluation.pixels.view import decoded
 from legoworld.evaluation.stored import Evaluated
-from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
+from legoworld.records.depth import DepthRow, ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import Advice, DepthDrawing
 from legoworld.records.run_file import ImageSource

@@ -6,7 +6,7 @@ from typing import Final
 
 from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import share
-from legoworld.records.evaluation_summary import DepthSummary
+from legoworld.records.depth import DepthSummary
 from legoworld.records.report_summary import Span
 from legoworld.report.depth_section import depth_section
 from legoworld.report.family import PageFamily

@@ -7,7 +7,7 @@ import math
 from msgspec.structs import replace
 
 from legoworld.records.base import UNSET
-from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
+from legoworld.records.depth import DepthRow, ScoredDepthRow
 from legoworld.records.report_page import Answer, DepthCell, DepthPageView, PhotoRow
 from legoworld.records.report_summary import Plots
 from legoworld.records.report_tables import PageSection

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluation.depth.folders import plane, write_eth3d, write_run
+from evaluation.depth.folders import evaluate_depth, plane, write_eth3d, write_run
 
 from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.protocol import depth_protocol
-from legoworld.evaluation.depth.resampling import sampler
 from legoworld.evaluation.depth.scoring import score_image
+from legoworld.evaluation.pixels.resampling import sampler
 
 MEGABYTE = 1 << 20
 

@@ -13,9 +13,9 @@ from legoworld.evaluation.depth import scoring
 from legoworld.evaluation.depth.arrays import DepthArray, Space
 from legoworld.evaluation.depth.metrics import error_sums
 from legoworld.evaluation.depth.protocol import depth_protocol
-from legoworld.evaluation.depth.resampling import sampler
 from legoworld.evaluation.depth.rows import worse_than_constant
 from legoworld.evaluation.depth.scoring import ImageScore, score_image
+from legoworld.evaluation.pixels.resampling import sampler
 
 PROTOCOL = depth_protocol()
 Array = NDArray[Any]
