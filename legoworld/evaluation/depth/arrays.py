@@ -9,22 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.evaluation.pixels.family import F64, Index, Mask
+from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored
 
 Space = Literal["depth", "disparity", "ray_distance"]
 SPACES: Final[tuple[Space, ...]] = get_args(Space)
 Intrinsics = tuple[float, float, float, float]
 #: The sum of squares of an image of such values is still finite in float64.
 _LARGEST: Final = 1e150
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stored:
-    """How a file stores an array. array: its name in an .npz or an EXR, None in other formats."""
-
-    array: str | None
-    dtype: str
-    shape: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

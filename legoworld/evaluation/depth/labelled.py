@@ -19,9 +19,10 @@ from legoworld.depth_files.reading import (
     read_npz_array,
     read_picture,
 )
-from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, Stored, checked_array
+from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, checked_array
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.integer_units import metres
+from legoworld.evaluation.pixels.family import Stored
 from legoworld.readouts.depth import DEPTH_FILE
 
 VALUES: Final = "values"

@@ -30,6 +30,15 @@ Mask = NDArray[np.bool_]
 Options = Mapping[str, Any]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Stored:
+    """How a file stores an array. array: its name in an .npz or an EXR, None in other formats."""
+
+    array: str | None
+    dtype: str
+    shape: tuple[int, ...]
+
+
 class PixelArray(Protocol):
     """A predicted array, (H, W) or (H, W, channels), with what its family declares of it."""
 
@@ -40,6 +49,10 @@ class PixelArray(Protocol):
     @property
     def size_wh(self) -> tuple[int, int]:
         """(width, height)."""
+
+    @property
+    def stored(self) -> Stored | None:
+        """How its file has it; None for an array of no file."""
 
     def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
