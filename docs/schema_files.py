@@ -12,7 +12,6 @@ from legoworld import exit_codes
 from legoworld.files import readable_json
 from legoworld.records.agents import ReconstructionFile
 from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
-from legoworld.records.bench_run import BenchRow
 from legoworld.records.coco_file import CocoFile
 from legoworld.records.comparison import Comparison, JoinedComparison
 from legoworld.records.depth import DepthEvidence, DepthRow, DepthSummary, ScoredDepthRow
@@ -37,6 +36,7 @@ from legoworld.records.reconstruction import BenchEvidence
 from legoworld.records.reconstruction_judges import Judgement
 from legoworld.records.reconstruction_leaderboard import Leaderboard
 from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction_run import BenchRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.run_file import RunFile, RunSummary
 from legoworld.records.run_rows import RunRow

@@ -91,12 +91,12 @@ class Evaluated:
         return cast("DepthSummary", self.summary)
 
     @property
-    def bench(self) -> ReconstructionSummary:
+    def reconstruction(self) -> ReconstructionSummary:
         """The summary, of a bench."""
         return cast("ReconstructionSummary", self.summary)
 
     @property
-    def bench_rows(self) -> list[ReconstructionRow]:
+    def reconstruction_rows(self) -> list[ReconstructionRow]:
         """The rows, of a bench."""
         return cast("list[ReconstructionRow]", list(self.rows))
 

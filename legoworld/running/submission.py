@@ -26,7 +26,7 @@ from legoworld.readouts.surface import (
 )
 from legoworld.records.base import UNSET, as_json, canonical, to_record
 from legoworld.records.bench_dataset import RenderCard
-from legoworld.records.bench_run import (
+from legoworld.records.reconstruction_run import (
     CameraPlane,
     Check,
     Integrity,

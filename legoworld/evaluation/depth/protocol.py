@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from legoworld.cards import Card, load_card
+from legoworld.cards import Card
 from legoworld.evaluation.pixels.family import PixelMetric
 from legoworld.records.base import to_record
 from legoworld.records.depth import DepthChoices
-from legoworld.tasks.shipped import ETH3D
 
 HOLE_POLICIES: Final = ("error_1", "exclude", "far")
 PRIMARY_POLICY: Final = HOLE_POLICIES[0]
@@ -90,9 +89,8 @@ class DepthProtocol:
         return to_record(DepthChoices, chosen | own)
 
 
-def depth_protocol(card: Card | None = None) -> DepthProtocol:
-    """The shipped card's protocol; InstallationError if a fixed value differs from the code's."""
-    card = card or load_card(ETH3D.name)
+def depth_protocol(card: Card) -> DepthProtocol:
+    """A card's protocol; InstallationError if a fixed value differs from the code's."""
     card.hold_to(_FIXED)
     return DepthProtocol(
         card=card,
