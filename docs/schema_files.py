@@ -36,10 +36,10 @@ from legoworld.records.reconstruction import BenchEvidence
 from legoworld.records.reconstruction_judges import Judgement
 from legoworld.records.reconstruction_leaderboard import Leaderboard
 from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_run import BenchRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.run_file import RunFile, RunSummary
 from legoworld.records.run_rows import RunRow
+from legoworld.records.submission import BenchRow
 from legoworld.records.track import TrackFile
 from legoworld.records.trajectory_scores import TrajectoryFile
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 from legoworld.records.base import Record
 from legoworld.records.reconstruction_rows import Flag, ObjectRow
-from legoworld.records.reconstruction_run import Check
+from legoworld.records.submission import Check
 
 
 class ServeRequest(Record, frozen=True, kw_only=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from legoworld.records.articulation import SceneJoint
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evaluation_rows import ImageRow
-from legoworld.records.reconstruction_run import (
+from legoworld.records.submission import (
     Integrity,
     RenderFile,
     SubmittedCamera,

@@ -13,10 +13,10 @@ from legoworld.records.reconstruction_rows import (
     ObjectRow,
     ReconstructionRow,
 )
-from legoworld.records.reconstruction_run import Validity
 from legoworld.records.report_page import Advice
 from legoworld.records.report_reconstruction import CheckLine
 from legoworld.records.run_rows import RunRow
+from legoworld.records.submission import Validity
 from legoworld.report.advice import failure_advice, sorted_advice
 
 #: From here on an object is no finding.

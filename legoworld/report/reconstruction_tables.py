@@ -44,6 +44,7 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
                 expected=f"{rules.evaluator.version}, {rules.protocol.reference_sampling}",
                 next_step="make a page of each",
             )
+    floors = (_noise_floor(side.reconstruction.noise) for side in sides)
     board = leaderboard(sides, draws=rules.bootstrap.draws, seed=rules.bootstrap.seed)
     return BenchTables(
         board=board,
@@ -54,9 +55,7 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
         errors=error_steps(rules.protocol.delta),
         delta=rules.protocol.delta,
         tolerance=rules.protocol.tolerance,
-        noise_floor=next(
-            filter(None, (_noise_floor(side.reconstruction.noise) for side in sides)), ""
-        ),
+        noise_floor=next(filter(None, floors), ""),
     )
 
 

@@ -26,7 +26,7 @@ from legoworld.records.atif import AtifTrajectory
 from legoworld.records.base import UNSET, canonical, decode_lines, readable
 from legoworld.records.endpoint import Checkpoint
 from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_run import BenchRow
+from legoworld.records.submission import BenchRow
 from legoworld.records.trajectory_scores import Moment, ScoredScene, TrajectoryFile, TrajectoryScore
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE

@@ -23,8 +23,8 @@ from legoworld.errors import (
     WorkerCrashedError,
 )
 from legoworld.readouts.protocol import protocol
-from legoworld.records.reconstruction_run import Check, Validity
 from legoworld.records.run_rows import RunRow
+from legoworld.records.submission import Check, Validity
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.reconstruction_image import read_submission
 from legoworld.running.shared_scene import SharedScene

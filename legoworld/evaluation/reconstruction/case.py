@@ -31,7 +31,7 @@ from legoworld.records.reconstruction_rows import (
     NoiseBeside,
     ReconstructionRow,
 )
-from legoworld.records.reconstruction_run import BenchRow, Check, RenderFile, Validity
+from legoworld.records.submission import BenchRow, Check, RenderFile, Validity
 
 
 @dataclass(frozen=True, kw_only=True)

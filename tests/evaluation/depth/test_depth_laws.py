@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from legoworld.cards import load_card
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, depth_protocol
 from legoworld.evaluation.depth.scoring import ImageScore, score_image
 from legoworld.evaluation.pixels.resampling import bilinear, sampler
 
 Array = NDArray[np.float64]
-PROTOCOL = depth_protocol()
+PROTOCOL = depth_protocol(load_card("eth3d"))
 EVERY = [
     *((m, p) for m in ("abs_rel", "delta1", "delta2", "delta3") for p in HOLE_POLICIES),
     *((m, "exclude") for m in ("rmse_m", "log10", "silog")),

@@ -22,6 +22,7 @@ from evaluation.depth.folders import (
 )
 
 from legoworld import cli
+from legoworld.cards import load_card
 from legoworld.comparison.depth import COMPARISON
 from legoworld.errors import CatalogError, ConfigurationMismatchError, UsageError
 from legoworld.evaluation.depth.errors import DepthTruthError
@@ -504,7 +505,7 @@ def test_numbers_that_float64_cannot_square_are_holes(
 
 
 def test_a_card_of_another_protocol_is_refused() -> None:
-    card = depth_protocol().card
+    card = depth_protocol(load_card("eth3d")).card
     alignment = {**card.values["alignment"], "solver": "median"}
     other = type(card)(task=card.task, sha256="", values={**card.values, "alignment": alignment})
     with pytest.raises(CatalogError, match=r"alignment\.solver"):
