@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import msgspec
 
-from legoworld.records import report_bench, report_page, report_tables
+from legoworld.records import report_page, report_reconstruction, report_tables
 
 OUTPUT: Final = Path(__file__).parents[1] / "tools" / "page" / "records.d.ts"
 #: What a page's scripts get; what these name comes along.
@@ -23,9 +23,9 @@ ROOTS: Final = (
     report_page.DepthPageView,
     report_page.DetectionCell,
     report_page.DepthCell,
-    report_bench.BenchPageView,
-    report_bench.BenchCell,
-    report_bench.CaseLine,
+    report_reconstruction.BenchPageView,
+    report_reconstruction.BenchCell,
+    report_reconstruction.CaseLine,
 )
 #: A section as page_file.py hands it to the scripts.
 SECTION_FIELDS: Final = ("key", "task", "title", "sides", "first", "plots", "categories", "errors",

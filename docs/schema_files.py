@@ -12,18 +12,15 @@ from legoworld import exit_codes
 from legoworld.files import readable_json
 from legoworld.records.agents import ReconstructionFile
 from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
-from legoworld.records.bench_run import BenchRow
 from legoworld.records.coco_file import CocoFile
 from legoworld.records.comparison import Comparison, JoinedComparison
-from legoworld.records.depth import DepthEvidence
+from legoworld.records.depth import DepthEvidence, DepthRow, DepthSummary, ScoredDepthRow
 from legoworld.records.detection import DetectionEvidence
 from legoworld.records.evaluation_rows import (
     CategoryRow,
     DetectionRow,
-    ScoredDepthRow,
-    UnscoredDepthRow,
 )
-from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+from legoworld.records.evaluation_summary import DetectionSummary
 from legoworld.records.execution import ExecutionFile
 from legoworld.records.frozen import FrozenFile
 from legoworld.records.instances import InstancesFile
@@ -42,6 +39,7 @@ from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.run_file import RunFile, RunSummary
 from legoworld.records.run_rows import RunRow
+from legoworld.records.submission import BenchRow
 from legoworld.records.track import TrackFile
 from legoworld.records.trajectory_scores import TrajectoryFile
 
@@ -63,7 +61,7 @@ FORMATS: dict[str, Any] = {
     "evaluation-evidence-detection": DetectionEvidence,
     "evaluation-per-category": CategoryRow,
     "evaluation-per-image-bench": ReconstructionRow,
-    "evaluation-per-image-depth": UnscoredDepthRow,
+    "evaluation-per-image-depth": DepthRow,
     "evaluation-per-image-depth-scored": ScoredDepthRow,
     "evaluation-per-image-detection": DetectionRow,
     "evaluation-summary-bench": ReconstructionSummary,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.matching.chunks import Chunk
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.detection.matching.overlaps import Overlaps
+from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS
 
 Array = NDArray[Any]

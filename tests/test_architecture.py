@@ -192,6 +192,7 @@ AT_HOME = {
     "records/folders/evaluation_folder.py": "packages",
     "report/provenance.py": "packages",
     "records/bench_dataset.py": "a file's own word for what it is",
+    "records/reconstruction_judges.py": "a judge's word for what is judged",
     "evaluation/reconstruction/articulation_card.py": "a card's own word",
     "commands/bench_command.py": "the command of that name",
     "cli.py": "the command of that name",
@@ -200,9 +201,14 @@ AT_HOME = {
 }
 
 
-def test_no_room_but_its_own_names_a_task():
-    """A task is asked of the registry; depth alone is a plain word of the field as well."""
+#: "depth" alone is a word of the field as well: a quantity of arrays, and folders that hold them.
+A_WORD = {"depth"}
+
+
+def test_no_room_but_its_own_names_a_task_or_a_family():
+    """A task is asked of the registry, and a family of its task."""
     names = {task.name for task in TASKS} | {task.dataset.name for task in TASKS}
+    names |= {task.family.name for task in TASKS} - A_WORD
     found: list[str] = []
     for path in FILES:
         inside = path.relative_to(PACKAGE)
@@ -214,6 +220,30 @@ def test_no_room_but_its_own_names_a_task():
             if isinstance(node, ast.Constant) and node.value in names
         ]
     assert found == []
+
+
+#: Modules that are about a dataset or a file format, not about a family.
+OF_A_DATASET = {
+    "evaluation/depth/eth3d.py": "its layout",
+    "track_making/eth3d.py": "its layout",
+    "api/coco_export.py": "a file format",
+    "records/coco_file.py": "a file format",
+    "records/lvis.py": "its annotations",
+    "evaluation/detection/lvis_package.py": "the package of that name",
+    "records/bench_dataset.py": "the dataset's files",
+    "records/bench_serving.py": "of the bench's own room",
+}
+
+
+def test_modules_about_a_family_have_its_name_and_not_a_dataset_s():
+    datasets = {task.dataset.name for task in TASKS}
+    found = {
+        str(inside)
+        for inside in (path.relative_to(PACKAGE) for path in FILES)
+        if inside.parts[0] not in ("bench", "commands")  # a room, and commands, of that name
+        and datasets & {word for part in inside.with_suffix("").parts for word in part.split("_")}
+    }
+    assert found == OF_A_DATASET.keys()
 
 
 def test_scoring_boxes_loads_nothing_of_other_families():

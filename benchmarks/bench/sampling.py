@@ -29,7 +29,7 @@ from legoworld.evaluation.reconstruction.geometry import geometry_score
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import load_reference
 from legoworld.evaluation.reconstruction.submission import load_surface, read_bench_run
-from legoworld.records.bench_run import BenchRow
+from legoworld.records.submission import BenchRow
 
 CONTAINING = "full-size pixel of each centre"
 

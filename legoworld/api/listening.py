@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from legoworld.records.evaluation_rows import DepthRow
+from legoworld.records.depth import DepthRow
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.run_rows import RunRow
 

@@ -21,7 +21,7 @@ from legoworld.baselines.request import BaselineRequest, child_request
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import counted
-from legoworld.readouts.depth import depth_file
+from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.baseline_messages import Message
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.running.image_record import failed_record
@@ -259,9 +259,9 @@ class Conversation:
             )
             return failed_record(image, gone)
         try:
-            if message.depth is not None and not process.take(depth_file(image.scene)):
+            if message.depth is not None and not process.take(DEPTH_FILE.path(image.scene)):
                 raise AnswerInvalidError(
-                    "the depth file was not written", expected=depth_file(image.scene)
+                    "the depth file was not written", expected=DEPTH_FILE.path(image.scene)
                 )
         except LegoWorldError as error:
             return failed_record(image, error)

@@ -3,35 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from msgspec import structs
 
 from legoworld.baselines.baseline_import import ImportRequest
-from legoworld.baselines.depth_folder import DepthSource, read_cameras_file
-from legoworld.baselines.depth_import import import_depth
+from legoworld.baselines.depth_folder import (
+    DepthDeclared,
+    planar_depth,
+    read_cameras_file,
+    write_array,
+)
+from legoworld.baselines.depth_records import answered_depth, depth_record
 from legoworld.baselines.family import BaselineFamily, Telling
-from legoworld.readouts.depth import depth_file
-from legoworld.records.run_file import RunSummary
+from legoworld.baselines.pixel_import import PixelSource, import_pixels
+from legoworld.baselines.pixel_matching import Naming
+from legoworld.files import canonical_json, sha256_of_text
+from legoworld.readouts.depth import DEPTH_FILE
+from legoworld.records.run_file import Imported, RunSummary
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult
+
+#: --suffix sets any other ending.
+NAMING: Final = Naming(
+    noun="depth",
+    endings=(
+        *("_depth", "-depth", "_pred", "-pred", "_depth_pred", "_pred_depth"),
+        *("_disp", "-disp", "_disparity"),
+    ),
+)
+
+
+def depth_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
+    """A folder of depth arrays, by the options of its import."""
+    intrinsics = options.get("intrinsics")
+    declared = DepthDeclared(
+        space=options.get("space"),
+        unit=options.get("unit"),
+        cameras=read_cameras_file(intrinsics) if intrinsics else {},
+        array=options.get("array"),
+    )
+    suffix = options.get("suffix")
+    cameras = {name: [*camera.intrinsics_px] for name, camera in declared.cameras.items()}
+    return PixelSource(
+        folder=folder,
+        suffix=suffix,
+        naming=NAMING,
+        imported=Imported(
+            folder=folder.resolve().name,
+            space=declared.space,
+            unit=declared.unit,
+            array=declared.array,
+            suffix=suffix,
+            cameras_sha256=sha256_of_text(canonical_json(cameras)) if cameras else None,
+        ),
+        stored=DEPTH_FILE,
+        read=partial(planar_depth, declared),
+        write=write_array,
+        record=depth_record,
+    )
 
 
 def _import(
     request: ImportRequest, source: Path, options: Mapping[str, Any], telling: Telling
 ) -> RunResult:
-    intrinsics = options.get("intrinsics")
-    answers = DepthSource(
-        folder=source,
-        space=options.get("space"),
-        unit=options.get("unit"),
-        cameras=read_cameras_file(intrinsics) if intrinsics else {},
-        array=options.get("array"),
-        suffix=options.get("suffix"),
-    )
+    answers = depth_source(source, options)
     telling.total(len(request.track.images))
-    return import_depth(request, answers, progress=telling.progress, notice=telling.notice)
+    return import_pixels(request, answers, progress=telling.progress, notice=telling.notice)
 
 
 def _sum_up(summary: RunSummary, ok: Sequence[RunRow]) -> RunSummary:
@@ -44,5 +84,6 @@ BASELINE: Final = BaselineFamily(
     options=frozenset({"space", "unit", "intrinsics", "array", "suffix"}),
     import_answers=_import,
     sum_up=_sum_up,
-    own_file=lambda row: depth_file(row.scene),
+    own_file=lambda row: DEPTH_FILE.path(row.scene),
+    answered=answered_depth,
 )

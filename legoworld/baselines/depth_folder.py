@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.baselines.records import predicted_px
+from legoworld.baselines.depth_records import predicted_px
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.errors import LegoWorldError
@@ -22,8 +21,9 @@ from legoworld.evaluation.depth.arrays import (
     ray_lengths,
 )
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
+from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.depth.resampling import check_size
+from legoworld.evaluation.pixels.resampling import size_check
 from legoworld.files import write_npz
 from legoworld.records.base import RecordError, decode, to_record
 from legoworld.records.cameras import CameraEntry
@@ -50,22 +50,19 @@ class Camera:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthSource:
-    """A folder and the declaration of its arrays.
+class DepthDeclared:
+    """What is declared of a folder's arrays.
 
-    cameras: by file name; "" applies to every photo. array: the name in an .npz or .exr; suffix:
-    the ending of the files' names.
+    cameras: by file name; "" applies to every photo. array: the name in an .npz or .exr.
     """
 
-    folder: Path
     space: str | None
     unit: str | None
     cameras: Mapping[str, Camera]
-    array: str | None = None
-    suffix: str | None = None
+    array: str | None
 
 
-def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArray:
+def planar_depth(source: DepthDeclared, path: Path, image: TrackImage) -> DepthArray:
     """A photo's array after all checks; ray distances are converted to planar depth.
 
     DepthFileError if the array's quantity is undeclared or cannot be converted to depth;
@@ -73,7 +70,7 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
     """
     assert image.size_wh is not None
     camera = source.cameras.get(image.file_name, source.cameras.get(""))
-    array = _labelled(path, source, camera, partial(check_size, truth_wh=image.size_wh))
+    array = _labelled(path, source, camera, size_check(PIXELS, image.size_wh))
     if camera and camera.size_wh not in (None, array.size_wh):
         raise DepthFileError(
             f"{path.name} is of another size than its intrinsics",
@@ -96,7 +93,7 @@ def planar_depth(path: Path, source: DepthSource, image: TrackImage) -> DepthArr
 
 
 def _labelled(
-    path: Path, source: DepthSource, camera: Camera | None, check: SizeCheck
+    path: Path, source: DepthDeclared, camera: Camera | None, check: SizeCheck
 ) -> DepthArray:
     """The array as declared by the file or the command; a missing part names the option."""
     declared = Declaration(

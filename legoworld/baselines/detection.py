@@ -12,6 +12,7 @@ from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.detection_import import DetectionSource, import_detections
 from legoworld.baselines.family import BaselineFamily, Telling
 from legoworld.baselines.labels import label_map
+from legoworld.baselines.records import answered_detections
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult
@@ -47,4 +48,5 @@ BASELINE: Final = BaselineFamily(
     options=frozenset({"box_format", "label_map", "subset", "category_ids"}),
     import_answers=_import,
     sum_up=_sum_up,
+    answered=answered_detections,
 )

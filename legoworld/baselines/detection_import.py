@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from legoworld.baselines.baseline_import import (
     ImportRequest,
@@ -49,6 +50,8 @@ from legoworld.evaluation.detection.inputs.prediction_checks import (
 )
 from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
 from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
+from legoworld.evaluation.detection.payloads.boxes import BOXES
+from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.pluralize import counted, share, word_for
@@ -96,7 +99,7 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
     imported = Imported(
         file=source.path.name,
         sha256=sha256_of_file(source.path),
-        box_format=box_format if _of_boxes(request) else None,
+        box_format=box_format if _dialect(request).boxed else None,
         image_ids=placed.by,
         category_ids=source.category_ids or "dataset" if named.by_id else "names",
         label_map_sha256=sha256_of_text(canonical_json(source.labels)),
@@ -183,11 +186,9 @@ def _checked(
     vocabulary, task = request.protocol.vocabulary, request.protocol.task.name
     assert vocabulary is not None
     protocol = detection_protocol(task)
+    dialect = _dialect(request)
     entries = [with_xywh(entry, box_format) for entry in as_given]
-    if not _of_boxes(request):
-        entries, filled = with_masks(entries, sizes_wh)
-        if filled:
-            notice(f"{counted(filled, 'mask', 'masks')} of polygons, filled as pycocotools does")
+    entries = dialect.prepared(entries, sizes_wh, notice)
     try:
         checked = check_results(
             [as_predictions(entries, kind_of(protocol))],
@@ -205,7 +206,7 @@ def _checked(
             raise
         meant = readings(plain_ids(as_given), vocabulary, task)
         raise _with_options(error, meant) from error
-    if _of_boxes(request):
+    if dialect.boxed:
         check_declared(as_given, sizes_wh, box_format)
     for warning in checked.warnings:
         notice(warning)
@@ -225,8 +226,39 @@ def _with_options(
     )
 
 
-def _of_boxes(request: ImportRequest) -> bool:
-    return detection_protocol(request.protocol.task.name).iou_type == "bbox"
+def _as_given(
+    entries: list[Entry], _sizes_wh: Mapping[int, tuple[int, int]], _notice: Say
+) -> list[Entry]:
+    return entries
+
+
+def _filled(
+    entries: list[Entry], sizes_wh: Mapping[int, tuple[int, int]], notice: Say
+) -> list[Entry]:
+    """Polygons as masks."""
+    entries, filled = with_masks(entries, sizes_wh)
+    if filled:
+        notice(f"{counted(filled, 'mask', 'masks')} of polygons, filled as pycocotools does")
+    return entries
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Dialect:
+    """How results of others are read. boxed: whether their boxes count, and so their format."""
+
+    boxed: bool
+    prepared: Callable[[list[Entry], Mapping[int, tuple[int, int]], Say], list[Entry]]
+
+
+#: By the payload's name.
+_DIALECTS: Final = {
+    BOXES.name: _Dialect(boxed=True, prepared=_as_given),
+    MASKS.name: _Dialect(boxed=False, prepared=_filled),
+}
+
+
+def _dialect(request: ImportRequest) -> _Dialect:
+    return _DIALECTS[detection_protocol(request.protocol.task.name).payload.name]
 
 
 def _sizes_wh(images: Sequence[TrackImage]) -> dict[int, tuple[int, int]]:

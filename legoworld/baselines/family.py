@@ -15,6 +15,10 @@ from legoworld.tasks.registry import family_of
 
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_import import ImportRequest
+    from legoworld.baselines.records import AnswerRules
+    from legoworld.records.baseline_messages import Message
+    from legoworld.records.run_file import ImageRecord, ImageSource
+    from legoworld.tracks.track import TrackImage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +37,8 @@ class BaselineFamily:
     of_folder: whether an import takes a folder and no single file; what: what that is, in words.
     options: those an import takes. import_answers: from the source and its options. sum_up: a run's
     summary of its rows that have a result. own_file: the file that a row without a result may have
-    left, from the run folder; None where answers are no files.
+    left, from the run folder; None where answers are no files. answered: a process's answer to an
+    image as its record, LegoWorldError for an unusable one; None where no process answers.
     """
 
     of_folder: bool
@@ -42,6 +47,7 @@ class BaselineFamily:
     import_answers: Callable[[ImportRequest, Path, Mapping[str, Any], Telling], RunResult]
     sum_up: Callable[[RunSummary, Sequence[RunRow]], RunSummary]
     own_file: Callable[[RunRow], str] | None = None
+    answered: Callable[[TrackImage, Message, AnswerRules, ImageSource], ImageRecord] | None = None
 
 
 def baseline_of(task: str) -> BaselineFamily:

@@ -19,7 +19,7 @@ from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence_depth import GivenDepth
 from legoworld.plugin.evidence_making import Provided
-from legoworld.readouts.depth import depth_file
+from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.baseline_messages import ChildRequest, DepthSaid, Message, RequestedImage
 from legoworld.records.cards import OptionValue
@@ -166,7 +166,7 @@ def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path)
 
 
 def _depth_name(photo: Path) -> str:
-    return depth_file(PurePosixPath(photo.name).with_suffix("").as_posix())
+    return DEPTH_FILE.path(PurePosixPath(photo.name).with_suffix("").as_posix())
 
 
 def _child_request(request: ProviderRequest, image: RequestedImage, output: Path) -> ChildRequest:

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from msgspec.structs import replace
 
+from legoworld.baselines.family import baseline_of
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.declaration import Declaration
-from legoworld.evaluation.depth.errors import DepthPredictionError
-from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.depth.resampling import check_size
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
 from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
 from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
-from legoworld.evaluation.detection.protocols import DetectionProtocol
-from legoworld.files import sha256_of_file
-from legoworld.readouts.depth import depth_file
-from legoworld.records.base import UNSET, as_json, canonical
-from legoworld.records.baseline_messages import DepthSaid, Message
+from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.records.base import as_json
+from legoworld.records.baseline_messages import Message
 from legoworld.records.folders.prediction_files import has_its_results, predictions_sha256
 from legoworld.records.run_file import ImageRecord, ImageSource
-from legoworld.records.run_rows import DepthFile, RunRow
 from legoworld.running.image_record import failed_record, row_of
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
@@ -71,10 +63,10 @@ class ImageTimeoutError(LegoWorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerRules:
-    """The rules for checking an image's answer. protocol, vocabulary: None for depth."""
+    """The rules for checking an image's answer. vocabulary: None where it has no categories."""
 
     run: Path
-    protocol: DetectionProtocol | None
+    task: str
     vocabulary: Vocabulary | None
 
 
@@ -85,14 +77,20 @@ def answered_record(
     try:
         if answer.failed is not None:
             raise ImageFailedError(answer.failed)
-        if rules.protocol is None:
-            record = depth_record(image, rules.run, source)
-            _check_depth_answer(answer.depth, record.row)
-        else:
-            record = detection_record(image, _checked(image, answer, rules), source)
+        answered = baseline_of(rules.task).answered
+        if answered is None:
+            raise AnswerInvalidError(f"a baseline's process cannot answer {rules.task}")
+        record = answered(image, answer, rules, source)
     except LegoWorldError as error:
         return failed_record(image, error)
     return replace(record, row=replace(record.row, counts=answer.counts or {}))
+
+
+def answered_detections(
+    image: TrackImage, answer: Message, rules: AnswerRules, source: ImageSource
+) -> ImageRecord:
+    """A child's boxes or masks as a record. LegoWorldError for what `evaluate` would refuse."""
+    return detection_record(image, _checked(image, answer, rules), source)
 
 
 def detection_record(
@@ -108,48 +106,6 @@ def detection_record(
         warnings=tuple(predictions.warnings),
     )
     return ImageRecord(row=row, predictions=entries, scene=source)
-
-
-def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageRecord:
-    """The record of one image's depth file in the run, read back and checked.
-
-    LegoWorldError if it is missing, undeclared, or cannot be scored.
-    """
-    name = depth_file(image.scene)
-    path = run / name
-    if not path.is_file():
-        raise AnswerInvalidError("the depth file was not written", expected=name)
-    assert image.size_wh is not None
-    check = partial(check_size, truth_wh=image.size_wh)
-    array = read_labelled(path, Declaration(), check_size=check)
-    depth = DepthFile(
-        file=name,
-        space=array.space,
-        unit=array.unit,
-        bytes=path.stat().st_size,
-        sha256=sha256_of_file(path),
-        finite_px=predicted_px(array, image),
-    )
-    row = replace(row_of(image), rendered_wh=array.size_wh, depth=depth)
-    return ImageRecord(row=row, scene=source)
-
-
-def predicted_px(array: DepthArray, image: TrackImage) -> int:
-    """The number of pixels with a prediction, as in scoring (`DepthArray.disparity_at`).
-
-    DepthPredictionError for an array that cannot be scored: of the wrong size, or without a
-    prediction at any pixel.
-    """
-    assert image.size_wh is not None
-    check_size(array.size_wh, image.size_wh)
-    predicted = array.predicted(array.values)
-    if not predicted.any():
-        raise DepthPredictionError(
-            "the depth has no prediction at any pixel",
-            found="no finite number" + ("" if array.space == "disparity" else " above 0"),
-            expected="finite numbers" + ("" if array.space == "disparity" else " above 0"),
-        )
-    return int(predicted.sum())
 
 
 def is_intact(record: ImageRecord, run: Path, source: ImageSource) -> bool:
@@ -169,33 +125,15 @@ def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predicti
             found="an answer without them",
             expected='"predictions", a list',
         )
-    assert rules.protocol is not None
+    protocol = detection_protocol(rules.task)
     assert rules.vocabulary is not None
     assert image.size_wh is not None
     return check_results(
-        [as_predictions(answer.predictions, kind_of(rules.protocol))],
+        [as_predictions(answer.predictions, kind_of(protocol))],
         status_by_image={image.id: "ok"},
         sizes_wh={image.id: image.size_wh},
         vocabulary=rules.vocabulary,
-        protocol=rules.protocol,
+        protocol=protocol,
         order="given",
         check_boxes=check_box_values,
     )
-
-
-def _check_depth_answer(said: DepthSaid | None, row: RunRow) -> None:
-    """Check that the written file is the one the child reported."""
-    assert row.depth
-    assert row.rendered_wh
-    answered = DepthSaid(
-        sha256=row.depth.sha256 or "",
-        size_wh=row.rendered_wh,
-        space=row.depth.space or "",
-        unit=None if row.depth.unit is UNSET else row.depth.unit,
-    )
-    if said != answered:
-        raise AnswerInvalidError(
-            "the depth file is not the one the baseline spoke of",
-            found=canonical(answered),
-            expected=canonical(said) if said else "a word about the file",
-        )

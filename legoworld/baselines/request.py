@@ -15,7 +15,6 @@ from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
-from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import UNSET
@@ -70,10 +69,8 @@ class BaselineRequest:
     @property
     def rules(self) -> AnswerRules:
         """The rules for checking answers."""
-        vocabulary = self.protocol.vocabulary
-        task = self.protocol.task.name
-        protocol = detection_protocol(task) if vocabulary is not None else None
-        return AnswerRules(run=self.run, protocol=protocol, vocabulary=vocabulary)
+        protocol = self.protocol
+        return AnswerRules(run=self.run, task=protocol.task.name, vocabulary=protocol.vocabulary)
 
 
 def selected_images(track: Track, image_ids: Sequence[int], limit: int | None) -> list[TrackImage]:

@@ -163,7 +163,7 @@ def _takers(tasks: Sequence[str], given: Mapping[str, object]) -> list[str]:
 
 def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -> None:
     from legoworld.evaluation.depth.integer_units import UNITS, is_unit
-    from legoworld.track_making.depth_folders import declare
+    from legoworld.track_making.depth import declare
 
     if unit is not None and not is_unit(unit) and unit != "px":
         raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")

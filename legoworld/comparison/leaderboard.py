@@ -55,7 +55,7 @@ def read_entries(evaluations: Sequence[Path]) -> list[Evaluated]:
 
 def case_scores(side: Evaluated) -> dict[str, tuple[float | None, float | None]]:
     """R and A of each case of a bench evaluation, by its file name; zeros where it is not valid."""
-    return {row.file_name: (row.R, row.A) for row in side.bench_rows}
+    return {row.file_name: (row.R, row.A) for row in side.reconstruction_rows}
 
 
 def leaderboard(sides: Sequence[Evaluated], *, draws: int = 10_000, seed: int = 0) -> Leaderboard:
@@ -158,10 +158,10 @@ def _maker(side: Evaluated) -> tuple[str, str]:
 def _row(
     maker: tuple[str, str], runs: Sequence[Evaluated], draws: int, seed: int
 ) -> LeaderboardRow:
-    groups = [_group("all", "all", [run.bench.metrics for run in runs], len(runs[0].rows))]
+    groups = [_group("all", "all", [run.reconstruction.metrics for run in runs], len(runs[0].rows))]
     groups[0] = _with_intervals(groups[0], runs, draws, seed)
     for kind in _KINDS:
-        by_name = [getattr(run.bench.groups, kind) for run in runs]
+        by_name = [getattr(run.reconstruction.groups, kind) for run in runs]
         for name, group in sorted(by_name[0].items(), key=lambda one: means.group_order(one[0])):
             if name != means.UNSTATED or len(by_name[0]) > 1:
                 groups.append(_group(kind, name, [one[name].metrics for one in by_name],
@@ -195,7 +195,7 @@ def _with_intervals(
     group: LeaderboardGroup, runs: Sequence[Evaluated], draws: int, seed: int
 ) -> LeaderboardGroup:
     """Intervals of the mean over runs: each family is drawn in all runs together."""
-    shared = means.family_draws(runs[0].bench_rows, draws, seed)
+    shared = means.family_draws(runs[0].reconstruction_rows, draws, seed)
     if len(shared.column) < 2:
         return group
     known = [name for name, found in group.metrics.items() if found.over == "attempted"]
@@ -205,8 +205,8 @@ def _with_intervals(
             continue
         samples = []
         for run in runs:
-            values = np.array([measure.value(row) for row in run.bench_rows], np.float64)
-            samples.append(means.family_means(values, run.bench_rows, shared))
+            values = np.array([measure.value(row) for row in run.reconstruction_rows], np.float64)
+            samples.append(means.family_means(values, run.reconstruction_rows, shared))
         found = interval(np.mean(samples, axis=0), unit="family")
         old = metrics[measure.name]
         metrics[measure.name] = Repeated(

@@ -1,4 +1,4 @@
-"""Bootstrap draws over groups (images, or ETH3D scenes), shared by every score and comparison."""
+"""Bootstrap draws over groups (images, or scenes), shared by every score and comparison."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from legoworld.files import sha256_of_file
 from legoworld.records.base import decode
 from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
 from legoworld.records.evaluation_summary import Summary
-from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
+from legoworld.records.evaluation_view import ShownPrediction, TruthView
 from legoworld.records.evidence import EvaluationEvidence, Evidence
 from legoworld.records.folders.evaluation_reading import (
     EVIDENCE,
@@ -36,8 +36,9 @@ from legoworld.records.run_file import ImageSource, RunView, UsedTruth
 from legoworld.records.run_rows import RunRow
 
 if TYPE_CHECKING:
-    from legoworld.records.evaluation_rows import DepthRow, DetectionRow
-    from legoworld.records.evaluation_summary import DepthSummary, DetectionSummary
+    from legoworld.records.depth import DepthRow, DepthSummary
+    from legoworld.records.evaluation_rows import DetectionRow
+    from legoworld.records.evaluation_summary import DetectionSummary
     from legoworld.records.reconstruction_rows import ReconstructionRow
     from legoworld.records.reconstruction_summary import ReconstructionSummary
 
@@ -90,12 +91,12 @@ class Evaluated:
         return cast("DepthSummary", self.summary)
 
     @property
-    def bench(self) -> ReconstructionSummary:
+    def reconstruction(self) -> ReconstructionSummary:
         """The summary, of a bench."""
         return cast("ReconstructionSummary", self.summary)
 
     @property
-    def bench_rows(self) -> list[ReconstructionRow]:
+    def reconstruction_rows(self) -> list[ReconstructionRow]:
         """The rows, of a bench."""
         return cast("list[ReconstructionRow]", list(self.rows))
 
@@ -137,10 +138,10 @@ class Evaluated:
         """Boxes and masks only: view/predictions.json. The same errors."""
         return self._view(list[ShownPrediction], "predictions.json")
 
-    def depth_view(self, image_id: int) -> DepthView | None:
-        """Depth only: an image's view, None where it was not scored."""
+    def image_view(self, kind: type[T], image_id: int) -> T | None:
+        """Families of arrays only: an image's view, None where it was not scored."""
         name = f"{image_id}.json"
-        return self._view(DepthView, name) if f"{VIEW}/{name}" in self.evidence.files else None
+        return self._view(kind, name) if f"{VIEW}/{name}" in self.evidence.files else None
 
     def _view(self, kind: type[T], name: str) -> T:
         with reading(self.folder, f"{VIEW}/{name}"):

@@ -10,21 +10,17 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from legoworld.files import sha256_of_file, write_npz
+from legoworld.files import sha256_of_file
 from legoworld.readouts.family import AnsweredImage, ReadoutFamily, unusable_row
+from legoworld.readouts.pixels import PixelFile
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import DepthFile, RunRow
 from legoworld.visibility.projection import Projection
 
-#: Version of the .npz: 2 adds `format_version` and `intrinsics_px` to version 1's array and space.
-FORMAT_VERSION: Final = 2
-#: Overhead of one .npz in bytes: zip headers and the space's name, rounded up.
-_CONTAINER_BYTES = 4096
-
-
-def depth_file(scene: str) -> str:
-    """Path of a photo's depth file, relative to the run; `scene`: its path without extension."""
-    return f"depth/{scene}.npz"
+#: Version 2 adds `format_version` and `intrinsics_px` to version 1's array and space.
+DEPTH_FILE: Final = PixelFile(
+    folder="depth", array="depth_z_m", labels={"space": "depth"}, version=2, hole=np.inf
+)
 
 
 def write_depth(
@@ -36,29 +32,20 @@ def write_depth(
     `intrinsics_px` = fx, fy, cx, cy (float64, pixels, origin at the top left corner of the top left
     pixel: u = fx x / z + cx); an orthographic one has no intrinsics.
     """
-    arrays: dict[str, NDArray[Any]] = {
-        "depth_z_m": depth_z_m,
-        "space": np.array("depth"),
-        "format_version": np.array(FORMAT_VERSION),
-    }
+    others: dict[str, NDArray[Any]] = {}
     if projection is not None and not projection.orthographic:
         p = projection
-        arrays["intrinsics_px"] = np.array([p.fx, p.fy, p.cx, p.cy], np.float64)
-    write_npz(path, arrays)
-
-
-def depth_file_bytes(size_wh: tuple[int, int]) -> int:
-    """Upper bound of the size of a photo's depth file, in bytes."""
-    return 4 * size_wh[0] * size_wh[1] + _CONTAINER_BYTES
+        others["intrinsics_px"] = np.array([p.fx, p.fy, p.cx, p.cy], np.float64)
+    DEPTH_FILE.write(path, depth_z_m, others)
 
 
 def _write(row: RunRow, image: AnsweredImage) -> RunRow:
-    name = depth_file(image.name)
+    name = DEPTH_FILE.path(image.name)
     path, depth_z_m = image.run / name, image.view.buffers.depth_z_m
     write_depth(path, depth_z_m, image.view.projection)
     file = DepthFile(
         file=name,
-        space="depth",
+        space=DEPTH_FILE.labels["space"],
         unit="m",
         bytes=path.stat().st_size,
         sha256=sha256_of_file(path),
@@ -78,5 +65,5 @@ def _depth_bytes(row: RunRow) -> int:
 
 
 READOUT: Final = ReadoutFamily(
-    write=_write, sum_up=_sum_up, file_bytes=depth_file_bytes, needs_instances=False
+    write=_write, sum_up=_sum_up, file_bytes=DEPTH_FILE.most_bytes, needs_instances=False
 )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.files import write_npz
 from legoworld.records.bench_dataset import Pose
-from legoworld.records.bench_run import SubmittedCamera
+from legoworld.records.submission import SubmittedCamera
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.visibility.camera import projection
 from legoworld.visibility.projection import Projection
@@ -135,7 +135,7 @@ def write_surface(
     plane: NDArray[np.int16] | None = None,
     textures: NDArray[np.uint8] | None = None,
 ) -> None:
-    """Write RUN/surface/<stem>.npz; `records.bench_run` says what it holds."""
+    """Write RUN/surface/<stem>.npz; `records.submission` says what it holds."""
     arrays: dict[str, NDArray[Any]] = {
         "depth_z_m": surface.depth_z_m,
         "intrinsics_px": _intrinsics(surface.projection),

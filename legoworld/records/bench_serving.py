@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 from legoworld.records.base import Record
-from legoworld.records.bench_run import Check
 from legoworld.records.reconstruction_rows import Flag, ObjectRow
+from legoworld.records.submission import Check
 
 
 class ServeRequest(Record, frozen=True, kw_only=True):

@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, decode_lines
-
-#: Depth: statuses of images that have numbers; every other status has none.
-SCORED: Final = ("ok", "inverted", "degenerate")
-#: Depth: the status of an image without enough valid truth.
-NO_TRUTH: Final = "no_gt"
-#: Depth: metric -> hole policy -> value.
-Metrics = dict[str, dict[str, float]]
+from legoworld.records.base import UNSET, Record, UnsetType
 
 
 class ImageRow(Record, frozen=True, kw_only=True):
@@ -133,100 +126,3 @@ class CategoryRow(Record, frozen=True, kw_only=True):
     greedy_50: Outcomes
     miou_gt: float | None
     frequency: str | UnsetType = UNSET
-
-
-class DepthTruthRow(EvaluationRow, frozen=True, kw_only=True):
-    """One image of depth: its verdict and its truth.
-
-    group: what is drawn with it, its scene or itself. run_status: the run's own.
-    """
-
-    group: str
-    code: str | None
-    reason: str | None
-    run_status: str
-    truth_wh: tuple[int, int]
-    n_valid: int
-    truth_inf_px: int
-    truth_nan_px: int
-    truth_non_positive_px: int
-    warnings: tuple[str, ...]
-
-    @property
-    def has_score(self) -> bool:
-        """Whether it has numbers."""
-        return False
-
-    @property
-    def has_truth(self) -> bool:
-        """Whether enough of its truth is valid."""
-        return self.status != NO_TRUTH
-
-    @property
-    def truth_gap(self) -> str:
-        """How many pixels are valid."""
-        return "" if self.has_truth else f"no truth: {self.n_valid} valid pixels"
-
-    @property
-    def score_gap(self) -> str:
-        """The run's own status where the truth is what is missing."""
-        status = self.run_status if self.status == NO_TRUTH else self.status
-        return "" if self.has_score or status == "ok" else status
-
-
-class UnscoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
-    """One image of depth without numbers, with what is known of a prediction that could be read."""
-
-    prediction_wh: tuple[int, int] | UnsetType = UNSET
-    space: str | UnsetType = UNSET
-    unit: str | UnsetType | None = UNSET
-    resampled: bool | UnsetType = UNSET
-    warped: bool | UnsetType = UNSET
-    n_predicted: int | UnsetType = UNSET
-    hole_share: float | UnsetType = UNSET
-    outside_view_share: float | UnsetType = UNSET
-
-
-class ScoredDepthRow(DepthTruthRow, frozen=True, kw_only=True):
-    """One image of depth with its numbers; shares are of the valid truth.
-
-    unit: None where the scale is unknown: of disparity always, of depth without a declared unit.
-    s, t: aligned disparity = s * predicted + t. worse_than_constant: the hole policies under which
-    AbsRel is above that of `constant`, which knows nothing of the picture.
-    """
-
-    prediction_wh: tuple[int, int]
-    space: str
-    unit: str | None
-    resampled: bool
-    warped: bool
-    n_predicted: int
-    hole_share: float
-    outside_view_share: float
-    s: float
-    t: float
-    clamped_share: float
-    deepest_truth_z_m: float
-    metrics: Metrics
-    constant: Metrics
-    worse_than_constant: tuple[str, ...]
-
-    @property
-    def has_score(self) -> bool:
-        """Whether it has numbers."""
-        return True
-
-
-DepthRow = UnscoredDepthRow | ScoredDepthRow
-
-
-def depth_rows(data: bytes) -> list[DepthRow]:
-    """The lines of a depth evaluation's per_image.jsonl. RecordError."""
-    lines = [line for line in data.split(b"\n") if line.strip()]
-    rows: list[DepthRow] = []
-    for row, line in zip(decode_lines(UnscoredDepthRow, data), lines, strict=True):
-        try:
-            rows.append(decode(ScoredDepthRow, line) if row.status in SCORED else row)
-        except RecordError as error:
-            raise RecordError(f"image {row.image_id}: {error}") from error
-    return rows

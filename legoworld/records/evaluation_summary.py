@@ -10,8 +10,6 @@ from legoworld.records.base import UNSET, Record, UnsetType
 
 #: Metric -> value; None where the metric is undefined.
 Values = dict[str, float | None]
-#: Depth: metric -> hole policy -> mean over images; None where nothing was scored.
-Means = dict[str, dict[str, float | None]]
 
 
 class Evaluator(Record, frozen=True, kw_only=True):
@@ -202,21 +200,6 @@ class DetectionSummary(Summary, frozen=True, kw_only=True):
             yield MetricValue(name, None, value, self.intervals.get(name))
 
 
-class PartOfEth3d(Record, frozen=True, kw_only=True):
-    """How much of ETH3D's training set was attempted."""
-
-    images: int
-    of_images: int
-    scenes: int
-    of_scenes: int
-
-
-class DepthCoverage(Coverage, frozen=True, kw_only=True):
-    """Coverage of depth. eth3d: where every image is one of its photos."""
-
-    eth3d: PartOfEth3d | UnsetType = UNSET
-
-
 class DepthRules(Record, frozen=True, kw_only=True):
     """The choices of the depth card that decide a number."""
 
@@ -234,31 +217,6 @@ class DepthRules(Record, frozen=True, kw_only=True):
     min_valid_px: int
 
 
-class DepthChoices(DepthRules, frozen=True, kw_only=True):
-    """The card's choices and the command line's."""
-
-    camera_model: str
-
-
-class AllAttempted(Record, frozen=True, kw_only=True):
-    """AbsRel by hole policy over every image with truth, `missing` of them at missing_abs_rel."""
-
-    abs_rel: dict[str, float | None]
-    images: int
-    missing: int
-    missing_abs_rel: float
-
-
-class DepthBootstrap(Record, frozen=True, kw_only=True):
-    """How intervals were drawn. groups: how many scenes (or images) there are to draw."""
-
-    draws: int
-    seed: int
-    unit: Literal["scene", "image"]
-    groups: int
-    level: float
-
-
 class NotScored(Record, frozen=True, kw_only=True):
     """An image without a score, and why."""
 
@@ -266,28 +224,3 @@ class NotScored(Record, frozen=True, kw_only=True):
     file_name: str
     status: str
     reason: str | None
-
-
-class DepthSummary(Summary, frozen=True, kw_only=True):
-    """Of depth. constant: the means of the constant that knows nothing of the picture."""
-
-    coverage: DepthCoverage
-    protocol: DepthChoices
-    metrics: Means
-    constant: Means
-    all_attempted: AllAttempted
-    intervals: dict[str, dict[str, Interval]]
-    bootstrap: DepthBootstrap
-    mean_hole_share: float | None
-    mean_outside_view_share: float | None
-    mean_clamped_share: float | None
-    resampled: int
-    worse_than_constant: int
-    not_scored: tuple[NotScored, ...]
-    warnings: int
-
-    def metric_values(self) -> Iterator[MetricValue]:
-        """The means by metric and hole policy."""
-        for name, by_policy in self.metrics.items():
-            for policy, value in by_policy.items():
-                yield MetricValue(name, policy, value, self.intervals[name][policy])

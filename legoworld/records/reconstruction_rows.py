@@ -7,8 +7,8 @@ from typing import Final, Literal
 from legoworld.records.articulation import Articulation
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.bench_dataset import Tier
-from legoworld.records.bench_run import Check
 from legoworld.records.evaluation_rows import EvaluationRow, Outcome
+from legoworld.records.submission import Check
 
 #: Statuses of submissions that were compared; of every other one V, R, A and S are 0.
 COMPARED: Final = "ok"

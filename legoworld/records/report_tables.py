@@ -6,8 +6,8 @@ from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.comparison import Better, Comparison, Dropped, Images, Level, PairCoverage
 from legoworld.records.evaluation_summary import Evaluator, Ties
 from legoworld.records.evidence import Input
-from legoworld.records.report_bench import BenchTables
 from legoworld.records.report_page import Facts, PhotoRow
+from legoworld.records.report_reconstruction import BenchTables
 from legoworld.records.report_summary import FirstScreen, Plots
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from legoworld.records.articulation import SceneJoint
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.bench_run import (
+from legoworld.records.evaluation_rows import ImageRow
+from legoworld.records.submission import (
     Integrity,
     RenderFile,
     SubmittedCamera,
@@ -12,7 +13,6 @@ from legoworld.records.bench_run import (
     Validity,
     WrittenFile,
 )
-from legoworld.records.evaluation_rows import ImageRow
 
 Size = tuple[int, int]
 

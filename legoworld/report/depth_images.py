@@ -1,24 +1,21 @@
-"""The images of a depth section: every side's row, small aligned arrays, and what to do."""
+"""Depth on a page: the arrays of a photo on one scale, its facts, and what to do about it."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from legoworld.evaluation.depth.view import decoded
-from legoworld.evaluation.stored import Evaluated
-from legoworld.records.evaluation_rows import DepthRow, ScoredDepthRow
+from legoworld.evaluation.pixels.view import decoded
+from legoworld.records.base import UNSET
+from legoworld.records.depth import DepthRow, ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import Advice, DepthDrawing
-from legoworld.records.run_file import ImageSource
-from legoworld.records.run_rows import RunRow
-from legoworld.report.advice import failure_advice, sorted_advice
+from legoworld.records.report_summary import Plots
+from legoworld.report.plots import DepthPixels
 
 #: The code of a pixel without depth.
 NO_DEPTH: Final = 65535
@@ -28,39 +25,6 @@ _MANY_HOLES: Final = 0.02
 _MUCH_CLAMPED: Final = 0.02
 
 F32 = NDArray[np.float32]
-
-
-@dataclass(frozen=True, kw_only=True)
-class DepthImage:
-    """One photo. rows: each side's row; view: what the page draws, None where no side scored.
-
-    truth_z_m, aligned_z_m: the drawn arrays, None where there is none.
-    """
-
-    rows: tuple[DepthRow, ...]
-    run_rows: tuple[RunRow, ...]
-    scenes: tuple[ImageSource | None, ...]
-    view: DepthDrawing | None
-    truth_z_m: F32 | None
-    aligned_z_m: tuple[F32 | None, ...]
-
-
-def depth_images(sides: Sequence[Evaluated]) -> Iterator[DepthImage]:
-    """The photos of a section's track, ascending id, one at a time."""
-    for rows in zip(*(side.depth_rows for side in sides), strict=True):
-        image_id = rows[0].image_id
-        views = [side.depth_view(image_id) for side in sides]
-        known = next((v for v in views if v is not None), None)
-        yield DepthImage(
-            rows=rows,
-            run_rows=tuple(side.run_rows[image_id] for side in sides),
-            scenes=tuple(side.source(image_id) for side in sides),
-            view=depth_view(views),
-            truth_z_m=decoded(known.truth_z_m, known.size_wh) if known else None,
-            aligned_z_m=tuple(
-                None if v is None else decoded(v.aligned_z_m, v.size_wh) for v in views
-            ),
-        )
 
 
 def depth_view(views: Sequence[DepthView | None]) -> DepthDrawing | None:
@@ -108,21 +72,51 @@ def _errors(aligned: F32, truth: F32) -> NDArray[np.float64]:
     return errors_m
 
 
-def depth_advice(row: DepthRow, run_row: RunRow, *, scene: bool) -> tuple[Advice, ...]:
-    """Everything to say of one side's depth of a photo; what to do only where it is a scene."""
-    advice = failure_advice(run_row)
-    if not advice and isinstance(row, ScoredDepthRow):
-        advice += _scored(row)
-    elif not advice:
-        advice.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
-    if not scene:
-        advice = [replace(a, do="") for a in advice]
-    warnings = {*row.warnings, *run_row.warnings}
-    advice += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
-    return sorted_advice(advice)
+def depth_facts(row: ScoredDepthRow) -> list[tuple[str, str]]:
+    """How the depth was aligned and what it scored, as text."""
+    facts = [
+        ("fit", f"1/z = {row.s:.6g} x + {row.t:.6g}, x in {row.space}"),
+        ("holes", f"{row.hole_share:.2%} of the valid ground truth"),
+    ]
+    for metric, values in row.metrics.items():
+        text = ", ".join(f"{policy} {value:.4f}" for policy, value in values.items())
+        facts.append((metric, text))
+    return facts
 
 
-def _scored(row: ScoredDepthRow) -> list[Advice]:
+def depth_cell(row: DepthRow) -> Mapping[str, Any]:
+    """The numbers of a row in the list."""
+    scored = row if isinstance(row, ScoredDepthRow) else None
+    return {
+        "abs_rel": scored.metrics["abs_rel"] if scored else None,
+        "delta1": scored.metrics["delta1"]["error_1"] if scored else None,
+        "constant": scored.constant["abs_rel"]["error_1"] if scored else None,
+        "holes": None if row.hole_share is UNSET else row.hole_share,
+    }
+
+
+class DepthPlots:
+    """The error by true depth of every side."""
+
+    def __init__(self, n_sides: int) -> None:
+        self._pixels = [DepthPixels() for _ in range(n_sides)]
+
+    def add(self, views: Sequence[DepthView | None]) -> None:
+        """One photo."""
+        for mine, view in zip(self._pixels, views, strict=True):
+            if view is not None:
+                mine.add(
+                    decoded(view.truth_z_m, view.size_wh), decoded(view.aligned_z_m, view.size_wh)
+                )
+
+    def plots(self, names: Sequence[str]) -> Plots:
+        """Of the sides that have a pixel."""
+        plots = (p.plot(name) for p, name in zip(self._pixels, names, strict=True))
+        return Plots(depth_error=tuple(plot for plot in plots if plot))
+
+
+def depth_advice(row: ScoredDepthRow) -> list[Advice]:
+    """What lowers a photo's score, and what to do about it."""
     advice = []
     if row.worse_than_constant:
         advice.append(

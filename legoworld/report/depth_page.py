@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
-from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import share
-from legoworld.records.evaluation_summary import DepthSummary
-from legoworld.records.report_summary import Span
-from legoworld.report.depth_section import depth_section
-from legoworld.report.family import PageFamily
-from legoworld.report.forest import spelt, with_ends
+from legoworld.evaluation.depth.family import PIXELS
+from legoworld.records.depth import DepthSummary
+from legoworld.records.evaluation_view import DepthView
+from legoworld.records.report_page import DepthCell, DepthPageView
+from legoworld.report.depth_images import (
+    DepthPlots,
+    depth_advice,
+    depth_cell,
+    depth_facts,
+    depth_view,
+)
+from legoworld.report.pixel_section import PixelPage, Views, pixel_page
+from legoworld.report.tables import depth_rows
 
 _METRICS: Final = {
     "abs_rel.error_1": "AbsRel",
@@ -21,42 +28,36 @@ _METRICS: Final = {
 }
 
 
-def _sentence(name: str, summary: DepthSummary) -> str:
-    coverage = summary.coverage
-    images = f"{share(coverage.scored, coverage.attempted, 'image', 'images')} scored"
-    return f"{name}: AbsRel {spelt(_span(summary, 'abs_rel.error_1'))}, {images}."
+def _panes(views: Views) -> Mapping[str, Any]:
+    return {"depth": depth_view(views)}
 
 
-def _span(summary: DepthSummary, metric: str) -> Span | None:
-    name, _, policy = metric.partition(".")
-    if policy not in summary.metrics.get(name, {}):
-        return None
-    coverage = summary.coverage
-    over = share(coverage.scored, coverage.attempted, "image", "images")
-    return with_ends(summary.metrics[name][policy], summary.intervals[name][policy], over)
-
-
-def _notes(side: Evaluated) -> list[str]:
-    summary = side.depth
-    lines = [
+def _notes(summary: DepthSummary) -> list[str]:
+    return [
         f"mean share of holes {_number(summary.mean_hole_share)}, outside the view "
         f"{_number(summary.mean_outside_view_share)}, clamped "
         f"{_number(summary.mean_clamped_share)}",
         f"{summary.resampled} resampled, {summary.worse_than_constant} worse than a constant",
     ]
-    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
-    return lines + (["partial run: only some images of its track"] if summary.partial else [])
 
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.4f}"
 
 
-PAGE: Final = PageFamily(
-    sentence=_sentence,
-    forest=_METRICS,
-    span=_span,
-    lower_is_better=frozenset(name for name in _METRICS if name.startswith("abs_rel")),
-    fill=depth_section,
-    notes=_notes,
+PAGE: Final = pixel_page(
+    PixelPage(
+        family=PIXELS,
+        names=_METRICS,
+        view=DepthView,
+        page_view=DepthPageView,
+        panes=_panes,
+        facts=depth_facts,
+        advice=depth_advice,
+        cell=DepthCell,
+        cell_fields=depth_cell,
+        head=depth_rows,
+        notes=_notes,
+        plots=DepthPlots,
+    )
 )

@@ -9,19 +9,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.inputs.masks import EncodedMask, compressed, overlaps
+from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted
-from legoworld.records.base import UnsetType
 from legoworld.records.evaluation_rows import DetectionRow
 from legoworld.records.evaluation_view import (
-    Segmentation,
     ShownPrediction,
     TrueAnnotation,
     TrueImage,
 )
-from legoworld.records.predictions import Rle
 from legoworld.records.run_file import ImageSource
 from legoworld.records.run_rows import RunRow
 from legoworld.report.error_kinds import ImageErrors, image_errors
@@ -138,23 +135,8 @@ def shapes(
     task: str, image: TrueImage, rows: Sequence[TrueAnnotation] | Sequence[ShownPrediction]
 ) -> list[Any]:
     """What is compared of predictions or truths: boxes, or compressed masks."""
-    if detection_protocol(task).iou_type == "bbox":
-        return [list(row.bbox or ()) for row in rows]
-    return [mask_of(row, image) for row in rows]
-
-
-def mask_of(row: TrueAnnotation | ShownPrediction, image: TrueImage) -> EncodedMask:
-    """A truth's or a prediction's compressed mask."""
-    return compressed(as_lists(row.segmentation), (image.height, image.width))
-
-
-def as_lists(segmentation: Segmentation | UnsetType) -> dict[str, Any] | list[list[float]]:
-    """A mask or polygons as pycocotools takes them."""
-    if not isinstance(segmentation, Rle):
-        return [[*polygon] for polygon in segmentation or ()]
-    counts = segmentation.counts
-    kept = counts if isinstance(counts, str) else [*counts]
-    return {"size": [*segmentation.size], "counts": kept}
+    shape, size_hw = detection_protocol(task).payload.shape, (image.height, image.width)
+    return [shape(row, size_hw) for row in rows]
 
 
 def _by_image(rows: Sequence[R]) -> dict[int, list[R]]:

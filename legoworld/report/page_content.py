@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from legoworld.records.report_bench import BenchPageView
-from legoworld.records.report_page import DepthPageView, DetectionPageView
+from legoworld.records.report_page import PageView
+from legoworld.records.report_reconstruction import BenchPageView
 from legoworld.records.report_tables import PageSection
 from legoworld.report.photos import page_photo
 from legoworld.report.scene_files import SceneFiles
@@ -25,7 +25,7 @@ class PageDocument:
     """
 
     sections: list[PageSection] = field(default_factory=list)
-    views: list[DetectionPageView | DepthPageView | BenchPageView] = field(default_factory=list)
+    views: list[PageView] = field(default_factory=list)
     photos: list[bytes] = field(default_factory=list)
     overlays: list[bytes] = field(default_factory=list)
     scenes: SceneFiles = field(default_factory=lambda: SceneFiles(folders=()))

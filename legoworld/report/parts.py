@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-import numpy as np
-
-from legoworld.evaluation.detection.inputs.masks import overlaps, union
+from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
@@ -40,14 +37,14 @@ def parts_of_truths(task: str, image: DetectionImage, side: SideImage) -> list[P
     predicted = shapes(task, image.image, side.entries)
     truths = shapes(task, image.image, image.truths)
     inside = overlaps(predicted, truths, [1] * len(truths))
-    parts = []
+    parts, union = [], detection_protocol(task).payload.together
     for g, state in enumerate(side.errors.truth):
         members = _members(image, side, g, inside[:, g])
         if state == "ignored" or len(members) < 2:
             continue
         shared = [predicted[d] for d in members]
         best = float(overlaps(shared, [truths[g]], [0]).max())
-        together = float(overlaps([_together(task, shared)], [truths[g]], [0])[0, 0])
+        together = float(overlaps([union(shared)], [truths[g]], [0])[0, 0])
         if together >= max(FOREGROUND_IOU, best + _GAIN):
             parts.append(Parts(truth=g, predictions=members, best_iou=best, together_iou=together))
     return parts
@@ -77,13 +74,3 @@ def _members(image: DetectionImage, side: SideImage, truth: int, inside: Floats)
         and (finders.get(d) == truth or (side.errors.kind[d] and inside[d] >= _INSIDE))
     ]
     return tuple(members) if any(side.errors.kind[d] for d in members) else ()
-
-
-def _together(task: str, shared: Sequence[Any]) -> Any:
-    """The box around boxes, or the union of masks."""
-    if detection_protocol(task).iou_type != "bbox":
-        return union(shared)
-    low = np.array(shared)[:, :2]
-    high = low + np.array(shared)[:, 2:]
-    corner = low.min(0)
-    return [*corner.tolist(), *(high.max(0) - corner).tolist()]

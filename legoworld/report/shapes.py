@@ -3,45 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
-from legoworld.evaluation.detection.inputs.masks import EncodedMask, bounding_box
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.records.base import UNSET
-from legoworld.records.predictions import Rle
+from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
 from legoworld.records.report_page import Drawn, DrawnPrediction
 from legoworld.records.run_rows import Exported
-from legoworld.report.detection_images import DetectionImage, SideImage, mask_of
+from legoworld.report.detection_images import DetectionImage, SideImage
 
 _PLACES = 2
 
 
 def drawn_truths(task: str, image: DetectionImage) -> list[Drawn]:
     """Each truth: its box, and its mask or polygons where masks are scored."""
-    masks = detection_protocol(task).iou_type == "segm"
-    drawn = []
-    for truth in image.truths:
-        shape, box = truth.segmentation, _rounded(truth.bbox)
-        if not masks:
-            drawn.append(Drawn(c=truth.category_id, box=box))
-        elif isinstance(shape, Rle):
-            rle = _text(mask_of(truth, image.image))
-            drawn.append(Drawn(c=truth.category_id, box=box, rle=rle))
-        else:
-            polygons = tuple(map(_rounded, shape or ()))
-            drawn.append(Drawn(c=truth.category_id, box=box, polygons=polygons))
-    return drawn
+    return [Drawn(c=t.category_id, **_outline(task, image, t)) for t in image.truths]
 
 
 def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list[DrawnPrediction]:
     """Each prediction with its outcome."""
-    masks = detection_protocol(task).iou_type == "segm"
     drawn = []
     for (entry, kind, about, iou), own in zip(
         zip(side.entries, side.errors.kind, side.errors.about, side.errors.iou, strict=True),
         _scene_objects(side),
         strict=True,
     ):
-        mask = mask_of(entry, image.image) if masks else None
         drawn.append(
             DrawnPrediction(
                 n=own.name if own else UNSET,
@@ -49,14 +35,27 @@ def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list
                 c=entry.category_id,
                 s=entry.score,
                 o=entry.outcome_50,
-                box=tuple(bounding_box(mask)) if mask else _rounded(entry.bbox or ()),
-                rle=_text(mask) if mask else UNSET,
                 k=kind,
                 t=about,
                 i=None if iou is None else round(iou, 4),
+                **_outline(task, image, entry),
             )
         )
     return drawn
+
+
+def _outline(
+    task: str, image: DetectionImage, row: TrueAnnotation | ShownPrediction
+) -> dict[str, Any]:
+    """The fields of what is drawn of a row, its coordinates rounded."""
+    size_hw = image.image.height, image.image.width
+    outline = detection_protocol(task).payload.outline(row, size_hw)
+    polygons = outline.polygons
+    return {
+        "box": _rounded(outline.box),
+        "rle": UNSET if outline.rle is None else outline.rle,
+        "polygons": UNSET if polygons is None else tuple(map(_rounded, polygons)),
+    }
 
 
 def _scene_objects(side: SideImage) -> Sequence[Exported | None]:
@@ -65,11 +64,6 @@ def _scene_objects(side: SideImage) -> Sequence[Exported | None]:
     if not exported or len(exported) != len(side.entries):
         return [None] * len(side.entries)
     return exported
-
-
-def _text(mask: EncodedMask) -> str:
-    """pycocotools' compressed counts of a mask."""
-    return mask["counts"].decode("ascii")
 
 
 def _rounded(values: Iterable[float]) -> tuple[float, ...]:

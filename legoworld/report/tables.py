@@ -11,8 +11,8 @@ from legoworld.evaluation.stored import Evaluated
 from legoworld.pluralize import counted, range_text, share
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import Comparison, Difference, Measured
+from legoworld.records.depth import AllAttempted, DepthSummary
 from legoworld.records.evaluation_rows import CategoryRow
-from legoworld.records.evaluation_summary import AllAttempted, DepthSummary
 from legoworld.records.report_tables import (
     CategoryCell,
     CategoryLine,

@@ -14,7 +14,6 @@ from legoworld.records.labels import LabelsFile
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.remote import PlaceError, child, fetch_folder
-from legoworld.running.bench_image import read_submission
 from legoworld.running.image_record import (
     ImageOptions,
     SceneOfImage,
@@ -23,6 +22,7 @@ from legoworld.running.image_record import (
     sha256_by_name,
     verdict_instead,
 )
+from legoworld.running.reconstruction_image import read_submission
 from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess, Limits

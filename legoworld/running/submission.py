@@ -26,7 +26,9 @@ from legoworld.readouts.surface import (
 )
 from legoworld.records.base import UNSET, as_json, canonical, to_record
 from legoworld.records.bench_dataset import RenderCard
-from legoworld.records.bench_run import (
+from legoworld.records.run_file import BenchReading, RunSummary, ValidityCounts
+from legoworld.records.run_rows import RunRow
+from legoworld.records.submission import (
     CameraPlane,
     Check,
     Integrity,
@@ -36,8 +38,6 @@ from legoworld.records.bench_run import (
     Validity,
     WrittenFile,
 )
-from legoworld.records.run_file import BenchReading, RunSummary, ValidityCounts
-from legoworld.records.run_rows import RunRow
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.folder import BLEND, GLB, PICTURE, SceneFolder
 from legoworld.scene.gltf.container import parse_glb

@@ -39,8 +39,8 @@ RECONSTRUCTION: Final = Family(
     records="legoworld.records.reconstruction:RECORDS",
     readout="legoworld.running.submission:READOUT",
     evaluation="legoworld.evaluation.reconstruction.family:EVALUATION",
-    comparison="legoworld.comparison.bench:COMPARISON",
-    page="legoworld.report.bench_page:PAGE",
+    comparison="legoworld.comparison.reconstruction:COMPARISON",
+    page="legoworld.report.reconstruction_page:PAGE",
     options=frozenset({"reference_sampling", "diagnostics", "render", "render_noise"}),
     draws=10_000,
 )

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from legoworld.cards import load_card
 from legoworld.errors import CatalogError, UsageError, cause
 from legoworld.evaluation.detection.inputs.truth_checks import (
     check_annotations,
     check_image_values,
     check_images,
 )
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, read_json, to_record
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo
@@ -58,7 +58,6 @@ def annotation_source(task: str, path: Path) -> Source:
     images = check_images(str(path), entries, Counter())
     _check_dataset(task, path, list(images.values()))
     annotations = document.get("annotations")
-    reads = load_card(task).reads
     if isinstance(annotations, list):
         check_image_values(
             str(path), list(images.values()), federated=task_named(task).dataset.federated
@@ -69,7 +68,7 @@ def annotation_source(task: str, path: Path) -> Source:
             images=images,
             wanted=images,
             category_ids=(c.id for c in categories),
-            masks=reads != "boxes",
+            check_shapes=detection_protocol(task).payload.check_shapes,
             repairs=Counter(),
         )
     public = [{key: e[key] for key in _PUBLIC_KEYS if key in e} for e in images.values()]

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from legoworld.errors import UsageError
-from legoworld.track_making.depth_folders import depth_folder_source
+from legoworld.evaluation.depth.declaration import (
+    DECLARATION,
+    read_declaration,
+    write_declaration,
+)
+from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
+from legoworld.evaluation.depth.truth import planar_metres
 from legoworld.track_making.eth3d import eth3d_source
 from legoworld.track_making.family import TrackFamily
+from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
 from legoworld.tracks.source import Source
 
 
@@ -34,7 +42,34 @@ def depth_source(_task: str, folder: Path, options: Mapping[str, Any]) -> Source
             found="both",
             expected="--scenes for ETH3D's layout, --photos for depth files named like the photos",
         )
-    return depth_folder_source(folder, photos, dataset=dataset)
+    declared = read_declaration(folder)
+    arrays = Arrays(
+        noun="depth",
+        read=lambda path: planar_metres(read_labelled(path, declared), declared, path.name),
+        size_wh=lambda path: claimed_size(path, declared),
+    )
+    return pixel_folder_source(folder, photos, dataset=dataset, arrays=arrays)
+
+
+def declare(folder: Path, space: str | None, unit: str | None) -> str | None:
+    """Write the declared space and unit into a folder's depth.toml, unless it already has one.
+
+    Returns the text written, or None. Raises UsageError when the file there declares otherwise.
+    """
+    if space is None and unit is None:
+        return None
+    there = read_declaration(folder)
+    wanted = replace(there, space=space or there.space, unit=unit or there.unit)
+    if wanted == there:
+        return None
+    if (folder / DECLARATION).exists():
+        raise UsageError(
+            f"{DECLARATION} declares {folder.name} differently",
+            found=f"space {there.space!r}, unit {there.unit!r}",
+            expected=f"space {wanted.space!r}, unit {wanted.unit!r}, as on the command line",
+            next_step=f"correct {DECLARATION}, or omit --space and --unit",
+        )
+    return write_declaration(folder, wanted)
 
 
 TRACK: Final = TrackFamily(

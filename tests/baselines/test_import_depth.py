@@ -12,8 +12,9 @@ import pytest
 from baselines.tracks import call, make_track, results, rows, run_document
 
 from legoworld.baselines.baseline_import import ImportRequest
-from legoworld.baselines.depth_folder import DepthSource, planar_from_ray_distance
-from legoworld.baselines.depth_import import import_depth
+from legoworld.baselines.depth import depth_source
+from legoworld.baselines.depth_folder import planar_from_ray_distance
+from legoworld.baselines.pixel_import import import_pixels
 from legoworld.readouts.protocol import protocol
 from legoworld.tracks.track import load_track
 
@@ -85,8 +86,8 @@ def test_each_photo_is_told_once(track, source, tmp_path):
         protocol=protocol("eth3d", loaded.vocabulary), track=loaded, run=tmp_path / "run",
         name="mine", ran_on=None, subset=False, overwrite=False,
     )  # fmt: skip
-    arrays = DepthSource(folder=source, space="depth", unit="m", cameras={})
-    import_depth(request, arrays, progress=told.append, notice=lambda _: None)
+    arrays = depth_source(source, {"space": "depth", "unit": "m"})
+    import_pixels(request, arrays, progress=told.append, notice=lambda _: None)
     assert [(row.image_id, row.status) for row in told] == [(1, "ok"), (2, "missing")]
 
 

@@ -13,7 +13,8 @@ from baselines.tracks import call, make_track, rows, run_document
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from legoworld.baselines.depth_matching import KNOWN_SUFFIXES, match_files
+from legoworld.baselines.depth import NAMING
+from legoworld.baselines.pixel_matching import match_files
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.tracks.track import TrackImage, scene_name
 
@@ -39,7 +40,7 @@ def matched(
     root: Path, names: list[str], images: list[TrackImage] = IMAGES, suffix: str | None = None
 ) -> dict[int, tuple[str, str] | str]:
     """By image id: its file and the rule, or the reason for none."""
-    matches = match_files(folder_of(root, names), images, suffix)
+    matches = match_files(folder_of(root, names), images, suffix, NAMING)
     found: dict[int, tuple[str, str] | str]
     found = {i: (m.path.relative_to(root).as_posix(), m.how) for i, m in matches.by_image.items()}
     return {**found, **{i: str(error) for i, error in matches.errors.items()}}
@@ -83,7 +84,7 @@ def test_a_name_and_the_rule_that_understands_it(tmp_path: Path, name: str) -> N
 )
 def test_names_that_are_no_photo_s(tmp_path: Path, name: str) -> None:
     assert matched(tmp_path, [name]) == {}
-    strangers = match_files(tmp_path, IMAGES, None).strangers
+    strangers = match_files(tmp_path, IMAGES, None, NAMING).strangers
     assert strangers == (() if name.endswith(".txt") else (name,))
 
 
@@ -93,7 +94,7 @@ def test_the_strictest_rule_wins_and_leaves_the_rest_as_strangers(tmp_path: Path
         1: (f"{BASE}.npy", "same_path"),
         2: ("hall/images/dslr_images/B.JPG.npy", "extension_kept"),
     }
-    assert match_files(tmp_path, IMAGES, None).strangers == ("A.npy", f"{BASE}_pred.npy")
+    assert match_files(tmp_path, IMAGES, None, NAMING).strangers == ("A.npy", f"{BASE}_pred.npy")
 
 
 def test_two_files_by_one_rule_are_refused_with_both_names(tmp_path: Path) -> None:
@@ -144,7 +145,7 @@ photo = st.lists(parts, min_size=1, max_size=3).map(lambda p: "/".join(p) + ".jp
 file = st.builds(
     lambda p, s, f: "/".join(p) + s + f,
     st.lists(parts, min_size=1, max_size=3),
-    st.sampled_from(["", ".jpg", *KNOWN_SUFFIXES[:3]]),
+    st.sampled_from(["", ".jpg", *NAMING.endings[:3]]),
     st.sampled_from([".npy", ".png"]),
 )
 
@@ -160,11 +161,11 @@ def test_no_file_is_two_photos_and_order_says_nothing(
     root = tmp_path_factory.getbasetemp() / "matching"
     shutil.rmtree(root, ignore_errors=True)
     images = [image(i, name) for i, name in enumerate(photos, start=1)]
-    matches = match_files(folder_of(root, files), images, None)
+    matches = match_files(folder_of(root, files), images, None, NAMING)
     paths = [match.path for match in matches.by_image.values()]
     assert len(set(paths)) == len(paths)
     assert not set(matches.by_image) & set(matches.errors)
-    backwards = match_files(root, images[::-1], None)
+    backwards = match_files(root, images[::-1], None, NAMING)
     assert backwards.by_image == matches.by_image
     assert set(backwards.errors) == set(matches.errors)
     assert backwards.strangers == matches.strangers

@@ -18,8 +18,8 @@ from evaluation.reconstruction.datasets import write_dataset, write_run
 from legoworld import cli
 from legoworld.errors import WorkerCrashedError
 from legoworld.records.base import UNSET, decode_lines
-from legoworld.records.bench_run import BenchRow
 from legoworld.records.bench_serving import ServeAnswer
+from legoworld.records.submission import BenchRow
 from legoworld.scene.blender_process import BlenderProcess
 
 FILLED = (

@@ -17,7 +17,7 @@ from legoworld.cards import load_card
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode, to_record
 from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile, PictureCard, RenderCard
-from legoworld.records.bench_run import BenchRow
+from legoworld.records.submission import BenchRow
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
 QUICK = ["--size", "96x54", "--samples", "2", "--noise-seeds", "0", "-q"]

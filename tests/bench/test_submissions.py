@@ -12,7 +12,7 @@ from bench.quick_renders import few_samples
 
 from legoworld import cli
 from legoworld.records.base import decode
-from legoworld.records.bench_run import BenchRow
+from legoworld.records.submission import BenchRow
 
 NAMES = [
     "good", "narrow", "blind", "flat_camera", "empty", "nan", "renamed", "cheat", "flat_picture",

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from evaluation.commands import evaluate, files, made, small_pieces
 
-from legoworld.evaluation.depth.image_tasks import image_tasks
+from legoworld.evaluation.pixels.image_tasks import image_tasks
 from legoworld.workers.tasks import WorkerPool, results_of
 
 ray = pytest.importorskip("ray")
@@ -52,7 +52,7 @@ def test_a_machine_that_does_not_see_the_depth_says_so(tmp_path, two_nodes, monk
         hidden.rename(hidden.with_suffix(".gone"))
         return found
 
-    monkeypatch.setattr("legoworld.evaluation.depth.evaluate.image_tasks", then_hidden)
+    monkeypatch.setattr("legoworld.evaluation.pixels.evaluate.image_tasks", then_hidden)
     assert evaluate(run, truth, tmp_path / "eval", *RAY) == 4
     error = capsys.readouterr().err
     assert "a machine does not see the depth files of" in error

@@ -131,7 +131,7 @@ def test_the_compare_command_prints_the_headline(made, tmp_path, capsys):
 def test_judges_beside_two_evaluations(made, tmp_path, capsys):
     _, _, folders = made
     rows = {
-        name: {row.file_name: row for row in read_entries([folder])[0].bench_rows}
+        name: {row.file_name: row for row in read_entries([folder])[0].reconstruction_rows}
         for name, folder in folders.items()
     }
     judged = tmp_path / "j.jsonl"

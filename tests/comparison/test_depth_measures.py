@@ -7,15 +7,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from legoworld.comparison.depth import (
+from legoworld.comparison.depth import COMPARED
+from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE
+from legoworld.comparison.pixels import (
     GroupDraws,
-    depth_metrics,
-    group_unit,
-    measure_depth,
+    measure_pixels,
+    metrics_of,
     shared_group_draws,
 )
-from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE
-from legoworld.evaluation.depth.summary import metric_policies
+from legoworld.evaluation.depth.family import PIXELS
+from legoworld.evaluation.pixels.family import metric_policies
+from legoworld.evaluation.pixels.summary import unit_of
 
 
 def rows_of(*groups: str) -> list[SimpleNamespace]:
@@ -23,18 +25,19 @@ def rows_of(*groups: str) -> list[SimpleNamespace]:
 
 
 def test_deltas_are_better_higher_and_errors_lower():
-    better = {metric.id.split(".")[0]: metric.better for metric in depth_metrics()}
+    better = {metric.id.split(".")[0]: metric.better for metric in metrics_of(PIXELS)}
     assert better == {
         name: "higher" if name in ("delta1", "delta2", "delta3") else "lower"
-        for name, _ in metric_policies()
+        for name, _ in metric_policies(PIXELS.metrics)
     }
 
 
 def test_the_headline_is_abs_rel_and_the_primary_delta1_and_higher_deltas_are_details():
-    level = {metric.id: metric.level for metric in depth_metrics()}
+    level = {metric.id: metric.level for metric in metrics_of(PIXELS)}
     headline = {name for name, value in level.items() if value == HEADLINE}
+    pairs = metric_policies(PIXELS.metrics)
     assert headline == {
-        *(f"{name}.{policy}" for name, policy in metric_policies() if name == "abs_rel"),
+        *(f"{name}.{policy}" for name, policy in pairs if name == "abs_rel"),
         "delta1.error_1",
     }
     details = {name.split(".")[0] for name, value in level.items() if value == EVERYTHING}
@@ -52,7 +55,8 @@ def test_the_headline_is_abs_rel_and_the_primary_delta1_and_higher_deltas_are_de
     ],
 )
 def test_scenes_are_resampled_only_where_every_photo_is_of_one(names, unit):
-    assert group_unit([SimpleNamespace(file_name=name) for name in names]) == unit
+    rows = [SimpleNamespace(file_name=name, group=PIXELS.group(name)) for name in names]
+    assert unit_of(rows) == unit
 
 
 def test_one_group_has_no_draws():
@@ -66,15 +70,16 @@ def test_one_group_has_no_draws():
 
 def test_a_side_without_a_scored_image_has_no_mean_and_no_samples():
     class Empty:
-        depth_rows = ()
+        rows = ()
 
-    measures = measure_depth(
+    measures = measure_pixels(
+        COMPARED,
         Empty(),
         "scored",
         (),
         shared_group_draws(rows_of("a", "b"), 10, 0),
     )
-    assert {f"{name}.{policy}" for name, policy in metric_policies()} == set(measures)
+    assert {f"{name}.{policy}" for name, policy in metric_policies(PIXELS.metrics)} == set(measures)
     for measure in measures.values():
         assert math.isnan(measure.value)
         assert math.isnan(measure.extra["constant"])

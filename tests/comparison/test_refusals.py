@@ -18,14 +18,13 @@ from comparison.evaluations import (
     forge,
     scene_and_baseline,
 )
-from evaluation.depth.folders import COURTYARD, write_arrays, write_eth3d
+from evaluation.depth.folders import COURTYARD, evaluate_depth, write_arrays, write_eth3d
 from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld.comparison.compatibility import IncomparableError, _short
 from legoworld.comparison.sides import distinct_names
 from legoworld.errors import LegoWorldError, UsageError
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.stored import EvaluationChangedError
 from legoworld.records.base import UNSET
 from legoworld.records.folders.evaluation_reading import EvaluationFolderError

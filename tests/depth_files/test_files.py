@@ -276,7 +276,7 @@ def test_truth_of_every_space_becomes_planar_metres(tmp_path: Path) -> None:
     array = read_labelled(path, Declaration())
     np.testing.assert_allclose(planar_metres(array, Declaration(), "a"), z, rtol=1e-14)
     # As a prediction, the same array must give the same disparity.
-    disparity, predicted = array.disparity_at(rows.ravel(), cols.ravel())
+    disparity, predicted = array.at(rows.ravel(), cols.ravel())
     assert predicted.all()
     np.testing.assert_allclose(disparity * 1000, 1 / z.ravel(), rtol=1e-13)
 

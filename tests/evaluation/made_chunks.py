@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from legoworld.evaluation.detection.matching.chunks import Chunk
 from legoworld.evaluation.detection.matching.compiled_matching import pairs_of_chunk
-from legoworld.evaluation.detection.matching.overlaps import Overlaps
+from legoworld.evaluation.detection.payloads.boxes import BOXES
+from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.problem import Detections, TrueInstances
 
 
@@ -34,7 +35,7 @@ def chunk_of(
     present = np.array([c in wanted[i] for i, cs in enumerate(found) for c in cs], bool)
     zeros = np.zeros(n, np.int64)
     return Chunk(
-        iou_type="bbox",
+        payload=BOXES,
         detections=Detections(
             image=image,
             category=np.array(list(itertools.chain(*found)), np.int64),
@@ -55,10 +56,8 @@ def chunk_of(
         first_detection=np.searchsorted(image, np.arange(len(found) + 1)),
         first_truth=np.searchsorted(true_image, np.arange(len(found) + 1)),
         sizes_hw=((9, 9),) * len(found),
-        boxes=np.empty((0, 4)),
-        true_boxes=np.empty((0, 4)),
-        masks=(),
-        true_masks=(),
+        shapes=np.empty((0, 4)),
+        true_shapes=np.empty((0, 4)),
     )
 
 

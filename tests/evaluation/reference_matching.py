@@ -21,14 +21,14 @@ LOW, HIGH = np.array(AREA_RANGES).T
 
 
 def overlaps(chunk):
-    """As overlaps.overlaps_of: (iou, area)."""
+    """As the payload's overlaps: (iou, area)."""
     found = [np.empty(0)]
     for size_hw, mine, true in places(chunk):
-        if chunk.iou_type == "bbox":
-            shapes, wanted = chunk.boxes[mine], chunk.true_boxes[true]
+        if chunk.payload.iou_type == "bbox":
+            shapes, wanted = chunk.shapes[mine], chunk.true_shapes[true]
         else:
-            shapes = [mask(counts, size_hw) for counts in chunk.masks[mine]]
-            wanted = [compressed(m, size_hw) for m in chunk.true_masks[true]]
+            shapes = [mask(counts, size_hw) for counts in chunk.shapes[mine]]
+            wanted = [compressed(m, size_hw) for m in chunk.true_shapes[true]]
         found.append(coco_mask.iou(shapes, wanted, chunk.truths.crowd[true].astype(int).tolist()))
     return np.concatenate([iou.ravel() for iou in found]), areas(chunk)
 
@@ -52,10 +52,10 @@ def images(chunk, iou):
 
 def areas(chunk):
     """(D,) what the evaluators take for a detection's area."""
-    if chunk.iou_type == "bbox":
-        return chunk.boxes[:, 2] * chunk.boxes[:, 3]
+    if chunk.payload.iou_type == "bbox":
+        return chunk.shapes[:, 2] * chunk.shapes[:, 3]
     sizes = [chunk.sizes_hw[i] for i in chunk.detections.image]
-    return areas_px([mask(*one) for one in zip(chunk.masks, sizes, strict=True)])
+    return areas_px([mask(*one) for one in zip(chunk.shapes, sizes, strict=True)])
 
 
 def mask(counts, size_hw):

@@ -18,9 +18,7 @@ from legoworld.errors import UsageError
 from legoworld.evaluation.depth.declaration import Declaration
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.readouts.depth import (
-    FORMAT_VERSION,
-    depth_file,
-    depth_file_bytes,
+    DEPTH_FILE,
     write_depth,
 )
 from legoworld.readouts.exports import (
@@ -169,7 +167,7 @@ def test_depth_files_hold_the_pinhole_they_were_made_with(tmp_path):
     assert (tmp_path / "c.npz").read_bytes() == (tmp_path / "a.npz").read_bytes()
     card = load_card("eth3d")
     assert set(stored.files) == set(card.value("export.fields"))
-    assert card.value("export.format_version") == FORMAT_VERSION
+    assert card.value("export.format_version") == DEPTH_FILE.version
     arrays = []
     for name in "ab":  # the array itself is the same bytes
         with zipfile.ZipFile(tmp_path / f"{name}.npz") as archive:
@@ -189,12 +187,12 @@ def test_a_depth_file_of_another_version_is_refused(tmp_path, version):
 def test_the_expected_size_of_a_depth_file_is_a_little_over(size_wh, tmp_path):
     camera = Projection(orthographic=False, fx=1, fy=1, cx=0, cy=0, z_near=0.1, z_far=9)
     write_depth(tmp_path / "a.npz", np.ones(size_wh[::-1], np.float32), camera)
-    over = depth_file_bytes(size_wh) - (tmp_path / "a.npz").stat().st_size
+    over = DEPTH_FILE.most_bytes(size_wh) - (tmp_path / "a.npz").stat().st_size
     assert 0 <= over < 4096
 
 
 def test_a_depth_file_is_named_by_its_scene():
-    assert depth_file("a/b") == "depth/a/b.npz"
+    assert DEPTH_FILE.path("a/b") == "depth/a/b.npz"
 
 
 @pytest.mark.parametrize("exports", [box_exports, mask_exports])

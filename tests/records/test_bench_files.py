@@ -10,7 +10,7 @@ import pytest
 from legoworld.cards import load_card
 from legoworld.records.base import RecordError, as_json, canonical, decode
 from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile, RenderCard
-from legoworld.records.bench_run import Check, Validity
+from legoworld.records.submission import Check, Validity
 from legoworld.tracks.track import load_track
 from legoworld.visibility.scoring_raster import (
     POINT_CAP,

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from report.pages import HOSTILE
 
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
-from legoworld.records.bench_run import Check
+from legoworld.records.submission import Check
 
 EMPTY = Check(ok=False, found=f"empty {HOSTILE}", expected="a mesh", next_step="export it again")
 

@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from evaluation.depth.folders import plane, write_arrays, write_run
+from evaluation.depth.folders import evaluate_depth, plane, write_arrays, write_run
 from report.bench_pages import bench_dataset, bench_evaluation, troubled
 from report.chromium import Browser, browser
 from report.pages import embedded, evaluated, page_of, write_photos
 
 from legoworld import cli
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 
 AXE = Path(__file__).parents[2] / "tools" / "page" / "node_modules" / "axe-core" / "axe.min.js"
 ADDRESSES = ["#/coco", "#/coco?tab=photos", "#/coco?tab=plots", "#/coco?tab=numbers",

@@ -16,11 +16,11 @@ from report.bench_pages import bench_dataset, bench_evaluation, troubled
 from report.pages import HOSTILE, Tables, document_of, embedded, page_of, written
 
 from legoworld import cli
-from legoworld.records.report_bench import BenchPageView
-from legoworld.report.bench_case import BOTH, EXTRA, HIT, MISSED, NOTHING, OUTSIDE
-from legoworld.report.bench_pictures import OUTCOMES, drawn_points, error_steps
+from legoworld.records.report_reconstruction import BenchPageView
 from legoworld.report.depth_images import NO_DEPTH
 from legoworld.report.page_content import PageDocument
+from legoworld.report.reconstruction_case import BOTH, EXTRA, HIT, MISSED, NOTHING, OUTSIDE
+from legoworld.report.reconstruction_pictures import OUTCOMES, drawn_points, error_steps
 
 NAMES = [o.name for o in OUTCOMES]
 
@@ -135,7 +135,7 @@ def _thinned_rays(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     reference = Reference(
         raster=raster, depth_z_m=case.depth_z_m, label=case.instance, sampled=True
     )
-    monkeypatch.setattr("legoworld.report.bench_pictures.MOST_POINTS", 150)
+    monkeypatch.setattr("legoworld.report.reconstruction_pictures.MOST_POINTS", 150)
     grid, _ = drawn_points(reference, [])
     assert grid.step == 3
     assert grid.size_wh == (16, 9)

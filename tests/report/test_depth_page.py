@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluation.depth.folders import plane, write_arrays, write_run
+from evaluation.depth.folders import evaluate_depth, plane, write_arrays, write_run
 from report.pages import Tables, document_of, page_of
 
-from legoworld.evaluation.depth.evaluate import evaluate_depth
-from legoworld.evaluation.depth.view import decoded
+from legoworld.evaluation.pixels.view import decoded
 from legoworld.records import base as record
 from legoworld.records.evaluation_view import DepthView
 from legoworld.report.depth_images import NO_DEPTH, depth_view, encoded

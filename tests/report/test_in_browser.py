@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from evaluation.depth.folders import plane, write_arrays, write_run
+from evaluation.depth.folders import evaluate_depth, plane, write_arrays, write_run
 from evaluation.detection_runs import random_predictions, random_truth
 from report.chromium import Browser, browser
 from report.pages import (
@@ -24,7 +24,6 @@ from report.pages import (
 )
 
 from legoworld import cli
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.detection.inputs.masks import areas_px, compressed
 from legoworld.report import page_file
 

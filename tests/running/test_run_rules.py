@@ -15,7 +15,7 @@ from running.run_folders import readout, results, tree
 from scene.gltf.scenes import scene_at
 
 from legoworld import cli
-from legoworld.readouts.depth import depth_file_bytes
+from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.base import canonical
 from legoworld.records.folders import run_journal as journal
 from legoworld.records.folders.run_folder import (
@@ -241,7 +241,7 @@ def test_depth_that_will_not_fit_is_said_before_the_first_file(free, fits, tmp_p
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(disk.shutil, "disk_usage", lambda _folder: usage(0, 0, free))
     said: list[str] = []
-    sizes = [depth_file_bytes(wh) for wh in ((1000, 500), (1000, 250))]  # 3 MB of float32
+    sizes = [DEPTH_FILE.most_bytes(wh) for wh in ((1000, 500), (1000, 250))]  # 3 MB of float32
 
     def check() -> None:
         check_disk(tmp_path, sizes, said.append, what="depth", next_step="go elsewhere")
@@ -257,7 +257,7 @@ def test_depth_that_will_not_fit_is_said_before_the_first_file(free, fits, tmp_p
 
 def test_depth_that_just_fits_is_written(tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
-    needed = depth_file_bytes((100, 50))
+    needed = DEPTH_FILE.most_bytes((100, 50))
     monkeypatch.setattr(disk.shutil, "disk_usage", lambda _folder: usage(0, 0, needed))
     check_disk(tmp_path, [needed], lambda _text: None, what="depth", next_step="")
     with pytest.raises(OutputFullError):

@@ -23,10 +23,10 @@ from legoworld.errors import (
     WorkerCrashedError,
 )
 from legoworld.readouts.protocol import protocol
-from legoworld.records.bench_run import Check, Validity
 from legoworld.records.run_rows import RunRow
-from legoworld.running.bench_image import read_submission
+from legoworld.records.submission import Check, Validity
 from legoworld.running.image_record import ImageOptions
+from legoworld.running.reconstruction_image import read_submission
 from legoworld.running.shared_scene import SharedScene
 from legoworld.running.submission import (
     OK,

@@ -18,8 +18,8 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import CatalogError, UsageError
 from legoworld.records.base import canonical
 from legoworld.shipped import catalog
-from legoworld.track_making.depth_folders import _photos_below
 from legoworld.track_making.making import make_track
+from legoworld.track_making.pixel_folders import _photos_below
 from legoworld.tracks.track import load_track
 
 Track = dict[str, Any]

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legoworld.errors import ShapeError
+from legoworld.evaluation.pixels.family import F64, Mask
 from legoworld.records.evaluation_view import Fit
-
-F64 = NDArray[np.float64]
 
 #: A spread below float32's resolution of the mean is rounding, not information.
 _NO_SPREAD: Final = 2.0**-24
@@ -83,7 +81,7 @@ def solve(moments: Moments) -> Fit:
     )
 
 
-def aligned_z(disparity: F64, fit: Fit, min_disparity: float) -> tuple[F64, NDArray[np.bool_]]:
+def aligned_z(disparity: F64, fit: Fit, min_disparity: float) -> tuple[F64, Mask]:
     """Aligned depth in the ground truth's unit, and where the disparity was clamped from below.
 
     disparity: (n,) predicted; min_disparity: 1 / max(valid truth), so that no aligned depth exceeds

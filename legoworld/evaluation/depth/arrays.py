@@ -9,23 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.evaluation.depth.alignment import F64
+from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored
 
 Space = Literal["depth", "disparity", "ray_distance"]
 SPACES: Final[tuple[Space, ...]] = get_args(Space)
 Intrinsics = tuple[float, float, float, float]
-Index = NDArray[np.intp]
 #: The sum of squares of an image of such values is still finite in float64.
 _LARGEST: Final = 1e150
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stored:
-    """How a file stores an array. array: its name in an .npz or an EXR, None in other formats."""
-
-    array: str | None
-    dtype: str
-    shape: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +39,7 @@ class DepthArray:
         """(width, height)."""
         return int(self.values.shape[1]), int(self.values.shape[0])
 
-    def disparity_at(self, rows: Index, cols: Index) -> tuple[F64, NDArray[np.bool_]]:
+    def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """Disparity at pixels (n,), 0 where there is no prediction, and a mask of predictions.
 
         A depth or distance is a prediction if finite and positive; a disparity if finite, because
@@ -66,7 +56,7 @@ class DepthArray:
             disparity *= self._ray_lengths(rows, cols)
         return disparity, predicted
 
-    def predicted(self, values: NDArray[Any]) -> NDArray[np.bool_]:
+    def predicted(self, values: NDArray[Any]) -> Mask:
         """Mask of the values that are predictions, of the same shape."""
         return in_range(values, signed=self.space == "disparity")
 
@@ -76,9 +66,9 @@ class DepthArray:
         return ray_lengths(self.intrinsics_px, rows, cols)
 
 
-def in_range(values: NDArray[Any], *, signed: bool) -> NDArray[np.bool_]:
+def in_range(values: NDArray[Any], *, signed: bool) -> Mask:
     """Where values are finite, positive unless signed, and can be squared in float64."""
-    usable: NDArray[np.bool_] = np.isfinite(values)
+    usable: Mask = np.isfinite(values)
     with np.errstate(invalid="ignore"):
         if not signed:
             usable &= values > 0

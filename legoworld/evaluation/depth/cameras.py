@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from legoworld.evaluation.depth.alignment import F64
 from legoworld.evaluation.depth.errors import CameraModelError
+from legoworld.evaluation.pixels.family import F64
 from legoworld.pluralize import counted
 from legoworld.tracks.colmap import Camera
 

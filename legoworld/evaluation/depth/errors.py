@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 
 
@@ -23,6 +24,13 @@ class DepthMissingError(LegoWorldError):
 
     code = "depth_missing"
     status = "missing"
+
+
+class DepthUnseenError(LegoWorldError):
+    """A machine of the cluster does not see the same files as the command."""
+
+    code = "depth_unseen"
+    exit_code = exit_codes.BLOCKED
 
 
 class CameraModelError(LegoWorldError):

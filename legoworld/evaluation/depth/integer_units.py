@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.evaluation.depth.alignment import F64
+from legoworld.evaluation.pixels.family import F64
 from legoworld.pluralize import counted
 
 _SATURATED: Final = 65535

@@ -19,13 +19,12 @@ from legoworld.depth_files.reading import (
     read_npz_array,
     read_picture,
 )
-from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, Stored, checked_array
+from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, checked_array
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.integer_units import metres
-from legoworld.readouts.depth import FORMAT_VERSION
+from legoworld.evaluation.pixels.family import Stored
+from legoworld.readouts.depth import DEPTH_FILE
 
-#: A readout's array: planar z in metres by its name.
-DEPTH_Z_M: Final = "depth_z_m"
 VALUES: Final = "values"
 _LABELS: Final = ("space", "unit", "intrinsics_px", "format_version")
 
@@ -56,6 +55,11 @@ def read_labelled(
             found=f"a file of {path.stat().st_size} bytes",
             expected="an array that this process can hold",
         ) from error
+
+
+def read_prediction(path: Path, check_size: SizeCheck | None) -> DepthArray:
+    """A file of a run, which declares itself. The same errors."""
+    return read_labelled(path, Declaration(), check_size=check_size)
 
 
 def claimed_size(path: Path, declared: Declaration) -> tuple[int, int]:
@@ -95,7 +99,7 @@ def _read_npz(
     _check_version(own, path)
     space = _agreed("space", _text(own, "space", path), declared.space, path)
     unit = _agreed("unit", _text(own, "unit", path), declared.unit, path)
-    if name == DEPTH_Z_M:
+    if name == DEPTH_FILE.array:
         _agreed("space", space or None, "depth" if space else None, path)
         unit = _agreed("unit", unit, "m", path)
     intrinsics = _intrinsics(own, path) or declared.intrinsics_px
@@ -106,7 +110,7 @@ def _read_npz(
 
 def _picture_name(path: Path, contents: Npz, declared: str | None) -> str:
     """The depth array's name: the declared one, else depth_z_m or values, else the only one."""
-    candidates = (declared,) if declared else (DEPTH_Z_M, VALUES)
+    candidates = (declared,) if declared else (DEPTH_FILE.array, VALUES)
     present = [name for name in candidates if name in contents.names]
     if not present and not declared and len(contents.pictures) == 1:
         return contents.pictures[0]
@@ -177,11 +181,12 @@ def _check_version(arrays: Mapping[str, NDArray[Any]], path: Path) -> None:
     version = arrays.get("format_version")
     if version is None:
         return
-    if version.ndim != 0 or version.dtype.kind != "i" or not 1 <= int(version) <= FORMAT_VERSION:
+    latest = DEPTH_FILE.version
+    if version.ndim != 0 or version.dtype.kind != "i" or not 1 <= int(version) <= latest:
         raise DepthFileError(
             f"{path.name} has an unknown format version",
             found=f"format_version {version.tolist()!r}",
-            expected=f"1 to {FORMAT_VERSION}",
+            expected=f"1 to {latest}",
             next_step="read it with the version of legoworld that wrote it",
         )
 

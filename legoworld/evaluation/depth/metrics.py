@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from legoworld.evaluation.depth.alignment import F64
-from legoworld.evaluation.depth.protocol import DepthProtocol, HolePolicy
-from legoworld.records.evaluation_rows import Metrics
+from legoworld.evaluation.depth.protocol import HOLE_POLICIES, DepthProtocol
+from legoworld.evaluation.pixels.family import F64
+from legoworld.records.pixels import Metrics
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,5 +86,4 @@ def metrics_of(predicted: ErrorSums, holes_far: ErrorSums, protocol: DepthProtoc
 
 
 def _policies(**values: float) -> dict[str, float]:
-    ordered: tuple[HolePolicy, ...] = ("error_1", "exclude", "far")
-    return {policy: values[policy] for policy in ordered}
+    return {policy: values[policy] for policy in HOLE_POLICIES}

@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final
 
-from legoworld.cards import Card, load_card
+from legoworld.cards import Card
+from legoworld.evaluation.pixels.family import PixelMetric
 from legoworld.records.base import to_record
-from legoworld.records.evaluation_summary import DepthChoices
-from legoworld.tasks.shipped import ETH3D
+from legoworld.records.depth import DepthChoices
 
-HolePolicy = Literal["error_1", "exclude", "far"]
-HOLE_POLICIES: Final[tuple[HolePolicy, ...]] = ("error_1", "exclude", "far")
-PRIMARY_POLICY: Final[HolePolicy] = "error_1"
-#: Metrics that are defined for holes, and so under every policy.
-HOLE_METRICS: Final = ("abs_rel", "delta1", "delta2", "delta3")
-#: Metrics over predicted pixels only.
-EXCLUDE_METRICS: Final = ("rmse_m", "log10", "silog")
+HOLE_POLICIES: Final = ("error_1", "exclude", "far")
+PRIMARY_POLICY: Final = HOLE_POLICIES[0]
+_OF_PREDICTED: Final = ("exclude",)
+METRICS: Final = (
+    PixelMetric(name="abs_rel", better="lower", policies=HOLE_POLICIES, headline=HOLE_POLICIES),
+    PixelMetric(name="delta1", better="higher", policies=HOLE_POLICIES, headline=(PRIMARY_POLICY,)),
+    PixelMetric(name="delta2", better="higher", policies=HOLE_POLICIES, detail=True),
+    PixelMetric(name="delta3", better="higher", policies=HOLE_POLICIES, detail=True),
+    PixelMetric(name="rmse_m", better="lower", policies=_OF_PREDICTED),
+    PixelMetric(name="log10", better="lower", policies=_OF_PREDICTED),
+    PixelMetric(name="silog", better="lower", policies=_OF_PREDICTED),
+)
 CAMERA_MODELS: Final = ("none", "dataset")
 
 _FIXED: Final[dict[str, Any]] = {
     "scoring.protocol": "affine_invariant_depth",
     "scoring.primary_metric": "abs_rel",
-    "scoring.metrics": list(HOLE_METRICS),
-    "scoring.metrics_exclude_only": list(EXCLUDE_METRICS),
+    "scoring.metrics": [m.name for m in METRICS if m.policies == HOLE_POLICIES],
+    "scoring.metrics_exclude_only": [m.name for m in METRICS if m.policies == _OF_PREDICTED],
     "scoring.aggregate": "unweighted_image_mean",
     "scoring.resolution": "truth",
     "scoring.resample": "bilinear_in_disparity_with_mask",
@@ -84,9 +89,8 @@ class DepthProtocol:
         return to_record(DepthChoices, chosen | own)
 
 
-def depth_protocol(card: Card | None = None) -> DepthProtocol:
-    """The shipped card's protocol; InstallationError if a fixed value differs from the code's."""
-    card = card or load_card(ETH3D.name)
+def depth_protocol(card: Card) -> DepthProtocol:
+    """A card's protocol; InstallationError if a fixed value differs from the code's."""
     card.hold_to(_FIXED)
     return DepthProtocol(
         card=card,

@@ -1,24 +1,25 @@
-"""The row of one image of a depth evaluation: status, coverage, metrics."""
+"""The numbers of one image of depth, and its view."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
 from msgspec.structs import asdict, replace
 
-from legoworld.depth_files.errors import DepthFileError
-from legoworld.evaluation.depth.errors import DepthMissingError, DepthPredictionError
-from legoworld.evaluation.depth.eth3d import scene_of
-from legoworld.evaluation.depth.predictions import DepthImage, load_prediction
+from legoworld.errors import ShapeError
+from legoworld.evaluation.depth.alignment import aligned_z
+from legoworld.evaluation.depth.cameras import pinhole_from_distorted
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, DepthProtocol
-from legoworld.evaluation.depth.resampling import Sample, check_size, sampler
 from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
-from legoworld.evaluation.depth.truth import DepthTruth, TruthFile, load_truth
-from legoworld.evaluation.depth.view import small_view
-from legoworld.records.evaluation_rows import DepthRow, Metrics, ScoredDepthRow, UnscoredDepthRow
-from legoworld.records.evaluation_view import DepthView
+from legoworld.evaluation.pixels.family import ImageResult, Measuring, PixelTruth
+from legoworld.evaluation.pixels.resampling import Sample, Warp, sampler
+from legoworld.evaluation.pixels.rows import too_few, with_holes
+from legoworld.evaluation.pixels.view import encoded, shown_pixels
+from legoworld.readouts.depth import DEPTH_FILE
+from legoworld.records.depth import DepthRow, ScoredDepthRow
+from legoworld.records.evaluation_view import DepthView, Fit
+from legoworld.records.pixels import Metrics
 from legoworld.tracks.colmap import Camera
 
 #: Explanations of flagged fits. A disparity declared as depth can score well; only the sign tells.
@@ -30,111 +31,48 @@ _FLAGS: Final = {
 _ROUNDING: Final = 1e-9
 
 
-@dataclass(frozen=True, kw_only=True)
-class ImageResult:
-    """A per_image row, and the image's view (None if not scored)."""
+def measure_depth(image: Measuring) -> ImageResult:
+    """Align, score and show one image.
 
-    row: DepthRow
-    view: DepthView | None
-
-
-def score_row(
-    image: DepthImage, file: TruthFile, camera: Camera | None, protocol: DepthProtocol
-) -> ImageResult:
-    """Score one image; both arrays are read here and freed on return.
-
-    camera: the ground truth's distorted camera if predictions are pinhole views to be warped.
-    Errors of the prediction become the row's status and reason; errors of the ground truth are
-    raised.
+    camera_model "dataset": predictions are pinhole views, warped to the truth's distorted camera.
     """
-    truth = load_truth(file)
-    row = _truth_row(image, file, truth)
-    if row.n_valid < protocol.min_valid_px:
-        reason = f"{row.n_valid} valid truth pixels, {protocol.min_valid_px} are needed"
-        return ImageResult(row=replace(row, status="no_gt", reason=reason), view=None)
-    if image.image.status != "ok":
-        row = replace(row, status=image.image.status, reason=image.reason)
-        return ImageResult(row=row, view=None)
-    try:
-        return _predicted_row(row, image, truth, camera, protocol)
-    except (DepthMissingError, DepthPredictionError, DepthFileError) as error:
-        row = replace(row, status=error.status, code=error.code, reason=str(error))
-    except MemoryError:
-        reason = "there is not enough memory to score it: use fewer workers"
-        row = replace(row, status="invalid", code="memory", reason=reason)
-    return ImageResult(row=row, view=None)
-
-
-def _predicted_row(
-    truth_row: UnscoredDepthRow,
-    image: DepthImage,
-    truth: DepthTruth,
-    camera: Camera | None,
-    protocol: DepthProtocol,
-) -> ImageResult:
-    """The ground truth's row extended by the prediction; raises errors of the prediction."""
-    prediction = load_prediction(image, partial(check_size, truth_wh=truth.size_wh))
-    sample = sampler(prediction, truth.size_wh, camera)
+    camera: Camera | None = None
+    if image.options["camera_model"] == "dataset":
+        camera = image.file.camera
+    sample = sampler(image.prediction, image.truth.size_wh, warp_of(camera, image.truth.size_wh))
     row = replace(
-        truth_row,
-        prediction_wh=prediction.size_wh,
-        space=prediction.space,
-        unit=prediction.unit,
-        resampled=prediction.size_wh != truth.size_wh,
+        image.row,
+        space=image.prediction.space,
+        unit=image.prediction.unit,
         warped=camera is not None,
     )
-    return _scored(row, truth, sample, score_image(truth.z_m, sample, protocol), protocol)
+    score = score_image(image.truth.values, sample, image.protocol)
+    return _scored(row, image.truth, sample, score, image.protocol)
 
 
-def _truth_row(image: DepthImage, file: TruthFile, truth: DepthTruth) -> UnscoredDepthRow:
-    step = max(1, (1 << 20) // truth.size_wh[0])
-    starts = range(0, truth.size_wh[1], step)
-    n_valid = sum(int(valid_truth(truth.z_m[i : i + step]).sum()) for i in starts)
-    warnings = []
-    if file.size_from == "track":
-        warnings.append("no cameras.txt: the truth's size is the track's, held to its bytes")
-    if truth.nan_px or truth.non_positive_px:
-        warnings.append(
-            f"invalid truth left out: {truth.nan_px} NaN, {truth.non_positive_px} not positive"
+def warp_of(camera: Camera | None, truth_wh: tuple[int, int]) -> Warp | None:
+    """How positions in the photo of a distorted camera become those in its pinhole's view."""
+    if camera is None:
+        return None
+    if camera.size_wh != truth_wh:
+        raise ShapeError(
+            "a camera of another size", found=str(camera.size_wh), expected=str(truth_wh)
         )
-    return UnscoredDepthRow(
-        image_id=image.image.image_id,
-        file_name=image.image.file_name,
-        group=scene_of(image.image.file_name) or image.image.file_name,
-        status="",
-        code=None,
-        reason=None,
-        run_status=image.image.status,
-        truth_wh=truth.size_wh,
-        n_valid=n_valid,
-        truth_inf_px=truth.inf_px,
-        truth_nan_px=truth.nan_px,
-        truth_non_positive_px=truth.non_positive_px,
-        warnings=tuple(warnings),
-    )
+    return partial(pinhole_from_distorted, camera)
 
 
 def _scored(
-    row: UnscoredDepthRow,
-    truth: DepthTruth,
+    row: DepthRow,
+    truth: PixelTruth,
     sample: Sample,
     score: ImageScore,
     protocol: DepthProtocol,
 ) -> ImageResult:
     counts = score.counts
-    row = replace(
-        row,
-        n_predicted=counts.predicted,
-        hole_share=1.0 - counts.predicted / counts.truth,
-        outside_view_share=counts.outside / counts.truth,
-    )
+    row = with_holes(row, counts.predicted)
+    row = replace(row, outside_view_share=counts.outside / counts.truth)
     if score.fit is None or score.metrics is None or score.constant is None:
-        reason = (
-            f"{counts.predicted} of {counts.truth} valid truth pixels have a prediction,"
-            f" {protocol.min_valid_px} are needed"
-        )
-        row = replace(row, status="invalid", code="too_few_pixels", reason=reason)
-        return ImageResult(row=row, view=None)
+        return too_few(row, counts.predicted, protocol.min_valid_px)
     worse = worse_than_constant(score.metrics, score.constant)
     warnings = list(row.warnings)
     if score.fit.status in _FLAGS:
@@ -152,7 +90,21 @@ def _scored(
         constant=score.constant,
         worse_than_constant=worse,
     )
-    return ImageResult(row=scored, view=small_view(truth.z_m, sample, score.fit, score.deepest_z_m))
+    return ImageResult(row=scored, view=_view(truth, sample, score.fit, score.deepest_z_m))
+
+
+def _view(truth: PixelTruth, sample: Sample, fit: Fit, deepest_z_m: float) -> DepthView:
+    """A small view of the truth and of the aligned prediction, in metres."""
+    shown = shown_pixels(truth.values, valid_truth)
+    true_z_m, sampled = truth.values[shown.rows, shown.cols], sample(shown.rows, shown.cols)
+    z_m, _ = aligned_z(sampled.values, fit, 1.0 / deepest_z_m)
+    return DepthView(
+        size_wh=shown.size_wh,
+        image_wh=truth.size_wh,
+        truth_z_m=encoded(true_z_m, valid_truth(true_z_m), DEPTH_FILE.hole),
+        aligned_z_m=encoded(z_m, sampled.predicted, DEPTH_FILE.hole),
+        fit=fit,
+    )
 
 
 def worse_than_constant(metrics: Metrics, constant: Metrics) -> tuple[str, ...]:

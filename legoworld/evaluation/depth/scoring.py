@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.alignment import (
-    F64,
     Moments,
     aligned_z,
     merged,
@@ -20,9 +19,10 @@ from legoworld.evaluation.depth.alignment import (
 from legoworld.evaluation.depth.arrays import in_range
 from legoworld.evaluation.depth.metrics import ErrorSums, error_sums, metrics_of
 from legoworld.evaluation.depth.protocol import DepthProtocol
-from legoworld.evaluation.depth.resampling import Sample, Sampled
-from legoworld.records.evaluation_rows import Metrics
+from legoworld.evaluation.pixels.family import F64, Mask
+from legoworld.evaluation.pixels.resampling import Sample, Sampled
 from legoworld.records.evaluation_view import Fit
+from legoworld.records.pixels import Metrics
 
 #: Approximate pixels per band: large enough for NumPy, small beside a 6048x4032 image.
 _BAND_PX: Final = 1 << 18
@@ -76,7 +76,7 @@ def score_image(truth_z_m: NDArray[Any], sample: Sample, protocol: DepthProtocol
     clamped = 0
     for true_z_m, sampled in _bands(truth_z_m, sample):
         on, off = sampled.predicted, ~sampled.predicted
-        z_m, low = aligned_z(sampled.disparity[on], fit, floor)
+        z_m, low = aligned_z(sampled.values[on], fit, floor)
         clamped += int(np.count_nonzero(low))
         seen += error_sums(z_m, true_z_m[on], base)
         holes += error_sums(np.full(int(off.sum()), first.deepest_z_m), true_z_m[off], base)
@@ -96,7 +96,7 @@ def score_image(truth_z_m: NDArray[Any], sample: Sample, protocol: DepthProtocol
     )
 
 
-def valid_truth(z_m: NDArray[Any]) -> NDArray[np.bool_]:
+def valid_truth(z_m: NDArray[Any]) -> Mask:
     """Mask of finite and positive values, of z_m's shape."""
     return in_range(z_m, signed=False)
 
@@ -110,7 +110,7 @@ def _first_pass(truth_z_m: NDArray[Any], sample: Sample) -> _FirstPass:
             continue
         disparity = 1.0 / true_z_m
         on = sampled.predicted
-        fit = merged(fit, moments_of(sampled.disparity[on], disparity[on]))
+        fit = merged(fit, moments_of(sampled.values[on], disparity[on]))
         whole = merged(whole, moments_of(disparity, disparity))
         deepest = max(deepest, float(true_z_m.max()))
         outside += int(np.count_nonzero(sampled.outside))

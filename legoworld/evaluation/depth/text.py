@@ -5,7 +5,7 @@ from __future__ import annotations
 from legoworld.evaluation.family import TextTable
 from legoworld.evaluation.short_text import SHORT, bounds, evaluator_of, fraction, image_counts
 from legoworld.pluralize import counted, range_text
-from legoworld.records.evaluation_summary import DepthCoverage, DepthSummary
+from legoworld.records.depth import DepthCoverage, DepthSummary
 
 
 def short_depth(summary: DepthSummary) -> str:

@@ -23,7 +23,8 @@ from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
 from legoworld.evaluation.depth.integer_units import per_metre
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.depth.predictions import photo_stem
+from legoworld.evaluation.pixels.family import PixelTruth
+from legoworld.evaluation.pixels.predictions import photo_stem
 from legoworld.pluralize import share
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.colmap import Calibration, Camera, read_calibration
@@ -32,7 +33,7 @@ _BAND_ROWS: Final = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class TruthFile:
+class DepthTruthFile:
     """One image's ground truth. size_wh, camera: from ETH3D's calibration, None otherwise.
 
     calibration: the files these two were read from.
@@ -47,29 +48,14 @@ class TruthFile:
     calibration: tuple[Path, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class DepthTruth:
-    """z_m: (H, W) float32 or float64 planar metres, valid where finite and positive."""
-
-    z_m: NDArray[Any]
-    inf_px: int
-    nan_px: int
-    non_positive_px: int
-
-    @property
-    def size_wh(self) -> tuple[int, int]:
-        """(width, height)."""
-        return int(self.z_m.shape[1]), int(self.z_m.shape[0])
-
-
-def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]:
+def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[DepthTruthFile, ...]:
     """The ground truth of every image, in image order; sizes and first bytes are checked.
 
     ETH3D's tree (or Marigold's) is tried first, then an array named like the photo. Raises
     DepthTruthError or DepthFileError: nothing is scored against incomplete ground truth.
     """
     declared = read_declaration(truth)
-    files: list[TruthFile] = []
+    files: list[DepthTruthFile] = []
     absent: list[RunImage] = []
     calibrations: dict[Path, Calibration] = {}
     for image in images:
@@ -90,7 +76,7 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[TruthFile, ...]
     return tuple(files)
 
 
-def load_truth(file: TruthFile) -> DepthTruth:
+def load_truth(file: DepthTruthFile) -> PixelTruth:
     """Read one ground truth as planar metres and count its invalid values.
 
     DepthTruthError if it does not fit into memory.
@@ -106,7 +92,7 @@ def load_truth(file: TruthFile) -> DepthTruth:
         ) from error
 
 
-def _read_truth(file: TruthFile) -> DepthTruth:
+def _read_truth(file: DepthTruthFile) -> PixelTruth:
     if file.kind == "eth3d_raw":
         assert file.size_wh is not None
         z_m: NDArray[Any] = read_raw_float32(file.path, file.size_wh)
@@ -117,7 +103,20 @@ def _read_truth(file: TruthFile) -> DepthTruth:
         band = z_m[start : start + _BAND_ROWS]
         counts += [np.count_nonzero(x) for x in (band == np.inf, np.isnan(band), band <= 0)]
     inf_px, nan_px, non_positive_px = (int(n) for n in counts)
-    return DepthTruth(z_m=z_m, inf_px=inf_px, nan_px=nan_px, non_positive_px=non_positive_px)
+    warnings = []
+    if file.size_from == "track":
+        warnings.append("no cameras.txt: the truth's size is the track's, held to its bytes")
+    if nan_px or non_positive_px:
+        warnings.append(f"invalid truth left out: {nan_px} NaN, {non_positive_px} not positive")
+    return PixelTruth(
+        values=z_m,
+        counts={
+            "truth_inf_px": inf_px,
+            "truth_nan_px": nan_px,
+            "truth_non_positive_px": non_positive_px,
+        },
+        warnings=tuple(warnings),
+    )
 
 
 def planar_metres(array: DepthArray, declared: Declaration, source: str) -> NDArray[Any]:
@@ -170,7 +169,7 @@ def _from_disparity(array: DepthArray, declared: Declaration, source: str) -> ND
 
 def _eth3d(
     truth: Path, image: RunImage, calibrations: MutableMapping[Path, Calibration]
-) -> TruthFile | None:
+) -> DepthTruthFile | None:
     """An image's raw depth. calibrations: those read so far, by folder; gains the image's own."""
     files = find_files(truth, image.file_name)
     if files is None:
@@ -191,7 +190,7 @@ def _eth3d(
             next_step="make the track from this dataset",
         )
     check_raw_float32(files.depth, size_wh)
-    return TruthFile(
+    return DepthTruthFile(
         kind="eth3d_raw",
         path=files.depth,
         declared=Declaration(),
@@ -202,7 +201,7 @@ def _eth3d(
     )
 
 
-def _array(truth: Path, image: RunImage, declared: Declaration) -> TruthFile | None:
+def _array(truth: Path, image: RunImage, declared: Declaration) -> DepthTruthFile | None:
     files = files_named(truth / photo_stem(image.file_name))
     if len(files) > 1:
         raise DepthTruthError(
@@ -213,7 +212,7 @@ def _array(truth: Path, image: RunImage, declared: Declaration) -> TruthFile | N
     if not files:
         return None
     refuse_photo(files[0])
-    return TruthFile(
+    return DepthTruthFile(
         kind="array",
         path=files[0],
         declared=declared,

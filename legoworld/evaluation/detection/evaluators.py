@@ -15,8 +15,9 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.detection import lvis_package
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.payloads.payload import IouType
 from legoworld.evaluation.detection.problem import Floats
-from legoworld.evaluation.detection.protocols import DetectionProtocol, IouType
+from legoworld.evaluation.detection.protocols import DetectionProtocol
 
 EvaluatorKind = Literal["official", "fast"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Final, Literal
@@ -11,10 +12,14 @@ from numpy.typing import NDArray
 
 from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
+from legoworld.evaluation.detection.payloads.boxes import BOXES
+from legoworld.evaluation.detection.payloads.masks import MASKS
+from legoworld.evaluation.detection.payloads.payload import IouType, Payload
 from legoworld.tasks.registry import find_task, tasks_of
 from legoworld.tasks.shipped import DETECTION
 
-IouType = Literal["bbox", "segm"]
+#: By the card's `readout.reads`.
+PAYLOADS: Final[Mapping[str, Payload]] = {one.name: one for one in (BOXES, MASKS)}
 
 #: COCO's and LVIS's area ranges in px^2, both ends included: all, small, medium, large.
 AREA_NAMES: Final = ("all", "small", "medium", "large")
@@ -41,17 +46,22 @@ class Metric:
 class DetectionProtocol:
     """A task's rules of scoring.
 
-    iou_type: what overlaps are measured on. per_category_cap: detections kept per image and
+    payload: what overlaps are measured on. per_category_cap: detections kept per image and
     category; per_image_cap: per image over all categories, before the federated filter.
     metrics: in the official evaluator's order.
     """
 
     task: str
-    iou_type: IouType
+    payload: Payload
     per_category_cap: int | None
     per_image_cap: int | None
     federated: bool
     metrics: tuple[Metric, ...]
+
+    @property
+    def iou_type(self) -> IouType:
+        """As the official evaluators call it."""
+        return self.payload.iou_type
 
     @cached_property
     def card(self) -> Card:
@@ -110,7 +120,7 @@ def detection_protocol(task: str) -> DetectionProtocol:
     federated = known.dataset.federated
     return DetectionProtocol(
         task=task,
-        iou_type="bbox" if load_card(task).reads == "boxes" else "segm",
+        payload=PAYLOADS[load_card(task).reads],
         per_category_cap=None if federated else 100,
         per_image_cap=300 if federated else None,
         federated=federated,

@@ -7,8 +7,8 @@ import numpy as np
 from legoworld.evaluation.reconstruction.aligned import angle_rad
 from legoworld.evaluation.reconstruction.dataset import BenchCase
 from legoworld.records.base import UNSET
-from legoworld.records.bench_run import BenchRow
 from legoworld.records.reconstruction_rows import CameraError, Registration
+from legoworld.records.submission import BenchRow
 
 
 def camera_error(

@@ -24,7 +24,6 @@ from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.submission import Surface, load_render, load_surface
 from legoworld.records.base import UNSET
-from legoworld.records.bench_run import BenchRow, Check, RenderFile, Validity
 from legoworld.records.reconstruction_rows import (
     COMPARED,
     Appearance,
@@ -32,6 +31,7 @@ from legoworld.records.reconstruction_rows import (
     NoiseBeside,
     ReconstructionRow,
 )
+from legoworld.records.submission import BenchRow, Check, RenderFile, Validity
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.reconstruction.appearance import Picture, resized
 from legoworld.evaluation.reconstruction.points import Flags
-from legoworld.records.bench_run import ImageTexture, Integrity
 from legoworld.records.reconstruction_rows import Flag, FlagKind
+from legoworld.records.submission import ImageTexture, Integrity
 
 #: One of these is enough for a flag.
 _ANY: Final = 1

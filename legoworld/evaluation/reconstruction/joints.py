@@ -15,7 +15,7 @@ from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 from legoworld.records.articulation import Articulation, ReferenceJoint, Vector
 from legoworld.records.base import UNSET, UnsetType
-from legoworld.records.bench_run import BenchRow
+from legoworld.records.submission import BenchRow
 
 
 def not_valid(case: BenchCase) -> Articulation | UnsetType:

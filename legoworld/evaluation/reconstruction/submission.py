@@ -20,8 +20,8 @@ from legoworld.evaluation.reconstruction.errors import SubmissionFileError
 from legoworld.evaluation.reconstruction.points import Depth, Raster
 from legoworld.evaluation.run import Run, RunUnusableError, read_run_of
 from legoworld.records.base import UNSET, RecordError, decode_lines
-from legoworld.records.bench_run import BenchRow, RenderFile, SurfaceFile, WrittenFile
 from legoworld.records.folders.run_reading import ROWS
+from legoworld.records.submission import BenchRow, RenderFile, SurfaceFile, WrittenFile
 from legoworld.tasks.shipped import RECONSTRUCTION
 
 _NO_TEXTURES: Final = np.zeros((0, 36, 64, 3), np.uint8)
@@ -42,7 +42,7 @@ class BenchRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """The submitted surface at the scoring raster, see `records.bench_run`.
+    """The submitted surface at the scoring raster, see `records.submission`.
 
     own_depth_z_m, own_raster: with the submission's own intrinsics, None where those are the
     reference's; plane: (H, W), -1 where no camera-facing plane is; textures: (N, h, w, 3).

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.depth.family import EVALUATION
+from legoworld.evaluation.family import EvaluationRequest
 from legoworld.readouts.depth import write_depth
+from legoworld.records.depth import DepthSummary
 
 #: courtyard's camera in ETH3D's cameras.txt.
 COURTYARD = (
@@ -18,6 +21,28 @@ COURTYARD = (
     " -0.158023 0.406856 -8.46499e-05 0.000861313"
 )
 Predictions = dict[str, NDArray[Any] | dict[str, Any] | str]
+
+
+def evaluate_depth(
+    run: Path,
+    truth: Path,
+    output: Path,
+    *,
+    camera_model: str = "none",
+    draws: int = 2000,
+    **others: Any,
+) -> DepthSummary:
+    """Score a depth run into an evaluation folder. others: of the request."""
+    return EVALUATION.evaluate(
+        EvaluationRequest(
+            run=run,
+            truth=truth,
+            output=output,
+            draws=draws,
+            options={"camera_model": camera_model},
+            **others,
+        )
+    )
 
 
 def write_run(

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.cameras import _distorted, pinhole_from_distorted
 from legoworld.evaluation.depth.errors import CameraModelError
-from legoworld.evaluation.depth.resampling import sampler
+from legoworld.evaluation.depth.rows import warp_of
+from legoworld.evaluation.pixels.resampling import sampler
 from legoworld.tracks.colmap import Camera
 
 WORDS = [float(x) for x in COURTYARD.split()]
@@ -134,13 +135,13 @@ def test_the_warp_reads_the_pinhole_where_the_distorted_pixel_looks() -> None:
         values=(1 / plane).astype(np.float64), space="depth", unit="m", intrinsics_px=None
     )
     rows, cols = (i.ravel() for i in np.mgrid[: size_wh[1], : size_wh[0]])
-    warped = sampler(prediction, size_wh, camera)(rows, cols)
+    warped = sampler(prediction, size_wh, warp_of(camera, size_wh))(rows, cols)
     looked_at = pinhole_from_distorted(camera, np.stack([cols + 0.5, rows + 0.5], axis=1))
     inner = ((looked_at > 0.5) & (looked_at < np.array(size_wh) - 0.5)).all(axis=1)
     expected = 0.2 + looked_at @ [3e-4, 5e-4]
     assert warped.predicted[inner].all()
-    np.testing.assert_allclose(warped.disparity[inner], expected[inner], rtol=1e-12)
+    np.testing.assert_allclose(warped.values[inner], expected[inner], rtol=1e-12)
     unwarped = sampler(prediction, size_wh, None)(rows, cols)
-    assert np.abs(unwarped.disparity - expected)[inner].max() > 1e-3
+    assert np.abs(unwarped.values - expected)[inner].max() > 1e-3
     beyond = ((looked_at < -0.01) | (looked_at > np.array(size_wh) + 0.01)).any(axis=1)
     assert np.array_equal(warped.outside[beyond], np.ones(beyond.sum(), bool))

@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from legoworld.cards import load_card
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, depth_protocol
-from legoworld.evaluation.depth.resampling import bilinear, sampler
 from legoworld.evaluation.depth.scoring import ImageScore, score_image
+from legoworld.evaluation.pixels.resampling import bilinear, sampler
 
 Array = NDArray[np.float64]
-PROTOCOL = depth_protocol()
+PROTOCOL = depth_protocol(load_card("eth3d"))
 EVERY = [
     *((m, p) for m in ("abs_rel", "delta1", "delta2", "delta3") for p in HOLE_POLICIES),
     *((m, "exclude") for m in ("rmse_m", "log10", "silog")),
@@ -141,10 +142,10 @@ def test_bilinear_stays_between_its_neighbours(pair: tuple[Array, Array], seed: 
     height, width = disparity.shape
     xy = np.random.default_rng(seed).uniform(-1, 1 + max(width, height), (200, 2))
     found = bilinear(disparity_of(disparity), xy)
-    assert np.all(np.isfinite(found.disparity))
+    assert np.all(np.isfinite(found.values))
     assert not np.any(found.predicted & found.outside)
     low, high = np.nanmin(disparity), np.nanmax(disparity)
-    inside = found.disparity[found.predicted]
+    inside = found.values[found.predicted]
     assert np.all((inside >= low - 1e-12) & (inside <= high + 1e-12))
     beyond = (xy[:, 0] > width + 1e-3) | (xy[:, 1] > height + 1e-3) | (xy < -1e-3).any(axis=1)
     assert np.all(found.outside[beyond])
@@ -167,4 +168,4 @@ def test_a_plane_in_disparity_is_resampled_to_itself(
     inner = (u >= 0.5) & (u <= width - 0.5) & (v >= 0.5) & (v <= height - 0.5)
     expected = slope_x * u + slope_y * v + 1
     assert found.predicted.all()
-    np.testing.assert_allclose(found.disparity[inner], expected[inner], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found.values[inner], expected[inner], rtol=0, atol=1e-10)

@@ -12,6 +12,7 @@ import pytest
 from depth_files.array_files import npy, npz
 from evaluation.depth.folders import (
     Predictions,
+    evaluate_depth,
     plane,
     rows_of,
     stem,
@@ -21,15 +22,15 @@ from evaluation.depth.folders import (
 )
 
 from legoworld import cli
+from legoworld.cards import load_card
 from legoworld.comparison.depth import COMPARISON
 from legoworld.errors import CatalogError, ConfigurationMismatchError, UsageError
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.eth3d import scene_of, training_images
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
-from legoworld.evaluation.depth.view import decoded
 from legoworld.evaluation.evidence import verify
+from legoworld.evaluation.pixels.view import decoded
 from legoworld.evaluation.run import RunUnusableError
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.records.base import as_json, decode
@@ -504,7 +505,7 @@ def test_numbers_that_float64_cannot_square_are_holes(
 
 
 def test_a_card_of_another_protocol_is_refused() -> None:
-    card = depth_protocol().card
+    card = depth_protocol(load_card("eth3d")).card
     alignment = {**card.values["alignment"], "solver": "median"}
     other = type(card)(task=card.task, sha256="", values={**card.values, "alignment": alignment})
     with pytest.raises(CatalogError, match=r"alignment\.solver"):

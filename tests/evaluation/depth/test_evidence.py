@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evaluation.depth.folders import Predictions, plane, write_arrays, write_run
+from evaluation.depth.folders import Predictions, evaluate_depth, plane, write_arrays, write_run
 
 from legoworld import cli
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.evidence import verify
 from legoworld.files import sha256_of_file
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluation.depth.folders import plane, write_eth3d, write_run
+from evaluation.depth.folders import evaluate_depth, plane, write_eth3d, write_run
 
+from legoworld.cards import load_card
 from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.protocol import depth_protocol
-from legoworld.evaluation.depth.resampling import sampler
 from legoworld.evaluation.depth.scoring import score_image
+from legoworld.evaluation.pixels.resampling import sampler
 
 MEGABYTE = 1 << 20
 
@@ -24,7 +24,7 @@ def peak_of_scoring(size_wh: tuple[int, int], step: int) -> int:
     values = truth[::step, ::step]
     array = DepthArray(values=values, space="depth", unit="m", intrinsics_px=None)
     tracemalloc.start()
-    score_image(truth, sampler(array, size_wh, None), depth_protocol())
+    score_image(truth, sampler(array, size_wh, None), depth_protocol(load_card("eth3d")))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return peak

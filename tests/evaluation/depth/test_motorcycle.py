@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evaluation.depth.folders import rows_of, write_run
+from evaluation.depth.folders import evaluate_depth, rows_of, write_run
 from numpy.typing import NDArray
 
 from legoworld import cli
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.truth import find_truth, load_truth
 from legoworld.evaluation.run import RunImage
 
@@ -58,9 +57,9 @@ def depth_of(disparity: Array, card: dict[str, Any]) -> Array:
 def test_its_disparity_becomes_the_card_s_depth(truth: Path, card: dict[str, Any]) -> None:
     image = RunImage(image_id=4, file_name=PHOTO, size_wh=(741, 500), status="ok")
     found = load_truth(find_truth(truth, [image])[0])
-    assert found.inf_px == 27_226
-    valid = np.isfinite(found.z_m)
-    limits = [found.z_m[valid].min(), found.z_m[valid].max()]
+    assert found.counts["truth_inf_px"] == 27_226
+    valid = np.isfinite(found.values)
+    limits = [found.values[valid].min(), found.values[valid].max()]
     assert limits == pytest.approx(card["z_range_m"], abs=1e-4)
 
 

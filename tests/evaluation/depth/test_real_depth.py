@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evaluation.depth.folders import rows_of, write_run
+from evaluation.depth.folders import evaluate_depth, rows_of, write_run
 from numpy.typing import NDArray
 
 from legoworld import cli
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.evaluation.depth.declaration import Declaration
-from legoworld.evaluation.depth.evaluate import evaluate_depth
 from legoworld.evaluation.depth.labelled import read_labelled
 
 pytestmark = pytest.mark.real_data

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from legoworld.errors import ShapeError
 from legoworld.evaluation.depth.arrays import DepthArray, Space
 from legoworld.evaluation.depth.errors import DepthPredictionError
-from legoworld.evaluation.depth.resampling import bilinear, check_size, sampler
+from legoworld.evaluation.depth.family import PIXELS
+from legoworld.evaluation.depth.rows import warp_of
+from legoworld.evaluation.pixels.resampling import bilinear, sampler, size_check
 from legoworld.tracks.colmap import Camera
 
 Array = NDArray[Any]
@@ -26,7 +28,7 @@ def everywhere(prediction: DepthArray, size_wh: tuple[int, int]) -> tuple[Array,
     rows, cols = (i.ravel() for i in np.mgrid[: size_wh[1], : size_wh[0]])
     found = sampler(prediction, size_wh, None)(rows, cols)
     shape = size_wh[::-1]
-    return found.disparity.reshape(shape), found.predicted.reshape(shape)
+    return found.values.reshape(shape), found.predicted.reshape(shape)
 
 
 def test_a_ramp_stays_the_same_ramp() -> None:
@@ -81,7 +83,7 @@ def test_positions_on_and_beyond_the_edge() -> None:
     found = bilinear(prediction, xy)
     assert found.predicted.tolist() == [True, True, True, False, False]
     assert found.outside.tolist() == [False, False, False, True, True]
-    assert found.disparity.tolist() == [1.0, 4.0, 2.5, 0.0, 0.0]
+    assert found.values.tolist() == [1.0, 4.0, 2.5, 0.0, 0.0]
     # The edge's rounding errors count as inside, up to the last of them.
     last = np.array([[-1e-6, 1.0], [2 + 1e-6, 1.0], [1.0, -1e-6], [1.0, 2 + 1e-6]])
     assert bilinear(prediction, last).predicted.all()
@@ -92,7 +94,7 @@ def test_positions_on_and_beyond_the_edge() -> None:
     "size_wh", [(741, 500), (740, 500), (504, 336), (518, 350), (37, 25), (3, 2), (1, 1)]
 )
 def test_sizes_that_are_the_truth_s_picture(size_wh: tuple[int, int]) -> None:
-    check_size(size_wh, (741, 500))
+    size_check(PIXELS, (741, 500))(size_wh)
 
 
 @pytest.mark.parametrize(
@@ -102,10 +104,10 @@ def test_sizes_that_are_the_truth_s_picture(size_wh: tuple[int, int]) -> None:
 )  # fmt: skip
 def test_sizes_that_are_not(size_wh: tuple[int, int], word: str) -> None:
     with pytest.raises(DepthPredictionError, match=word):
-        check_size(size_wh, (741, 500))
+        size_check(PIXELS, (741, 500))(size_wh)
 
 
 def test_a_camera_of_another_size_is_refused() -> None:
     camera = Camera(model="PINHOLE", size_wh=(8, 8), params=(8, 8, 4, 4))
     with pytest.raises(ShapeError):
-        sampler(array(np.ones((4, 4))), (4, 4), camera)
+        warp_of(camera, (4, 4))

@@ -44,8 +44,8 @@ def test_both_trees(tmp_path: Path, tree: str) -> None:
     for file, z in zip(files, truths.values(), strict=True):
         truth = load_truth(file)
         assert (file.kind, file.size_from, truth.size_wh) == ("eth3d_raw", "cameras.txt", (32, 20))
-        assert np.array_equal(truth.z_m, z)
-        assert (truth.inf_px, truth.nan_px, truth.non_positive_px) == (int(np.isinf(z).sum()), 0, 0)
+        assert np.array_equal(truth.values, z)
+        assert tuple(truth.counts.values()) == (int(np.isinf(z).sum()), 0, 0)
         assert file.camera is not None
         assert file.camera.model == "THIN_PRISM_FISHEYE"
 
@@ -70,7 +70,7 @@ def test_invalid_values_are_counted(tmp_path: Path) -> None:
     z.flat[:5] = [np.nan, np.nan, 0.0, -1.0, -np.inf]
     n_inf = int((z == np.inf).sum())
     truth = load_truth(find_truth(write_eth3d(tmp_path, {NAME: z}), [photo()])[0])
-    assert (truth.inf_px, truth.nan_px, truth.non_positive_px) == (n_inf, 2, 3)
+    assert tuple(truth.counts.values()) == (n_inf, 2, 3)
 
 
 def test_without_calibration_the_track_s_size_is_held_to_the_bytes(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_arrays_named_like_the_photos(tmp_path: Path) -> None:
     z = plane((8, 6))
     write_arrays(tmp_path, {"a/b.png": z, "c.jpg": z * 2})
     files = find_truth(tmp_path, [photo("a/b.png", None), photo("c.jpg", None)])
-    assert [np.array_equal(load_truth(f).z_m, e) for f, e in zip(files, (z, z * 2), strict=True)]
+    assert [np.array_equal(load_truth(f).values, e) for f, e in zip(files, (z, z * 2), strict=True)]
     np.save(tmp_path / "c.npy", z)
     with pytest.raises(DepthTruthError, match="more than one ground-truth file"):
         find_truth(tmp_path, [photo("c.jpg", None)])
@@ -119,7 +119,7 @@ def test_declared_arrays(tmp_path: Path) -> None:
     (tmp_path / "depth.toml").write_text('space = "depth"\nunit = "mm"\n')
     np.save(tmp_path / "c.npy", z * 1000)
     np.testing.assert_allclose(
-        load_truth(find_truth(tmp_path, [photo("c.jpg", None)])[0]).z_m, z, rtol=1e-6
+        load_truth(find_truth(tmp_path, [photo("c.jpg", None)])[0]).values, z, rtol=1e-6
     )
 
 

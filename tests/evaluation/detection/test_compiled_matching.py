@@ -21,7 +21,8 @@ from legoworld.evaluation.detection.matching.compiled_matching import (
     pairs_of_chunk,
     states_of_chunk,
 )
-from legoworld.evaluation.detection.matching.overlaps import Overlaps, overlaps_of
+from legoworld.evaluation.detection.payloads.masks import MASKS
+from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.problem import build_problem
 
 
@@ -70,7 +71,7 @@ def test_tracks_with_crowds_areas_and_gaps(task, seed, tmp_path, monkeypatch):
     assert len(chunks) > 5
     for k in range(len(chunks)):
         chunk = chunks[k]
-        overlaps = overlaps_of(chunk)
+        overlaps = chunk.payload.overlaps(chunk)
         iou, area = reference_matching.overlaps(chunk)
         np.testing.assert_array_equal(overlaps.iou, iou)
         np.testing.assert_array_equal(overlaps.area, area)
@@ -86,9 +87,9 @@ def test_overlaps_of_any_masks_are_those_of_pycocotools(data):
     crowd = data.draw(arrays.arrays(bool, len(wanted)))
     chunk = chunk_of([[0] * len(found)], [[0] * len(wanted)], ignored=crowd, crowd=crowd)
     texts = tuple(text_counts(m)["counts"] for m in found)
-    masks = {"iou_type": "segm", "sizes_hw": (size_hw,), "masks": texts}
-    chunk = Chunk(**{**vars(chunk), **masks, "true_masks": tuple(map(text_counts, wanted))})
-    overlaps = overlaps_of(chunk)
+    masks = {"payload": MASKS, "sizes_hw": (size_hw,), "shapes": texts}
+    chunk = Chunk(**{**vars(chunk), **masks, "true_shapes": tuple(map(text_counts, wanted))})
+    overlaps = chunk.payload.overlaps(chunk)
     expected = coco_mask.iou(found, wanted, crowd.astype(int).tolist()).ravel()
     np.testing.assert_array_equal(overlaps.iou, expected)
     np.testing.assert_array_equal(overlaps.area, areas_px(found))
@@ -107,6 +108,9 @@ def test_empty_runs_stop_an_overlap_where_pycocotools_stops():
     masks = [coco_mask.frPyObjects({"size": list(size_hw), "counts": c}, *size_hw) for c in counts]
     for a, b in itertools.product(masks, repeat=2):
         chunk = chunk_of([[0]], [[0]])
-        shapes = {"masks": (text_counts(a)["counts"],), "true_masks": (text_counts(b),)}
-        chunk = Chunk(**{**vars(chunk), "iou_type": "segm", "sizes_hw": (size_hw,), **shapes})
-        assert overlaps_of(chunk).iou.tolist() == coco_mask.iou([a], [b], [0]).ravel().tolist()
+        shapes = {"shapes": (text_counts(a)["counts"],), "true_shapes": (text_counts(b),)}
+        chunk = Chunk(**{**vars(chunk), "payload": MASKS, "sizes_hw": (size_hw,), **shapes})
+        assert (
+            chunk.payload.overlaps(chunk).iou.tolist()
+            == coco_mask.iou([a], [b], [0]).ravel().tolist()
+        )

@@ -30,7 +30,7 @@ from legoworld.records.bench_dataset import (
     RenderCard,
     ScoredObject,
 )
-from legoworld.records.bench_run import (
+from legoworld.records.submission import (
     BenchRow,
     Check,
     Integrity,

@@ -14,7 +14,7 @@ from PIL import Image
 from legoworld.evaluation.reconstruction import appearance, picture_cache
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.records.bench_run import CameraPlane, ImageTexture, TextBlock
+from legoworld.records.submission import CameraPlane, ImageTexture, TextBlock
 
 
 @pytest.fixture(scope="module")

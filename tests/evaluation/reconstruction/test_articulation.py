@@ -21,8 +21,8 @@ from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.records.articulation import ReferenceJoint, SceneJoint
 from legoworld.records.base import UNSET, as_json, decode, decode_lines, readable, to_record
 from legoworld.records.bench_dataset import BenchTruthFile
-from legoworld.records.bench_run import BenchRow
 from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.submission import BenchRow
 
 RULES = articulation_rules()
 ALL = Present(object=1.0, part=1.0)

@@ -27,7 +27,7 @@ from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.run import RunUnusableError
-from legoworld.records.bench_run import Check
+from legoworld.records.submission import Check
 from legoworld.workers.tasks import WorkerPool
 
 

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from legoworld.files import canonical_json, sha256_of_file, write_text
 from legoworld.readouts.exports import exported
 from legoworld.readouts.family import ReadoutFamily, answer_file
-from legoworld.records.bench_run import WrittenFile
+from legoworld.records.submission import WrittenFile
 
 
 def write_counts(run, name, counts):

@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.evaluation.detection.inputs.box_formats import check_box_format
-from legoworld.evaluation.detection.inputs.caps import without_empty
-from legoworld.evaluation.detection.inputs.masks import covers, measured
-from legoworld.evaluation.detection.inputs.prediction_checks import (
-    check_ids,
-    check_scores,
-    unusable_mask,
-)
+from legoworld.evaluation.detection.inputs.prediction_checks import check_ids, check_scores
 from legoworld.evaluation.detection.inputs.prediction_columns import (
-    GivenColumns,
     PredictionColumns,
     Sizes,
-    boxes_of,
-    masks_of,
     score_column,
 )
 from legoworld.evaluation.detection.inputs.prediction_order import (
@@ -34,8 +23,8 @@ from legoworld.evaluation.detection.inputs.prediction_order import (
     order_of,
     places_in_order,
 )
-from legoworld.evaluation.detection.inputs.texts import Texts
 from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.payloads.payload import CheckBoxes, Checking
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
 from legoworld.records.predictions import BoxPrediction, MaskPrediction
@@ -43,12 +32,6 @@ from legoworld.tracks.vocabulary import Vocabulary
 
 #: Predictions some at a time; of the kind that the protocol scores (`kind_of`).
 Batches = Iterable[Sequence[BoxPrediction | MaskPrediction]]
-
-_UNCOMPRESSED: Final = "masks with uncompressed RLE, compressed before scoring"
-#: Both evaluators would take the box's area for the mask's.
-_BOXED: Final = "masks with a bbox, which was left out"
-
-CheckBoxes = Callable[[Sequence[int], Sequence[object], Sizes], Mapping[str, int]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +68,7 @@ class Predictions:
 
 def kind_of(protocol: DetectionProtocol) -> type[BoxPrediction] | type[MaskPrediction]:
     """What a protocol scores."""
-    return BoxPrediction if protocol.iou_type == "bbox" else MaskPrediction
+    return protocol.payload.record
 
 
 def check_predictions(
@@ -125,44 +108,26 @@ def check_results(
     where too few boxes tell their format.
     PredictionsInvalidError names the first offender and how many there are.
     """
-    boxes = protocol.iou_type == "bbox"
-    if boxes:
-        given = boxes_of(cast("Iterable[Sequence[BoxPrediction]]", batches))
-    else:
-        given = masks_of(cast("Iterable[Sequence[MaskPrediction]]", batches), sizes_wh)
+    payload = protocol.payload
+    given = payload.given(batches, sizes_wh)
     columns = given.columns
     check_scores(columns.score)
     check_ids(columns.image_id, columns.category_id, status_by_image, vocabulary)
     warnings: Counter[str] = Counter()
-    if boxes:
-        warnings.update(check_boxes(columns.image_id.tolist(), columns.shape, sizes_wh))
-        kept, n_empty = in_order(columns, order), 0
-    else:
-        _check_sizes(given, sizes_wh)
-        kept, n_empty = _masks_checked(in_order(columns, order), sizes_wh, protocol, warnings)
-        warnings[_UNCOMPRESSED] = given.n_uncompressed
-        warnings[_BOXED] = given.n_boxed
+    checking = Checking(
+        sizes_wh=sizes_wh,
+        protocol=protocol,
+        order=order,
+        check_boxes=check_boxes,
+        warnings=warnings,
+    )
+    kept, n_empty = payload.checked(given, checking)
     return Predictions(
         entries=kept,
         warnings=tuple(f"{n} {what}" for what, n in sorted(warnings.items()) if n),
         n_dropped_empty=n_empty,
         order=order,
     )
-
-
-def _masks_checked(
-    masks: PredictionColumns, sizes_wh: Sizes, protocol: DetectionProtocol, warnings: Counter[str]
-) -> tuple[PredictionColumns, int]:
-    """The masks that are scored, and how many without a pixel were dropped."""
-    empty = _areas(masks, sizes_wh) == 0
-    if not empty.any():
-        return masks, 0
-    if protocol.federated:
-        kept = without_empty(masks, empty, protocol.per_image_cap, warnings)
-        return kept, int(empty.sum())
-    what = "masks without a pixel, scored as pycocotools does: they match nothing"
-    warnings[what] = int(empty.sum())
-    return masks, 0
 
 
 def sha256_of_entries(entries: PredictionColumns) -> str:
@@ -183,31 +148,3 @@ def with_equal_confidence(predictions: Predictions) -> Predictions:
     if predictions.order != "canonical":
         entries = in_order(entries, "canonical")
     return replace(predictions, entries=entries, order="canonical")
-
-
-def _check_sizes(given: GivenColumns, sizes_wh: Sizes) -> None:
-    """PredictionsInvalidError for a mask of another size than its image."""
-    columns = given.columns
-    images, place = np.unique(columns.image_id, return_inverse=True)
-    expected = np.array([sizes_wh[i][::-1] for i in images.tolist()], np.int64).reshape(-1, 2)
-    wrong = np.flatnonzero((given.size_hw != expected[place]).any(axis=1))
-    for index in wrong[:1].tolist():
-        size, wanted = given.size_hw[index].tolist(), expected[place[index]].tolist()
-        problem = f"size {size}, the image's [height, width] is {wanted}"
-        raise unusable_mask(int(columns.image_id[index]), int(columns.category_id[index]), problem)
-
-
-def _areas(entries: PredictionColumns, sizes_wh: Sizes) -> NDArray[np.float64]:
-    """(n,) pixels of every mask, once its run lengths add up to its image.
-
-    pycocotools does not check this, and reads beyond the end of invalid counts.
-    """
-    assert isinstance(entries.shape, Texts)
-    covered, areas = measured(entries.shape)
-    images, place = np.unique(entries.image_id, return_inverse=True)
-    sizes = [sizes_wh[i] for i in images.tolist()]
-    pixels = np.array([width * height for width, height in sizes], np.int64)
-    for index in np.flatnonzero(covered != pixels[place])[:1].tolist():
-        problem = covers(int(covered[index]), sizes[place[index]])
-        raise unusable_mask(int(entries.image_id[index]), int(entries.category_id[index]), problem)
-    return areas

@@ -12,7 +12,6 @@ from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.detection.inputs.truth_checks import (
     TruthInvalidError,
     check_annotations,
-    check_boxes,
     check_image_values,
     check_images,
 )
@@ -76,11 +75,10 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
         images=all_images,
         wanted=(image["id"] for image in images),
         category_ids=(c.id for c in vocabulary.categories),
-        masks=protocol.iou_type == "segm",
+        check_shapes=protocol.payload.check_shapes,
         repairs=repairs,
     )
-    if protocol.iou_type == "bbox":
-        check_boxes(str(path), annotations, all_images, repairs)
+    protocol.payload.check_format(str(path), annotations, all_images, repairs)
     if protocol.federated:
         _check_frequencies(path, document["categories"])
     return Truth(

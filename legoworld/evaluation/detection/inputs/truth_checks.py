@@ -30,6 +30,8 @@ from legoworld.records.track import LARGEST_ID
 
 Foreign = dict[str, Any]
 Fault = Callable[[Foreign], str | None]
+#: Checks the shapes of annotations of a file's name, whose images are by id.
+CheckShapes = Callable[[str, Sequence[Foreign], Mapping[int, Foreign]], None]
 
 _FEDERATED_KEYS = ("neg_category_ids", "not_exhaustive_category_ids")
 _CORRECT = "correct the file, or use the dataset's own"
@@ -98,14 +100,14 @@ def check_annotations(
     images: Mapping[int, Foreign],
     wanted: Iterable[int],
     category_ids: Iterable[int],
-    masks: bool,
+    check_shapes: CheckShapes,
     repairs: Counter[str],
 ) -> list[Foreign]:
     """Copies of the annotations of the wanted images, in the file's order.
 
     images: all of the file's, as `check_images` returns them: an annotation of none of them is
-    refused, one of an image that is not wanted is left out. masks: whether segmentations are
-    scored. repairs counts what was taken in spite of its form. TruthInvalidError otherwise.
+    refused, one of an image that is not wanted is left out. check_shapes: the payload's. repairs
+    counts what was taken in spite of its form. TruthInvalidError otherwise.
     """
     _refuse(name, "annotations", entries, _object_fault)
     _refuse(name, "annotations", entries, _key_fault("id"), "an integer id")
@@ -128,8 +130,7 @@ def check_annotations(
     _check_values(name, own, frozenset(category_ids))
     for entry in own:
         entry["category_id"] = _whole(entry["category_id"], "category ids", repairs)
-    if masks:
-        _check_masks(name, own, images)
+    check_shapes(name, own, images)
     return own
 
 
@@ -178,7 +179,7 @@ def _check_values(name: str, own: Sequence[Foreign], category_ids: frozenset[int
         _refuse(name, "annotations", own, fault, expected, next_step or _CORRECT)
 
 
-def _check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]) -> None:
+def check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]) -> None:
     """Polygons of three points and more, or RLE that covers its image."""
 
     def fault(entry: Foreign) -> str | None:

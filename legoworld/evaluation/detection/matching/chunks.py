@@ -5,7 +5,6 @@ A chunk is the unit of work of a worker: columns as arrays, and the shapes of it
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, TypeVar, overload
@@ -13,10 +12,9 @@ from typing import Any, Final, TypeVar, overload
 import numpy as np
 
 from legoworld.evaluation.detection.inputs.predictions import Predictions
-from legoworld.evaluation.detection.inputs.texts import Texts
 from legoworld.evaluation.detection.inputs.truth import Truth
-from legoworld.evaluation.detection.problem import Detections, Floats, Ints, Problem, TrueInstances
-from legoworld.evaluation.detection.protocols import IouType
+from legoworld.evaluation.detection.payloads.payload import Payload
+from legoworld.evaluation.detection.problem import Detections, Ints, Problem, TrueInstances
 
 #: Detections of a chunk, about: 25 ms of work on boxes, 80 on masks, and at most 3 MB to send.
 _CHUNK_DETECTIONS: Final = 8000
@@ -32,21 +30,19 @@ class Chunk:
 
     detections, truths: the problem's columns of these images, which are counted from the first;
     `entry` and `annotation` still point into the whole run's. first_detection, first_truth:
-    (images + 1,) where each image's begin, and their number. sizes_hw: of each image. boxes,
-    true_boxes: (n, 4) x, y, w, h; empty where masks are compared. masks: compressed counts;
-    true_masks: polygons or RLE as in the truth; both empty where boxes are compared.
+    (images + 1,) where each image's begin, and their number. sizes_hw: of each image. shapes,
+    true_shapes: as the payload packs them: (n, 4) boxes; or compressed counts of masks, and
+    polygons or RLE as in the truth.
     """
 
-    iou_type: IouType
+    payload: Payload
     detections: Detections
     truths: TrueInstances
     first_detection: Ints
     first_truth: Ints
     sizes_hw: tuple[tuple[int, int], ...]
-    boxes: Floats
-    true_boxes: Floats
-    masks: tuple[str, ...]
-    true_masks: tuple[Any, ...]
+    shapes: Any
+    true_shapes: Any
 
 
 class Chunks(Sequence[Chunk]):
@@ -87,21 +83,17 @@ class Chunks(Sequence[Chunk]):
         true = slice(self._first_truth[first], self._first_truth[end])
         detections = _cut(self._problem.detections, mine, first)
         truths = _cut(self._problem.truths, true, first)
-        shape = self._predictions.entries.shape
-        drawn = detections.entry.tolist()
+        payload, shape = self._problem.protocol.payload, self._predictions.entries.shape
         annotations = [self._truth.annotations[k] for k in truths.annotation]
-        boxes = self._problem.protocol.iou_type == "bbox"
         return Chunk(
-            iou_type=self._problem.protocol.iou_type,
+            payload=payload,
             detections=detections,
             truths=truths,
             first_detection=self._first_detection[first : end + 1] - mine.start,
             first_truth=self._first_truth[first : end + 1] - true.start,
             sizes_hw=tuple((i["height"], i["width"]) for i in self._truth.images[first:end]),
-            boxes=_boxes(() if isinstance(shape, Texts) else [shape[k] for k in drawn]),
-            true_boxes=_boxes([a["bbox"] for a in annotations] if boxes else ()),
-            masks=tuple(shape[k] for k in drawn) if isinstance(shape, Texts) else (),
-            true_masks=() if boxes else tuple(a["segmentation"] for a in annotations),
+            shapes=payload.packed([shape[k] for k in detections.entry.tolist()]),
+            true_shapes=payload.packed([a[payload.field] for a in annotations]),
         )
 
 
@@ -116,8 +108,3 @@ def _edges(first_detection: Ints) -> Ints:
 def _cut(columns: Columns, some: slice, first_image: int) -> Columns:
     cut = {f.name: getattr(columns, f.name)[some] for f in fields(columns)}
     return replace(columns, **{**cut, "image": cut["image"] - first_image})
-
-
-def _boxes(boxes: Sequence[Sequence[float]]) -> Floats:
-    numbers = list(itertools.chain.from_iterable(boxes))
-    return np.array(numbers, np.float64).reshape(-1, 4)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.matching.chunks import Chunk
-from legoworld.evaluation.detection.matching.overlaps import Overlaps
 from legoworld.evaluation.detection.matching.pairing import Pairs
+from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 from legoworld.evaluation.kernels.library import check, library, pointer
 

@@ -14,7 +14,6 @@ from legoworld.evaluation.detection.matching.compiled_matching import (
     pairs_of_chunk,
     states_of_chunk,
 )
-from legoworld.evaluation.detection.matching.overlaps import overlaps_of
 from legoworld.evaluation.detection.matching.pairing import Pairs
 from legoworld.evaluation.detection.problem import Problem
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
@@ -35,7 +34,7 @@ class Matches:
 
 def match_chunk(chunk: Chunk) -> Matches:
     """Match and pair the images of a chunk."""
-    overlaps = overlaps_of(chunk)
+    overlaps = chunk.payload.overlaps(chunk)
     return Matches(
         state=states_of_chunk(chunk, overlaps),
         aware=pairs_of_chunk(chunk, overlaps, class_aware=True),
@@ -45,7 +44,7 @@ def match_chunk(chunk: Chunk) -> Matches:
 
 def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
     """Only the state, which another ranking of the same predictions changes."""
-    return states_of_chunk(chunk, overlaps_of(chunk))
+    return states_of_chunk(chunk, chunk.payload.overlaps(chunk))
 
 
 def matches_of(

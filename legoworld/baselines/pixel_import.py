@@ -1,10 +1,12 @@
-"""A folder of depth arrays as a run folder: planar and declared, one row each."""
+"""A folder of arrays of others as a run folder: one file and one row for each photo."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Final
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
 
 from msgspec.structs import replace
 
@@ -13,23 +15,14 @@ from legoworld.baselines.baseline_import import (
     import_configuration,
     write_import,
 )
-from legoworld.baselines.depth_folder import (
-    DepthSource,
-    planar_depth,
-    write_array,
-)
-from legoworld.baselines.depth_matching import Match, Matches, match_files
-from legoworld.baselines.records import (
-    ResultMissingError,
-    depth_record,
-    is_intact,
-)
+from legoworld.baselines.pixel_matching import Match, Matches, Naming, match_files
+from legoworld.baselines.records import ResultMissingError, is_intact
 from legoworld.depth_files.reading import SUFFIXES
 from legoworld.errors import LegoWorldError, UsageError
-from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.evaluation.pixels.family import PixelArray
+from legoworld.files import sha256_of_file
 from legoworld.pluralize import counted
-from legoworld.readouts.depth import depth_file, depth_file_bytes
+from legoworld.readouts.pixels import PixelFile
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom, ReadArray
@@ -42,53 +35,61 @@ Say = Callable[[str], None]
 _FLOAT16: Final = "the file holds float16: three digits, and nothing beyond 65504"
 
 
-def import_depth(
-    request: ImportRequest, source: DepthSource, *, progress: Progress, notice: Say
+@dataclass(frozen=True, kw_only=True)
+class PixelSource:
+    """A folder of arrays, and what a family makes of them.
+
+    suffix: the ending of the files' names; imported: what the run says of the folder and its
+    declarations; stored: how the run keeps an array.
+    read: a photo's array after all checks; write: it, into the run; record: the image's record of
+    what was written. LegoWorldError of these is that image's row.
+    """
+
+    folder: Path
+    suffix: str | None
+    naming: Naming
+    imported: Imported
+    stored: PixelFile
+    read: Callable[[Path, TrackImage], PixelArray]
+    write: Callable[[Path, Any], None]
+    record: Callable[[TrackImage, Path, ImageSource], ImageRecord]
+
+
+def import_pixels(
+    request: ImportRequest, source: PixelSource, *, progress: Progress, notice: Say
 ) -> RunResult:
-    """Import a folder of depth arrays; an interrupted import is resumed.
+    """Import a folder of arrays; an interrupted import is resumed.
 
     An array that `evaluate` could not score is a row of the run. If no array is usable, the first
     one's error is raised and nothing is kept.
     """
     images = list(request.track.images)
-    imported = Imported(
-        folder=source.folder.resolve().name,
-        space=source.space,
-        unit=source.unit,
-        array=source.array,
-        suffix=source.suffix,
-        cameras_sha256=sha256_of_text(
-            canonical_json({n: [*c.intrinsics_px] for n, c in source.cameras.items()})
-        )
-        if source.cameras
-        else None,
-    )
-    matches = match_files(source.folder, images, source.suffix)
+    matches = match_files(source.folder, images, source.suffix, source.naming)
     _refuse_unusable(request, source, images, matches)
     _notice_names(matches, notice)
     with run_folder.locked(request.run):
-        configuration = import_configuration(request, images, imported)
+        configuration = import_configuration(request, images, source.imported)
         earlier = run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
         by_id = {record.row.image_id: record for record in earlier}
         sizes = [i.size_wh for i in images if i.id not in by_id and i.size_wh is not None]
         check_disk(
             request.run,
-            [depth_file_bytes(size) for size in sizes],
+            [source.stored.most_bytes(size) for size in sizes],
             notice,
-            what="depth",
+            what=source.naming.noun,
             next_step="free some space, or choose another -o",
         )
         with journal(request.run) as stream:
             records = []
-            for record in _depth_records(request, source, matches, by_id):
+            for record in _records(request, source, matches, by_id):
                 records.append(append(stream, record))
                 progress(record.row)
         return write_import(request, records, configuration)
 
 
-def _depth_records(
+def _records(
     request: ImportRequest,
-    source: DepthSource,
+    source: PixelSource,
     matches: Matches,
     earlier: Mapping[int, ImageRecord],
 ) -> Iterator[ImageRecord]:
@@ -96,28 +97,32 @@ def _depth_records(
         try:
             if not request.was_run_on(image):
                 raise ResultMissingError("not among the images it was run on")
-            match = _existing(matches, image)
+            match = _existing(matches, image, source.naming.noun)
             file = match.path.relative_to(source.folder).as_posix()
             digest = sha256_of_file(match.path)
             entry = ImageSource(source=ImportedFrom(file=file, sha256=digest, matched_by=match.how))
             if image.id in earlier and is_intact(earlier[image.id], request.run, entry):
                 yield earlier[image.id]
                 continue
-            array = planar_depth(match.path, source, image)
-            write_array(request.run / depth_file(image.scene), array)
-            yield _depth_record(image, request, entry, array)
+            array = source.read(match.path, image)
+            source.write(request.run / source.stored.path(image.scene), array)
+            yield _record(image, request, source, entry, array)
         except LegoWorldError as error:
             yield failed_record(image, error)
 
 
-def _depth_record(
-    image: TrackImage, request: ImportRequest, entry: ImageSource, array: DepthArray
+def _record(
+    image: TrackImage,
+    request: ImportRequest,
+    source: PixelSource,
+    entry: ImageSource,
+    array: PixelArray,
 ) -> ImageRecord:
     """The record with what was read from the file, and a warning below float32 precision."""
     stored = array.stored
     assert stored is not None
     read = ReadArray(array=stored.array, dtype=stored.dtype, shape=tuple(stored.shape))
-    record = depth_record(image, request.run, replace(entry, read=read))
+    record = source.record(image, request.run, replace(entry, read=read))
     if stored.dtype == "float16":
         return replace(record, row=replace(record.row, warnings=(_FLOAT16,)))
     return record
@@ -136,7 +141,7 @@ def _notice_names(matches: Matches, notice: Say) -> None:
 
 
 def _refuse_unusable(
-    request: ImportRequest, source: DepthSource, images: Sequence[TrackImage], matches: Matches
+    request: ImportRequest, source: PixelSource, images: Sequence[TrackImage], matches: Matches
 ) -> None:
     """Raise the first array's error if no array is usable, before anything is written."""
     first_error: LegoWorldError | None = None
@@ -144,22 +149,22 @@ def _refuse_unusable(
         try:
             match = matches.of(image) if request.was_run_on(image) else None
             if match is not None:
-                planar_depth(match.path, source, image)
+                source.read(match.path, image)
                 return
         except LegoWorldError as error:
             first_error = first_error or error
     other = f", but {matches.strangers[0]}" if matches.strangers else ""
     raise first_error or UsageError(
-        "the folder has no depth for the track's photos",
+        f"the folder has no {source.naming.noun} for the track's photos",
         found=f"nothing like {images[0].scene}.npy{other}",
         expected=f"<file_name without extension> and one of {' '.join(SUFFIXES)}",
         next_step="for names with an extra ending before the format, pass --suffix",
     )
 
 
-def _existing(matches: Matches, image: TrackImage) -> Match:
+def _existing(matches: Matches, image: TrackImage, noun: str) -> Match:
     match = matches.of(image)
     if match is None:
         expected = f"{image.scene}.npy, or another of {' '.join(SUFFIXES)}"
-        raise ResultMissingError("there is no depth file", found="nothing", expected=expected)
+        raise ResultMissingError(f"there is no {noun} file", found="nothing", expected=expected)
     return match

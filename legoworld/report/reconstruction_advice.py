@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Final
 
 from legoworld.records.base import UNSET
-from legoworld.records.bench_run import Validity
 from legoworld.records.reconstruction_rows import (
     COMPARED,
     CameraError,
@@ -14,9 +13,10 @@ from legoworld.records.reconstruction_rows import (
     ObjectRow,
     ReconstructionRow,
 )
-from legoworld.records.report_bench import CheckLine
 from legoworld.records.report_page import Advice
+from legoworld.records.report_reconstruction import CheckLine
 from legoworld.records.run_rows import RunRow
+from legoworld.records.submission import Validity
 from legoworld.report.advice import failure_advice, sorted_advice
 
 #: From here on an object is no finding.

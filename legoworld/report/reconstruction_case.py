@@ -19,9 +19,9 @@ from legoworld.evaluation.reconstruction.submission import load_render, load_sur
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.run_rows import RunRow
-from legoworld.report.bench_inputs import BenchInputs
+from legoworld.report.reconstruction_inputs import BenchInputs
 
-#: Places in OUTCOMES of report/bench_pictures.py.
+#: Places in OUTCOMES of report/reconstruction_pictures.py.
 NOTHING, HIT, MISSED, EXTRA, BOTH, OUTSIDE = range(6)
 
 Codes = NDArray[np.uint8]

@@ -16,11 +16,11 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.reconstruction.dataset import BenchCase
 from legoworld.evaluation.reconstruction.points import Raster
 from legoworld.evaluation.reconstruction.reference import Reference
-from legoworld.records.report_bench import BenchObject, BenchPoints, BenchRaster, Outcome
-from legoworld.report.bench_case import Codes, SeenSurface
+from legoworld.records.report_reconstruction import BenchObject, BenchPoints, BenchRaster, Outcome
 from legoworld.report.depth_images import NO_DEPTH, encoded
+from legoworld.report.reconstruction_case import Codes, SeenSurface
 
-#: Okabe and Ito's palette, by the places that report/bench_case.py counts.
+#: Okabe and Ito's palette, by the places that report/reconstruction_case.py counts.
 OUTCOMES: Final = (
     Outcome(name="nothing", text="no surface", colour="#000000"),
     Outcome(name="hit", text="hit: within the tolerance", colour="#0072b2"),

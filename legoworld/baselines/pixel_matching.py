@@ -1,4 +1,4 @@
-"""Matching depth files to photos by their names."""
+"""Matching the arrays of a folder to photos by their names."""
 
 from __future__ import annotations
 
@@ -13,11 +13,6 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.reading import SUFFIXES
 from legoworld.tracks.track import TrackImage
 
-#: Endings that tools add to a photo's name; --suffix sets any other.
-KNOWN_SUFFIXES: Final = (
-    *("_depth", "-depth", "_pred", "-pred", "_depth_pred", "_pred_depth"),
-    *("_disp", "-disp", "_disparity"),
-)
 _JOINTS: Final = ("_", "__", "-")
 #: An image and the suffixes its file may have -> the names it goes by, without the format.
 _Rule = Callable[[TrackImage, Sequence[str]], list[str]]
@@ -46,18 +41,28 @@ class Matches:
         return self.by_image.get(image.id)
 
 
-def match_files(folder: Path, images: Sequence[TrackImage], suffix: str | None) -> Matches:
-    """Match the depth files below a folder to a track's photos, the strictest rule first.
+@dataclass(frozen=True, kw_only=True)
+class Naming:
+    """How a family's files are named. noun: what one holds; endings: what tools add to names."""
+
+    noun: str
+    endings: tuple[str, ...]
+
+
+def match_files(
+    folder: Path, images: Sequence[TrackImage], suffix: str | None, naming: Naming
+) -> Matches:
+    """Match the arrays below a folder to a track's photos, the strictest rule first.
 
     The rules, for <path>/X.JPG: the same path (`<path>/X.npy`), with the photo's extension
-    (`<path>/X.JPG.npy`), with one of `KNOWN_SUFFIXES` (`<path>/X_depth.npy`); then, for files that
+    (`<path>/X.JPG.npy`), with one of the known endings (`<path>/X_depth.npy`); then, for files that
     lie in the folder itself, the path joined by _, __ or - (`<path>_X.npy`), and the photo's name
     alone where no other photo of the track has it; then all of these whatever their case. A file
     goes to the first rule that finds a photo for it. suffix: what every name ends in before its
     format, or with it (`_pred`, `_pred.npy`); other files are strangers and no other suffix counts.
     """
     left = dict(_bodies(folder, suffix))
-    suffixes = ("",) if suffix is not None else ("", *KNOWN_SUFFIXES)
+    suffixes = ("",) if suffix is not None else ("", *naming.endings)
     matched: dict[int, Match] = {}
     errors: dict[int, DepthFileError] = {}
     for fold, rule in product((False, True), _RULES):
@@ -66,7 +71,7 @@ def match_files(folder: Path, images: Sequence[TrackImage], suffix: str | None) 
         rivals = _rivals(claims, images, by_name_alone=rule is _photo_name_alone)
         for image, found in claims:
             if len(found) > 1 or len(rivals[image.id]) > 1:
-                errors[image.id] = _ambiguous(image, found, rivals[image.id])
+                errors[image.id] = _ambiguous(image, found, rivals[image.id], naming.noun)
             else:
                 how = rule.__name__.strip("_") + ("_in_another_case" if fold else "")
                 matched[image.id] = Match(path=folder / found[0], how=how)
@@ -152,7 +157,7 @@ _RULES: Final[tuple[_Rule, ...]] = (
 
 
 def _bodies(folder: Path, suffix: str | None) -> Iterator[tuple[str, str]]:
-    """The depth files below a folder, each with its path without format and suffix."""
+    """The arrays below a folder, each with its path without format and suffix."""
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() not in SUFFIXES or not path.is_file():
             continue
@@ -170,15 +175,17 @@ def _base(image: TrackImage) -> str:
     return PurePosixPath(image.scene).name.casefold()
 
 
-def _ambiguous(image: TrackImage, found: Sequence[str], others: Sequence[str]) -> DepthFileError:
+def _ambiguous(
+    image: TrackImage, found: Sequence[str], others: Sequence[str], noun: str
+) -> DepthFileError:
     if len(others) > 1:
         return DepthFileError(
-            f"{found[0]} could be the depth of several photos",
+            f"{found[0]} could be the {noun} of several photos",
             found=", ".join(others[:5]),
             expected=f"{image.scene}{PurePosixPath(found[0]).suffix}, which names one",
         )
     return DepthFileError(
-        f"{image.file_name} has more than one depth file",
+        f"{image.file_name} has more than one {noun} file",
         found=", ".join(found[:5]),
         expected="one",
         next_step=f"name what the right ones end in, such as --suffix {_ending(found[0], image)}",

@@ -1,4 +1,4 @@
-"""The images of a depth run, scored by the workers of a pool."""
+"""The images of a run, scored by the workers of a pool."""
 
 from __future__ import annotations
 
@@ -7,46 +7,39 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld import exit_codes
-from legoworld.cards import load_card
-from legoworld.errors import LegoWorldError
 from legoworld.evaluation.checks import refuse_unseen
-from legoworld.evaluation.depth.predictions import DepthImage, DepthRun
-from legoworld.evaluation.depth.protocol import depth_protocol
-from legoworld.evaluation.depth.rows import ImageResult, score_row
-from legoworld.evaluation.depth.truth import TruthFile
+from legoworld.evaluation.pixels.family import ImageResult, Options, PixelFamily, TruthFile
+from legoworld.evaluation.pixels.predictions import PixelImage, PixelRun
+from legoworld.evaluation.pixels.rows import score_row
 from legoworld.workers.tasks import WorkerPool, results_of
 
 #: Bytes of ground truth that are scored in the time that other processes take to start.
 _FEW_BYTES: Final = 16 << 20
 
 
-class DepthUnseenError(LegoWorldError):
-    """A machine of the cluster does not see the same files as the command."""
-
-    code = "depth_unseen"
-    exit_code = exit_codes.BLOCKED
-
-
 @dataclass(frozen=True, kw_only=True)
 class ImageTask:
     """One image to score. task: its name; sizes_bytes: of its files as the command sees them."""
 
+    family: PixelFamily
     task: str
-    image: DepthImage
+    image: PixelImage
     file: TruthFile
-    warped: bool
+    options: Options
     sizes_bytes: dict[Path, int]
 
 
-def image_tasks(run: DepthRun, files: Sequence[TruthFile], *, warped: bool) -> list[ImageTask]:
-    """The task of each image of a run. warped: through the dataset's camera."""
+def image_tasks(
+    run: PixelRun, files: Sequence[TruthFile], family: PixelFamily, options: Options
+) -> list[ImageTask]:
+    """The task of each image of a run."""
     return [
         ImageTask(
+            family=family,
             task=run.run.task,
             image=image,
             file=file,
-            warped=warped,
+            options=options,
             sizes_bytes={p: p.stat().st_size for p in (image.path, file.path) if p.is_file()},
         )
         for image, file in zip(run.images, files, strict=True)
@@ -61,11 +54,10 @@ def scored_images(tasks: Sequence[ImageTask], pool: WorkerPool) -> Iterator[Imag
 
 
 def score_task(task: ImageTask) -> ImageResult:
-    """Score one image. DepthUnseenError if this machine does not see the command's files.
+    """Score one image. The family's `unseen` if this machine does not see the command's files.
 
     Otherwise a file missing on this machine would be mistaken for a missing prediction.
     """
-    what = f"the depth files of {task.image.image.file_name}"
-    refuse_unseen(task.sizes_bytes, what, DepthUnseenError)
-    camera = task.file.camera if task.warped else None
-    return score_row(task.image, task.file, camera, depth_protocol(load_card(task.task)))
+    what = f"the {task.family.noun} files of {task.image.image.file_name}"
+    refuse_unseen(task.sizes_bytes, what, task.family.errors.unseen)
+    return score_row(task.image, task.file, task.family, task.task, task.options)

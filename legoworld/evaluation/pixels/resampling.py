@@ -1,37 +1,37 @@
-"""Disparity of a prediction at the ground truth's pixels: direct, scaled or warped."""
+"""A prediction at the ground truth's pixels: direct, scaled or warped."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.errors import ShapeError
-from legoworld.evaluation.depth.alignment import F64
-from legoworld.evaluation.depth.arrays import DepthArray, Index
-from legoworld.evaluation.depth.cameras import pinhole_from_distorted
-from legoworld.evaluation.depth.errors import DepthPredictionError
-from legoworld.tracks.colmap import Camera
+from legoworld.depth_files.headers import SizeCheck
+from legoworld.evaluation.pixels.family import F64, Index, PixelArray, PixelFamily
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sampled:
-    """A prediction at n ground-truth pixels, all (n,).
+    """A prediction at n ground-truth pixels.
 
-    disparity: 0 where not predicted. outside: not predicted because the pixel lies outside the
-    prediction's view.
+    values: (n,) or (n, channels), 0 where not predicted. predicted, outside: (n,); outside: not
+    predicted because the pixel lies outside the prediction's view.
     """
 
-    disparity: F64
+    values: F64
     predicted: NDArray[np.bool_]
     outside: NDArray[np.bool_]
 
 
 #: Maps ground-truth pixels (rows, cols), each (n,), to the prediction there.
 Sample = Callable[[Index, Index], Sampled]
+#: Maps positions (n, 2) in the truth's picture to those that the prediction has there, in pixels
+#: of the truth's size.
+Warp = Callable[[F64], F64]
 
 #: Tolerance of the aspect: sides of network inputs are multiples of about 14.
 _ASPECT_TOLERANCE: Final = 0.05
@@ -41,33 +41,27 @@ _MIN_WEIGHT: Final = 0.5
 _EDGE_PX: Final = 1e-6
 
 
-def sampler(prediction: DepthArray, truth_wh: tuple[int, int], camera: Camera | None) -> Sample:
+def sampler(prediction: PixelArray, truth_wh: tuple[int, int], warp: Warp | None = None) -> Sample:
     """A function that reads a prediction at the ground truth's pixels.
 
-    camera: None reads at the same image position; otherwise the ground truth's pixels are those of
-    this distorted camera, and the prediction's those of its pinhole. DepthPredictionError if the
-    prediction is larger than the ground truth or has a different aspect.
+    The prediction has the truth's aspect and at most its size, as `size_check` holds it to. warp:
+    None reads at the same image position.
     """
-    check_size(prediction.size_wh, truth_wh)
-    if camera is not None and camera.size_wh != truth_wh:
-        raise ShapeError(
-            "a camera of another size", found=str(camera.size_wh), expected=str(truth_wh)
-        )
-    if prediction.size_wh == truth_wh and camera is None:
+    if prediction.size_wh == truth_wh and warp is None:
         return lambda rows, cols: _same_pixels(prediction, rows, cols)
     scale_xy = np.array([p / t for p, t in zip(prediction.size_wh, truth_wh, strict=True)])
 
     def sample(rows: Index, cols: Index) -> Sampled:
         xy_px = np.stack([cols + 0.5, rows + 0.5], axis=1)
-        if camera is not None:
-            xy_px = pinhole_from_distorted(camera, xy_px)
+        if warp is not None:
+            xy_px = warp(xy_px)
         return bilinear(prediction, xy_px * scale_xy)
 
     return sample
 
 
-def bilinear(prediction: DepthArray, xy_px: F64) -> Sampled:
-    """Disparity at positions (n, 2), x and y from the top left corner; pixel centres are at .5.
+def bilinear(prediction: PixelArray, xy_px: F64) -> Sampled:
+    """Values at positions (n, 2), x and y from the top left corner; pixel centres are at .5.
 
     Weights are those of bilinear interpolation (edge pixels continue outwards by half a pixel),
     renormalised over the neighbours that hold a prediction. A point is a hole when they carry
@@ -79,29 +73,35 @@ def bilinear(prediction: DepthArray, xy_px: F64) -> Sampled:
     inside &= (y >= -_EDGE_PX) & (y <= height + _EDGE_PX)
     left, right_weight = _neighbours(np.where(inside, x, 0.0))
     top, bottom_weight = _neighbours(np.where(inside, y, 0.0))
-    total = np.zeros(len(x))
+    total = np.zeros((len(x), *prediction.values.shape[2:]))
     weights = np.zeros(len(x))
     for row_step, row_weight in ((0, 1.0 - bottom_weight), (1, bottom_weight)):
         rows = np.clip(top + row_step, 0, height - 1)
         for col_step, col_weight in ((0, 1.0 - right_weight), (1, right_weight)):
             cols = np.clip(left + col_step, 0, width - 1)
-            disparity, predicted = prediction.disparity_at(rows, cols)
+            values, predicted = prediction.at(rows, cols)
             weight = row_weight * col_weight * predicted
-            total += weight * disparity
+            total += (weight * values.T).T  # of every channel
             weights += weight
     sampled = inside & (weights >= _MIN_WEIGHT)
-    values = np.zeros(len(x))
-    np.divide(total, weights, out=values, where=sampled)
-    return Sampled(disparity=values, predicted=sampled, outside=~inside)
+    means = np.zeros_like(total)
+    np.divide(total.T, weights, out=means.T, where=sampled)
+    return Sampled(values=means, predicted=sampled, outside=~inside)
 
 
-def _same_pixels(prediction: DepthArray, rows: Index, cols: Index) -> Sampled:
-    disparity, predicted = prediction.disparity_at(rows, cols)
-    return Sampled(disparity=disparity, predicted=predicted, outside=np.zeros_like(predicted))
+def _same_pixels(prediction: PixelArray, rows: Index, cols: Index) -> Sampled:
+    values, predicted = prediction.at(rows, cols)
+    return Sampled(values=values, predicted=predicted, outside=np.zeros_like(predicted))
 
 
-def check_size(prediction_wh: tuple[int, int], truth_wh: tuple[int, int]) -> None:
-    """Raise DepthPredictionError unless the prediction has the aspect and at most the size."""
+def size_check(family: PixelFamily, truth_wh: tuple[int, int]) -> SizeCheck:
+    """Raises the family's error for a prediction of another aspect, or larger than the truth."""
+    return partial(_check_size, truth_wh, family)
+
+
+def _check_size(
+    truth_wh: tuple[int, int], family: PixelFamily, prediction_wh: tuple[int, int]
+) -> None:
     if prediction_wh == truth_wh:
         return
     width, height = prediction_wh
@@ -111,8 +111,8 @@ def check_size(prediction_wh: tuple[int, int], truth_wh: tuple[int, int]) -> Non
     if same_aspect and smaller:
         return
     transposed = prediction_wh == truth_wh[::-1]
-    raise DepthPredictionError(
-        "the predicted depth is of another size",
+    raise family.errors.prediction(
+        f"the predicted {family.noun} is of another size",
         found=f"{width}x{height}" + (", rotated by 90 degrees" if transposed else ""),
         expected=f"{truth_wh[0]}x{truth_wh[1]}, or smaller with the same aspect",
         next_step="a photo's EXIF rotation is never applied; resize to the truth's size"

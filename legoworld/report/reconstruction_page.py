@@ -7,10 +7,10 @@ from typing import Final
 from legoworld.pluralize import share
 from legoworld.records.reconstruction_summary import ReconstructionSummary
 from legoworld.records.report_summary import Span
-from legoworld.report.bench_section import bench_section
-from legoworld.report.bench_tables import bench_notes
 from legoworld.report.family import PageFamily
 from legoworld.report.forest import spelt, with_ends
+from legoworld.report.reconstruction_section import bench_section
+from legoworld.report.reconstruction_tables import bench_notes
 
 _SCORES: Final = ("S", "V", "R", "A")
 

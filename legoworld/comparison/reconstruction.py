@@ -67,14 +67,14 @@ def _mean(
 
 
 def _kept(side: Evaluated, kept: NDArray[np.bool_]) -> list[ReconstructionRow]:
-    return [row for row, keep in zip(side.bench_rows, kept, strict=True) if keep]
+    return [row for row, keep in zip(side.reconstruction_rows, kept, strict=True) if keep]
 
 
 def _notes(sides: Sequence[Evaluated]) -> list[str]:
     """What A's noise and unequal attempts mean for a difference."""
     notes = ["Attempted: a submission that is not valid counts 0. Paired: valid on both sides."]
     for side in sides:
-        noise = side.bench.noise
+        noise = side.reconstruction.noise
         if noise.reference_sd is not None:
             notes.append(
                 f"{side.name}: A of the reference's own renders has a standard deviation of "
@@ -84,7 +84,7 @@ def _notes(sides: Sequence[Evaluated]) -> list[str]:
 
 
 def _differences(first: Evaluated, other: Evaluated) -> list[str]:
-    ours, theirs = (side.bench.protocol.reference_sampling for side in (first, other))
+    ours, theirs = (side.reconstruction.protocol.reference_sampling for side in (first, other))
     return [] if ours == theirs else [f"reference sampling {ours} and {theirs}"]
 
 

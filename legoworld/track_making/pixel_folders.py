@@ -1,24 +1,16 @@
-"""Tracks of photos whose measured depth is in a folder of files with the same names."""
+"""Tracks of photos whose ground truth is a folder of arrays with the same names."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from legoworld.depth_files.reading import files_named
-from legoworld.errors import CatalogError, UsageError
-from legoworld.evaluation.depth.declaration import (
-    DECLARATION,
-    Declaration,
-    read_declaration,
-    write_declaration,
-)
-from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
-from legoworld.evaluation.depth.truth import planar_metres
+from legoworld.errors import CatalogError
 from legoworld.pluralize import counted
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import canonical
@@ -29,35 +21,29 @@ from legoworld.tracks.track import scene_name
 _PHOTO_SUFFIXES: Final = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".ppm")
 
 
-def declare(folder: Path, space: str | None, unit: str | None) -> str | None:
-    """Write the declared space and unit into a folder's depth.toml, unless it already has one.
+@dataclass(frozen=True, kw_only=True)
+class Arrays:
+    """The arrays of a family.
 
-    Returns the text written, or None. Raises UsageError when the file there declares otherwise.
+    noun: what one holds; read: one in full, which raises for an unusable one; size_wh: its (width,
+    height) by its header.
     """
-    if space is None and unit is None:
-        return None
-    there = read_declaration(folder)
-    wanted = replace(there, space=space or there.space, unit=unit or there.unit)
-    if wanted == there:
-        return None
-    if (folder / DECLARATION).exists():
-        raise UsageError(
-            f"{DECLARATION} declares {folder.name} differently",
-            found=f"space {there.space!r}, unit {there.unit!r}",
-            expected=f"space {wanted.space!r}, unit {wanted.unit!r}, as on the command line",
-            next_step=f"correct {DECLARATION}, or omit --space and --unit",
-        )
-    return write_declaration(folder, wanted)
+
+    noun: str
+    read: Callable[[Path], object]
+    size_wh: Callable[[Path], tuple[int, int]]
 
 
-def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> Source:
-    """The photos below `photos` that have a depth file of the same name below the folder.
+def pixel_folder_source(
+    folder: Path, photos: Path, *, dataset: str | None, arrays: Arrays
+) -> Source:
+    """The photos below `photos` that have an array of the same name below the folder.
 
-    A photo and its depth must have the same size. Ids count from 1 in the order of the photos'
-    paths. Raises CatalogError for an unusable file; the first depth file of each format is read
+    A photo and its array must have the same size. Ids count from 1 in the order of the photos'
+    paths. Raises CatalogError for an unusable file; the first file of each format is read
     completely, of the others only the header.
     """
-    declared = read_declaration(folder)
+    noun = arrays.noun
     images: list[ImageInfo] = []
     without: list[str] = []
     read: set[str] = set()
@@ -68,24 +54,23 @@ def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> S
             continue
         if len(files) > 1:
             raise CatalogError(
-                f"{name} has more than one depth file",
+                f"{name} has more than one {noun} file",
                 found=", ".join(path.name for path in files),
                 expected="one",
             )
-        width, height = _size_of(
-            files[0], photos / name, declared, whole=files[0].suffix not in read
-        )
+        whole = files[0].suffix not in read
+        width, height = _size_of(files[0], photos / name, arrays, whole=whole)
         read.add(files[0].suffix)
         number = len(images) + 1
         images.append(ImageInfo(id=number, file_name=name, width=width, height=height))
     if not images:
         raise CatalogError(
-            f"no photo below {photos.name} has a depth file below {folder.name}",
+            f"no photo below {photos.name} has a {noun} file below {folder.name}",
             found=f"nothing for {without[0]}" if without else "no photo",
             expected="<photo without extension>.npy, .npz, .pfm, .exr, .png, .pgm or .tiff",
         )
     left_out = counted(len(without), "photo has", "photos have")
-    notice = f"{left_out} no depth file and {'is' if len(without) == 1 else 'are'} left out"
+    notice = f"{left_out} no {noun} file and {'is' if len(without) == 1 else 'are'} left out"
     return Source(
         name=folder.resolve().name,
         version="custom",
@@ -100,18 +85,18 @@ def depth_folder_source(folder: Path, photos: Path, *, dataset: str | None) -> S
     )
 
 
-def _size_of(path: Path, photo: Path, declared: Declaration, *, whole: bool) -> tuple[int, int]:
-    """A depth file's (width, height), equal to the photo's. whole: read the whole file."""
+def _size_of(path: Path, photo: Path, arrays: Arrays, *, whole: bool) -> tuple[int, int]:
+    """A file's (width, height), equal to the photo's. whole: read the whole file."""
     height, width = read_photo(photo).shape[:2]
     if whole:
-        planar_metres(read_labelled(path, declared), declared, path.name)
-    size_wh = claimed_size(path, declared)
+        arrays.read(path)
+    size_wh = arrays.size_wh(path)
     if size_wh != (width, height):
         raise CatalogError(
             f"{path.name} and its photo have different sizes",
             found=f"{size_wh[0]}x{size_wh[1]}",
             expected=f"{width}x{height}",
-            next_step="resize the photos to the size of their depth",
+            next_step=f"resize the photos to the size of their {arrays.noun}",
         )
     return size_wh
 

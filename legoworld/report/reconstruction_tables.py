@@ -13,7 +13,7 @@ from legoworld.pluralize import counted, range_text, share
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow
 from legoworld.records.reconstruction_summary import Mean, NoiseSummary
-from legoworld.records.report_bench import (
+from legoworld.records.report_reconstruction import (
     BenchTables,
     FlaggedCase,
     Loss,
@@ -22,7 +22,7 @@ from legoworld.records.report_bench import (
 )
 from legoworld.records.report_summary import FirstScreen, Verdict
 from legoworld.records.report_tables import NumberCell, NumberRow
-from legoworld.report.bench_pictures import OUTCOMES, error_steps
+from legoworld.report.reconstruction_pictures import OUTCOMES, error_steps
 from legoworld.report.sources import ReportInputError, Section
 
 #: How many categories are named, and from how many sides on the leaderboard stands for the plot.
@@ -34,9 +34,9 @@ _BARS: Final = ("S", "R", "A")
 
 def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
     """What only a bench's section has. ReportInputError for sides of other rules."""
-    sides, rules = section.sides, section.sides[0].bench
+    sides, rules = section.sides, section.sides[0].reconstruction
     for side in sides[1:]:
-        mine = (side.bench.evaluator, side.bench.protocol)
+        mine = (side.reconstruction.evaluator, side.reconstruction.protocol)
         if mine != (rules.evaluator, rules.protocol):
             raise ReportInputError(
                 f"{side.folder.name} was scored by other rules than {sides[0].folder.name}",
@@ -44,6 +44,7 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
                 expected=f"{rules.evaluator.version}, {rules.protocol.reference_sampling}",
                 next_step="make a page of each",
             )
+    floors = (_noise_floor(side.reconstruction.noise) for side in sides)
     board = leaderboard(sides, draws=rules.bootstrap.draws, seed=rules.bootstrap.seed)
     return BenchTables(
         board=board,
@@ -54,7 +55,7 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
         errors=error_steps(rules.protocol.delta),
         delta=rules.protocol.delta,
         tolerance=rules.protocol.tolerance,
-        noise_floor=next(filter(None, (_noise_floor(side.bench.noise) for side in sides)), ""),
+        noise_floor=next(filter(None, floors), ""),
     )
 
 
@@ -92,7 +93,7 @@ def _leads(board: Leaderboard) -> str:
 
 def _losses(side: Evaluated, ids: Mapping[str, int]) -> SideLosses:
     """What is missing to R = 1, by category; cases that are not valid lose all of it."""
-    rows = side.bench_rows
+    rows = side.reconstruction_rows
     lost: dict[str, float] = dict.fromkeys(ids, 0.0)
     scores: dict[str, list[float]] = {name: [] for name in ids}
     not_valid = 0.0
@@ -133,7 +134,7 @@ def _flags(side: Evaluated) -> list[FlaggedCase]:
             measured=flag.measured,
             threshold=flag.threshold,
         )
-        for flag in side.bench.flags
+        for flag in side.reconstruction.flags
     ]
 
 
@@ -156,10 +157,10 @@ def bench_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
     """Every metric and diagnostic mean with its interval and denominator."""
     rows = []
     for kind in ("metrics", "diagnostics"):
-        named = {name for side in sides for name in getattr(side.bench, kind)}
+        named = {name for side in sides for name in getattr(side.reconstruction, kind)}
         names = sorted(named, key=lambda n: (_FIRST.index(n) if n in _FIRST else len(_FIRST), n))
         for name in names:
-            cells = [getattr(side.bench, kind).get(name) for side in sides]
+            cells = [getattr(side.reconstruction, kind).get(name) for side in sides]
             rows.append(NumberRow(name=_spelt(name), cells=tuple(map(_cell, cells))))
     return rows
 
@@ -191,7 +192,7 @@ def _noise_floor(noise: NoiseSummary) -> str:
 
 def bench_notes(side: Evaluated) -> list[str]:
     """Sentences about coverage, noise, and what counts 0."""
-    summary = side.bench
+    summary = side.reconstruction
     coverage, noise = summary.coverage, summary.noise
     lines = [
         f"{share(coverage.valid, coverage.attempted, 'case', 'cases')} valid; the others count 0 "

@@ -17,7 +17,8 @@ from legoworld.evaluation.stored import Evaluated
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_rows import COMPARED, ReconstructionRow
-from legoworld.records.report_bench import (
+from legoworld.records.report_page import PhotoRow
+from legoworld.records.report_reconstruction import (
     BenchAnswer,
     BenchCell,
     BenchObject,
@@ -27,21 +28,20 @@ from legoworld.records.report_bench import (
     CaseLine,
     ObjectScore,
 )
-from legoworld.records.report_page import PhotoRow
 from legoworld.records.report_tables import PageSection
 from legoworld.records.run_rows import RunRow
-from legoworld.report.bench_advice import bench_advice, bench_facts, check_lines
-from legoworld.report.bench_case import SeenSurface, differences, seen_surface
-from legoworld.report.bench_inputs import BenchInputs, bench_inputs
-from legoworld.report.bench_pictures import (
+from legoworld.report.page_content import PageDocument, Photos
+from legoworld.report.photo_order import in_order
+from legoworld.report.reconstruction_advice import bench_advice, bench_facts, check_lines
+from legoworld.report.reconstruction_case import SeenSurface, differences, seen_surface
+from legoworld.report.reconstruction_inputs import BenchInputs, bench_inputs
+from legoworld.report.reconstruction_pictures import (
     drawn_objects,
     drawn_points,
     error_picture,
     hit_picture,
 )
-from legoworld.report.bench_tables import bench_rows, bench_tables, first_of_bench
-from legoworld.report.page_content import PageDocument, Photos
-from legoworld.report.photo_order import in_order
+from legoworld.report.reconstruction_tables import bench_rows, bench_tables, first_of_bench
 from legoworld.report.sources import Section
 
 
@@ -82,7 +82,7 @@ def bench_section(
     known = next((i for i in inputs if isinstance(i, BenchInputs)), None)
     if known is not None:
         places = Photos(folder=known.dataset.folders.public / "images", document=document)
-    names = {o.category for side in sides for r in side.bench_rows for o in r.objects}
+    names = {o.category for side in sides for r in side.reconstruction_rows for o in r.objects}
     if known is not None:
         cases = known.dataset.cases.values()
         names |= {o.category for case in cases for o in case.truth.scored}
@@ -95,7 +95,7 @@ def bench_section(
     )
     places.read([(row.file_name, None) for row in sides[0].rows])
     rows: list[tuple[float, PhotoRow]] = []
-    for of_case in zip(*(side.bench_rows for side in sides), strict=True):
+    for of_case in zip(*(side.reconstruction_rows for side in sides), strict=True):
         view = _view(bench, of_case)
         line = _line(of_case, view, len(document.views), bench.ids)
         rows.append((_score(of_case[0]), line))
@@ -180,7 +180,7 @@ def _submission(
         why = f"it was not compared: {row.status}"
     else:
         try:
-            sampling = side.bench.protocol.reference_sampling
+            sampling = side.reconstruction.protocol.reference_sampling
             seen = seen_surface(inputs, reference, run_row, row, bench.protocol, sampling)
         except LegoWorldError as error:
             why = error.what

@@ -1,0 +1,213 @@
+"""One array for each image: means of one side over scored, attempted, and paired images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
+from legoworld.comparison.measures import (
+    EVERYTHING,
+    HEADLINE,
+    TABLE,
+    Measure,
+    Measures,
+    Metric,
+)
+from legoworld.evaluation.pixels.family import PixelFamily, metric_policies
+from legoworld.evaluation.pixels.summary import group_columns, group_draws, mean_samples, unit_of
+from legoworld.evaluation.stored import Evaluated
+from legoworld.pluralize import counted
+from legoworld.records.comparison import Images, Level
+from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.pixels import PixelRow, PixelSummary
+
+
+@dataclass(frozen=True, kw_only=True)
+class Missing:
+    """The metric that an image without a score has a value of, which a side's summary says."""
+
+    metric: str
+    value: Callable[[Any], float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelComparison:
+    """What is compared of a family, besides its means.
+
+    extra: what else is said of the mean of scored rows; differences, notes, facts: those of the
+    family, after those of all.
+    """
+
+    family: PixelFamily
+    missing: Missing
+    extra: Callable[[Sequence[Any], str, str], Mapping[str, float]]
+    facts: Callable[[Evaluated, SideFacts], SideFacts]
+    differences: Callable[[Evaluated, Evaluated], list[str]]
+    notes: Callable[[Sequence[Evaluated]], list[str]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupDraws:
+    """The bootstrap over groups (scenes), shared by both sides.
+
+    counts: (draws, groups), None where there are fewer than two groups; column: of each group.
+    """
+
+    counts: NDArray[np.int32] | None
+    column: dict[str, int]
+
+
+def pixel_comparison(compared: PixelComparison) -> ComparisonFamily:
+    """The comparison of a family."""
+
+    def measurer(
+        scene: Evaluated, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+    ) -> Measurer:
+        drawn = [row for row, keep in zip(_rows(scene), kept, strict=True) if keep]
+        groups = shared_group_draws(drawn, settings.draws, settings.seed)
+        return lambda side: measure_pixels(compared, side, images, kept, groups)
+
+    return ComparisonFamily(
+        metrics=lambda _task: metrics_of(compared.family),
+        unit=lambda side: unit_of([row for row in _rows(side) if row.has_truth]),
+        measurer=measurer,
+        images=("scored", "attempted", "paired"),
+        unpaired=lambda side: np.array([row.has_truth for row in side.rows], bool),
+        facts=lambda side: compared.facts(side, _facts(side)),
+        differences=lambda first, other: (
+            compared.differences(first, other) + _size_differences(first, other, compared.family)
+        ),
+        notes=lambda sides: _notes(sides, compared),
+    )
+
+
+def metrics_of(family: PixelFamily) -> list[Metric]:
+    """Every metric and hole policy, in display order."""
+    metrics = []
+    for metric in family.metrics:
+        level: Level = EVERYTHING if metric.detail else TABLE
+        metrics += [
+            Metric(
+                id=f"{metric.name}.{policy}",
+                policy=policy,
+                better=metric.better,
+                level=HEADLINE if policy in metric.headline else level,
+            )
+            for policy in metric.policies
+        ]
+    return metrics
+
+
+def shared_group_draws(rows: Sequence[PixelRow], draws: int, seed: int) -> GroupDraws:
+    """The draws over the groups of these rows; both sides' rows have the same groups."""
+    columns = group_columns(rows)
+    return GroupDraws(counts=group_draws(columns, draws, seed), column=columns)
+
+
+def measure_pixels(
+    compared: PixelComparison,
+    side: Evaluated,
+    images: Images,
+    kept: NDArray[np.bool_],
+    shared: GroupDraws,
+) -> Measures:
+    """Means of one side over the kept images, (images,) bool.
+
+    images "scored": the kept images that this side has scores for; "paired": all kept images are
+    scored; "attempted": the one metric that a kept image without a score has a value of.
+    """
+    rows = [row for row, keep in zip(_rows(side), kept, strict=True) if keep]
+    pairs = metric_policies(compared.family.metrics)
+    if images == "attempted":
+        given = compared.missing.value(side.summary)
+        over = {"images": len(rows), "missing": sum(not row.has_score for row in rows)}
+        return {
+            f"{name}.{policy}": _mean(
+                [row.scores[name][policy] if row.scores else given for row in rows],
+                rows,
+                shared,
+                over,
+                {},
+            )
+            for name, policy in pairs
+            if name == compared.missing.metric
+        }
+    scored = [row for row in rows if row.has_score]
+    return {
+        f"{name}.{policy}": _mean(
+            [row.scores[name][policy] for row in scored if row.scores],
+            scored,
+            shared,
+            {"images": len(scored)},
+            compared.extra(scored, name, policy),
+        )
+        for name, policy in pairs
+    }
+
+
+def _mean(
+    values: Sequence[float],
+    rows: Sequence[PixelRow],
+    shared: GroupDraws,
+    over: Mapping[str, int],
+    extra: Mapping[str, float],
+) -> Measure:
+    numbers = np.array(values, np.float64)
+    value = float(np.mean(numbers)) if len(numbers) else float("nan")
+    samples = None
+    if shared.counts is not None and len(numbers):
+        samples = mean_samples(numbers, rows, shared.column, shared.counts)
+    return Measure(value=value, samples=samples, over=over, extra=extra)
+
+
+def _rows(side: Evaluated) -> list[PixelRow]:
+    return cast("list[PixelRow]", list(side.rows))
+
+
+def _facts(side: Evaluated) -> SideFacts:
+    resampled = cast("PixelSummary", side.summary).resampled
+    return SideFacts(max_side=_max_side(side), resampled=resampled)
+
+
+def _max_side(side: Evaluated) -> int | None:
+    """What a scene was read out at, where that is smaller than the photos."""
+    asked = side.run.configuration.max_side
+    return asked if asked and cast("PixelSummary", side.summary).resampled else None
+
+
+def _size_differences(first: Evaluated, other: Evaluated, family: PixelFamily) -> list[str]:
+    """A scene read out below the photos' size cannot be compared with anything of full size."""
+    if first.is_scene and other.is_scene:
+        if _max_side(first) != _max_side(other):
+            return [f"{family.noun} {_size(first)} and {_size(other)}"]
+        return []
+    for scene, baseline in ((first, other), (other, first)):
+        if _max_side(scene) is None:
+            continue
+        full = [row for row in _rows(baseline) if row.has_score and not row.resampled]
+        if full:
+            images = counted(len(full), "image", "images")
+            return [f"{family.noun} {_size(scene)} and {images} of full size"]
+    return []
+
+
+def _size(side: Evaluated) -> str:
+    return "of full size" if _max_side(side) is None else f"resampled from {_max_side(side)} px"
+
+
+def _notes(sides: Sequence[Evaluated], compared: PixelComparison) -> list[str]:
+    return [
+        "Images scored: each method over its own, so their differences are of other images.",
+        *compared.notes(sides),
+        *(
+            f"{side.name}: {resampled} of {side.summary.coverage.scored} {compared.family.noun} "
+            "maps are smaller than the truth and were resampled to it."
+            for side in sides
+            if (resampled := _facts(side).resampled)
+        ),
+    ]

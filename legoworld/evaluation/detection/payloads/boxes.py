@@ -1,0 +1,112 @@
+"""Boxes: x, y, width, height, overlapped by pycocotools' own function."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.detection.inputs.masks import overlaps
+from legoworld.evaluation.detection.inputs.prediction_columns import (
+    GivenColumns,
+    PredictionColumns,
+    Sizes,
+    boxes_of,
+)
+from legoworld.evaluation.detection.inputs.prediction_order import in_order
+from legoworld.evaluation.detection.inputs.truth_checks import Foreign, check_boxes
+from legoworld.evaluation.detection.payloads.payload import (
+    Checking,
+    Outline,
+    Overlaps,
+    Payload,
+    Row,
+)
+from legoworld.records.predictions import BoxPrediction
+
+if TYPE_CHECKING:
+    from legoworld.evaluation.detection.matching.chunks import Chunk
+
+
+def _given(batches: Iterable[Sequence[BoxPrediction]], _sizes_wh: Sizes) -> GivenColumns:
+    return boxes_of(batches)
+
+
+def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
+    columns = given.columns
+    odd = checking.check_boxes(columns.image_id.tolist(), columns.shape, checking.sizes_wh)
+    checking.warnings.update(odd)
+    return in_order(columns, checking.order), 0
+
+
+def _check_shapes(
+    _name: str, _annotations: Sequence[Foreign], _images: Mapping[int, Foreign]
+) -> None:
+    """Boxes are checked in every annotation, with its other numbers."""
+
+
+def _check_format(
+    name: str,
+    annotations: Sequence[Foreign],
+    images: Mapping[int, Foreign],
+    repairs: Counter[str],
+) -> None:
+    check_boxes(name, annotations, images, repairs)
+
+
+def _packed(boxes: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    numbers = list(itertools.chain.from_iterable(boxes))
+    return np.array(numbers, np.float64).reshape(-1, 4)
+
+
+def _overlaps(chunk: Chunk) -> Overlaps:
+    first_detection, first_truth = chunk.first_detection.tolist(), chunk.first_truth.tolist()
+    crowd = chunk.truths.crowd.astype(int).tolist()
+    boxes, true_boxes = chunk.shapes, chunk.true_shapes
+    ious = []
+    for i in range(len(chunk.sizes_hw)):
+        mine = slice(first_detection[i], first_detection[i + 1])
+        true = slice(first_truth[i], first_truth[i + 1])
+        if mine.start < mine.stop and true.start < true.stop:
+            ious.append(overlaps(boxes[mine], true_boxes[true], crowd[true]))
+    return Overlaps(
+        iou=np.concatenate([*(iou.ravel() for iou in ious), np.empty(0)]),
+        area=boxes[:, 2] * boxes[:, 3],
+    )
+
+
+def _shape(row: Row, _size_hw: tuple[int, int]) -> list[float]:
+    return list(row.bbox or ())
+
+
+def _together(boxes: Sequence[Sequence[float]]) -> list[float]:
+    """The box around boxes."""
+    low = np.array(boxes)[:, :2]
+    high = low + np.array(boxes)[:, 2:]
+    corner = low.min(0)
+    return [*corner.tolist(), *(high.max(0) - corner).tolist()]
+
+
+def _outline(row: Row, _size_hw: tuple[int, int]) -> Outline:
+    return Outline(box=row.bbox or ())
+
+
+BOXES: Final = Payload(
+    name="boxes",
+    iou_type="bbox",
+    record=BoxPrediction,
+    field="bbox",
+    given=_given,
+    checked=_checked,
+    check_shapes=_check_shapes,
+    check_format=_check_format,
+    packed=_packed,
+    overlaps=_overlaps,
+    shape=_shape,
+    together=_together,
+    outline=_outline,
+)

@@ -1,0 +1,167 @@
+"""Masks: run lengths, overlapped by our own function, as ratios of integers."""
+
+from __future__ import annotations
+
+import ctypes
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.detection.inputs.caps import without_empty
+from legoworld.evaluation.detection.inputs.masks import (
+    EncodedMask,
+    bounding_box,
+    compressed,
+    covers,
+    joined_texts,
+    measured,
+    union,
+)
+from legoworld.evaluation.detection.inputs.prediction_checks import unusable_mask
+from legoworld.evaluation.detection.inputs.prediction_columns import (
+    GivenColumns,
+    PredictionColumns,
+    Sizes,
+    masks_of,
+)
+from legoworld.evaluation.detection.inputs.prediction_order import in_order
+from legoworld.evaluation.detection.inputs.texts import Texts
+from legoworld.evaluation.detection.inputs.truth_checks import Foreign, check_masks
+from legoworld.evaluation.detection.payloads.payload import (
+    Checking,
+    Outline,
+    Overlaps,
+    Payload,
+    Row,
+)
+from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.records.base import UnsetType
+from legoworld.records.evaluation_view import Segmentation
+from legoworld.records.predictions import MaskPrediction, Rle
+
+if TYPE_CHECKING:
+    from legoworld.evaluation.detection.matching.chunks import Chunk
+
+_UNCOMPRESSED: Final = "masks with uncompressed RLE, compressed before scoring"
+#: Both evaluators would take the box's area for the mask's.
+_BOXED: Final = "masks with a bbox, which was left out"
+
+
+def _given(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> GivenColumns:
+    return masks_of(batches, sizes_wh)
+
+
+def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
+    """The masks that are scored, and how many without a pixel were dropped."""
+    _check_sizes(given, checking.sizes_wh)
+    masks, warnings = in_order(given.columns, checking.order), checking.warnings
+    warnings[_UNCOMPRESSED] = given.n_uncompressed
+    warnings[_BOXED] = given.n_boxed
+    empty = _areas(masks, checking.sizes_wh) == 0
+    if not empty.any():
+        return masks, 0
+    protocol = checking.protocol
+    if protocol.federated:
+        kept = without_empty(masks, empty, protocol.per_image_cap, warnings)
+        return kept, int(empty.sum())
+    what = "masks without a pixel, scored as pycocotools does: they match nothing"
+    warnings[what] = int(empty.sum())
+    return masks, 0
+
+
+def _check_sizes(given: GivenColumns, sizes_wh: Sizes) -> None:
+    """PredictionsInvalidError for a mask of another size than its image."""
+    columns = given.columns
+    images, place = np.unique(columns.image_id, return_inverse=True)
+    expected = np.array([sizes_wh[i][::-1] for i in images.tolist()], np.int64).reshape(-1, 2)
+    wrong = np.flatnonzero((given.size_hw != expected[place]).any(axis=1))
+    for index in wrong[:1].tolist():
+        size, wanted = given.size_hw[index].tolist(), expected[place[index]].tolist()
+        problem = f"size {size}, the image's [height, width] is {wanted}"
+        raise unusable_mask(int(columns.image_id[index]), int(columns.category_id[index]), problem)
+
+
+def _areas(entries: PredictionColumns, sizes_wh: Sizes) -> NDArray[np.float64]:
+    """(n,) pixels of every mask, once its run lengths add up to its image.
+
+    pycocotools does not check this, and reads beyond the end of invalid counts.
+    """
+    assert isinstance(entries.shape, Texts)
+    covered, areas = measured(entries.shape)
+    images, place = np.unique(entries.image_id, return_inverse=True)
+    sizes = [sizes_wh[i] for i in images.tolist()]
+    pixels = np.array([width * height for width, height in sizes], np.int64)
+    for index in np.flatnonzero(covered != pixels[place])[:1].tolist():
+        problem = covers(int(covered[index]), sizes[place[index]])
+        raise unusable_mask(int(entries.image_id[index]), int(entries.category_id[index]), problem)
+    return areas
+
+
+def _check_format(
+    _name: str,
+    _annotations: Sequence[Foreign],
+    _images: Mapping[int, Foreign],
+    _repairs: Counter[str],
+) -> None:
+    """Run lengths and polygons have one format."""
+
+
+def _overlaps(chunk: Chunk) -> Overlaps:
+    first_detection, first_truth = chunk.first_detection, chunk.first_truth
+    iou = np.empty(int((np.diff(first_detection) * np.diff(first_truth)).sum()))
+    height = np.array([h for h, _ in chunk.sizes_hw], np.int64)
+    sizes_hw = [chunk.sizes_hw[i] for i in chunk.truths.image.tolist()]
+    wanted = zip(chunk.true_shapes, sizes_hw, strict=True)
+    true_texts = [compressed(mask, size_hw)["counts"] for mask, size_hw in wanted]
+    texts, start = joined_texts([text.encode("ascii") for text in chunk.shapes])
+    true_text, true_start = joined_texts(true_texts)
+    crowd = np.ascontiguousarray(chunk.truths.crowd)
+    done = library().lw_overlap_masks(
+        ctypes.c_char_p(texts), pointer(start), ctypes.c_char_p(true_text), pointer(true_start),
+        pointer(first_detection), pointer(first_truth), pointer(height),
+        ctypes.c_int64(len(height)), pointer(crowd), pointer(iou),
+    )  # fmt: skip
+    check(done)
+    _, area = measured(chunk.shapes)
+    return Overlaps(iou=iou, area=area)
+
+
+def _shape(row: Row, size_hw: tuple[int, int]) -> EncodedMask:
+    return compressed(as_lists(row.segmentation), size_hw)
+
+
+def _outline(row: Row, size_hw: tuple[int, int]) -> Outline:
+    """A mask's counts, or the polygons; a prediction's box is its mask's."""
+    if not isinstance(row.segmentation, Rle):
+        return Outline(box=row.bbox or (), polygons=row.segmentation or ())
+    mask = _shape(row, size_hw)
+    return Outline(box=row.bbox or bounding_box(mask), rle=mask["counts"].decode("ascii"))
+
+
+def as_lists(segmentation: Segmentation | UnsetType) -> dict[str, Any] | list[list[float]]:
+    """A mask or polygons as pycocotools takes them."""
+    if not isinstance(segmentation, Rle):
+        return [[*polygon] for polygon in segmentation or ()]
+    counts = segmentation.counts
+    kept = counts if isinstance(counts, str) else [*counts]
+    return {"size": [*segmentation.size], "counts": kept}
+
+
+MASKS: Final = Payload(
+    name="masks",
+    iou_type="segm",
+    record=MaskPrediction,
+    field="segmentation",
+    given=_given,
+    checked=_checked,
+    check_shapes=check_masks,
+    check_format=_check_format,
+    packed=tuple,
+    overlaps=_overlaps,
+    shape=_shape,
+    together=union,
+    outline=_outline,
+)

@@ -1,0 +1,92 @@
+"""A payload: what detections of a task have besides category and score, and how it is compared."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.detection.inputs.prediction_columns import (
+    GivenColumns,
+    PredictionColumns,
+    Sizes,
+)
+from legoworld.evaluation.detection.inputs.prediction_order import PredictionOrder
+from legoworld.evaluation.detection.inputs.truth_checks import CheckShapes, Foreign
+from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.predictions import BoxPrediction, MaskPrediction
+
+if TYPE_CHECKING:
+    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.protocols import DetectionProtocol
+
+IouType = Literal["bbox", "segm"]
+CheckBoxes = Callable[[Sequence[int], Sequence[object], Sizes], Mapping[str, int]]
+#: A row of view/: an annotation or a prediction.
+Row = TrueAnnotation | ShownPrediction
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overlaps:
+    """iou: (detections, truths) of every image that has both, one after the other, flat.
+
+    IoU; for a crowd truth, the share of the detection inside it. area: (D,) what the evaluators
+    take for a detection's area: of the box, or of the mask.
+    """
+
+    iou: NDArray[np.float64]
+    area: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checking:
+    """What predictions are checked against. warnings: gains the counted repairs."""
+
+    sizes_wh: Sizes
+    protocol: DetectionProtocol
+    order: PredictionOrder
+    check_boxes: CheckBoxes
+    warnings: Counter[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """What is drawn of a row: its box, and compressed counts or polygons where it has them."""
+
+    box: Sequence[float]
+    rle: str | None = None
+    polygons: Sequence[Sequence[float]] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Payload:
+    """What detections of a task are compared by. Every function is a module's own: workers take it.
+
+    name: of the card's readout.reads; iou_type: as the official evaluators call it; record: what a
+    prediction is read as; field: of an annotation, where its shape is.
+    given: predictions as columns; checked: them in order, and how many were dropped as empty,
+    PredictionsInvalidError for others.
+    check_shapes: annotations of wanted images, by all of the file's images, wherever shapes matter;
+    check_format: also, where they are scored. TruthInvalidError.
+    packed: shapes of a chunk as it keeps them; overlaps: of a chunk's detections and truths.
+    shape: of a row of view/, in a picture of (height, width), as pycocotools compares it; together:
+    the shape that covers several; outline: of a row, in such a picture.
+    """
+
+    name: str
+    iou_type: IouType
+    record: type[BoxPrediction] | type[MaskPrediction]
+    field: str
+    given: Callable[[Iterable[Sequence[Any]], Sizes], GivenColumns]
+    checked: Callable[[GivenColumns, Checking], tuple[PredictionColumns, int]]
+    check_shapes: CheckShapes
+    check_format: Callable[[str, Sequence[Foreign], Mapping[int, Foreign], Counter[str]], None]
+    packed: Callable[[Sequence[Any]], Any]
+    overlaps: Callable[[Chunk], Overlaps]
+    shape: Callable[[Row, tuple[int, int]], Any]
+    together: Callable[[Sequence[Any]], Any]
+    outline: Callable[[Row, tuple[int, int]], Outline]

@@ -1,0 +1,1 @@
+"""Scoring of one array for each image: what every family of such answers shares."""

@@ -1,0 +1,88 @@
+"""Verification of an evaluation: its summary from its rows, its rows from the arrays."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final, cast
+
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.agreement import agreement
+from legoworld.evaluation.checks import Check, located
+from legoworld.evaluation.family import Recorded
+from legoworld.evaluation.pixels.family import Options, PixelFamily, Settings, TruthFile
+from legoworld.evaluation.pixels.predictions import read_pixel_run
+from legoworld.evaluation.pixels.rows import score_row
+from legoworld.records.base import as_json
+from legoworld.records.folders.evaluation_reading import SUMMARY
+from legoworld.records.pixels import PixelSummary
+from legoworld.records.run_rows import RunImage
+
+#: Number of images to re-score, spread evenly over the track: a full-size one takes seconds.
+SCORED_AGAIN: Final = 10
+
+
+def verify_pixels(family: PixelFamily, recorded: Recorded) -> Iterator[Check]:
+    """Compare the summary with that recomputed from the rows, and rows with those of the arrays."""
+    summary = cast("PixelSummary", recorded.summary)
+    options = family.options_of(summary)
+    bootstrap = summary.bootstrap
+    again = family.summarise(
+        recorded.rows,
+        kind=str(summary.kind),
+        partial=summary.partial,
+        protocol=family.protocol(summary.task),
+        settings=Settings(options=options, draws=bootstrap.draws, seed=bootstrap.seed),
+    )
+    # All that the file says: a key that no reader knows follows from no row.
+    made, written = as_json(again), json.loads((recorded.folder / SUMMARY).read_bytes())
+    for key in sorted({*made, *written}):
+        yield agreement(f"{key} from the rows", made.get(key), written.get(key))
+    evidence: Any = recorded.evidence
+    yield agreement("metrics in the evidence", evidence.metrics, summary.metrics)
+    if recorded.inputs_hold:
+        yield from _rows_again(family, recorded, options)
+
+
+def _rows_again(family: PixelFamily, recorded: Recorded, options: Options) -> Iterator[Check]:
+    """Re-score up to `SCORED_AGAIN` images from the available run and ground truth."""
+    run_file, truth_file = (
+        next(
+            located(recorded.folder, i.path, recorded.root)
+            for i in recorded.evidence.inputs
+            if i.role == role
+        )
+        for role in ("run", "truth")
+    )
+    run = read_pixel_run(_known(run_file).parent, family)
+    files = _truth_files(_known(truth_file), [image.image for image in run.images], family)
+    rows = {row.image_id: as_json(row) for row in recorded.rows}
+    step = max(1, math.ceil(len(run.images) / SCORED_AGAIN))
+    for image, file in list(zip(run.images, files, strict=True))[::step]:
+        again = as_json(score_row(image, file, family, run.run.task, options).row)
+        image_id = image.image.image_id
+        yield agreement(f"row of image {image_id}", again, rows.get(image_id))
+
+
+def _truth_files(
+    first: Path, images: Sequence[RunImage], family: PixelFamily
+) -> tuple[TruthFile, ...]:
+    """The ground truth of every image, from the closest common parent folder."""
+    refusal: LegoWorldError | None = None
+    for folder in first.parents:
+        try:
+            files = family.find_truth(folder, images)
+        except LegoWorldError as error:
+            refusal = refusal or error
+            continue
+        if files[0].path == first:
+            return files
+    assert refusal is not None
+    raise refusal
+
+
+def _known(path: Path | None) -> Path:
+    assert path is not None
+    return path

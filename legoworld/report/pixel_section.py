@@ -1,0 +1,210 @@
+"""A page's section of one array for each image: a list of photos, and a view of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol, cast
+
+from msgspec.structs import replace
+
+from legoworld.evaluation.pixels.family import PixelFamily
+from legoworld.evaluation.stored import Evaluated
+from legoworld.pluralize import share
+from legoworld.records.pixels import PixelRow, PixelSummary
+from legoworld.records.report_page import Advice, Answer, PageView, PhotoCell, PhotoRow
+from legoworld.records.report_summary import Plots, Span
+from legoworld.records.report_tables import NumberRow, PageSection
+from legoworld.records.run_rows import RunRow
+from legoworld.report.advice import failure_advice, sorted_advice
+from legoworld.report.facts import run_facts, run_tables
+from legoworld.report.family import PageFamily
+from legoworld.report.forest import spelt, with_ends
+from legoworld.report.page_content import PageDocument, Photos
+from legoworld.report.photo_order import in_order
+from legoworld.report.sources import Section
+
+#: The stored view of one photo for each side; None where it has no score.
+Views = Sequence[Any]
+
+
+class PixelPlots(Protocol):
+    """What is plotted of a section, photo by photo."""
+
+    def add(self, views: Views) -> None:
+        """One photo."""
+
+    def plots(self, names: Sequence[str]) -> Plots:
+        """Of the sides by these names."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelPage:
+    """How a family's photos are shown.
+
+    names: the main metrics, as comparisons call them, with the page's names; the first is in
+    sentences, and photos are listed by it. view: the type of view/ID.json; page_view: that of the
+    page's views, with the fields that `panes` makes of the sides' views.
+    facts: of a row with numbers; advice: on it; cell: the fields of a row in the list.
+    head: the first table; notes: on a side's counts; plots: made anew for each section.
+    """
+
+    family: PixelFamily
+    names: Mapping[str, str]
+    view: type[Any]
+    page_view: Callable[..., PageView]
+    panes: Callable[[Views], Mapping[str, Any]]
+    facts: Callable[[Any], list[tuple[str, str]]]
+    advice: Callable[[Any], list[Advice]]
+    cell: Callable[..., PhotoCell]
+    cell_fields: Callable[[Any], Mapping[str, Any]]
+    head: Callable[[Sequence[Evaluated]], Sequence[NumberRow]]
+    notes: Callable[[Any], list[str]]
+    plots: Callable[[int], PixelPlots]
+
+    @property
+    def first(self) -> tuple[str, str]:
+        """Name and hole policy of the first metric."""
+        name, _, policy = next(iter(self.names)).partition(".")
+        return name, policy
+
+
+def pixel_page(page: PixelPage) -> PageFamily:
+    """The page of a family."""
+    lower = {metric.name for metric in page.family.metrics if metric.better == "lower"}
+    return PageFamily(
+        sentence=partial(_sentence, page),
+        forest=page.names,
+        span=_span,
+        lower_is_better=frozenset(name for name in page.names if name.split(".")[0] in lower),
+        fill=partial(pixel_section, page),
+        notes=partial(_notes, page),
+    )
+
+
+def pixel_section(
+    page: PixelPage, section: Section, made: PageSection, document: PageDocument, places: Photos
+) -> PageSection:
+    """A section with its photos; their views go into the document."""
+    rows: list[tuple[float, PhotoRow]] = []
+    plots = page.plots(len(section.sides))
+    places.read([(row.file_name, None) for row in section.sides[0].rows])
+    name, policy = page.first
+    for of_sides in zip(*(side.rows for side in section.sides), strict=True):
+        image = cast("tuple[PixelRow, ...]", of_sides)
+        views = [side.image_view(page.view, image[0].image_id) for side in section.sides]
+        view = _view(page, section, image, views, document, places)
+        # Without a score of the first side first, then its largest error.
+        scores = image[0].scores
+        error = scores[name][policy] if scores else math.inf
+        rows.append((-error, _row(page, image, view, len(document.views))))
+        document.views.append(view)
+        plots.add(views)
+    return replace(
+        made,
+        head=tuple(page.head(section.sides)),
+        images=in_order(rows),
+        names={},
+        plots=plots.plots([side.name for side in section.sides]),
+    )
+
+
+def _view(
+    page: PixelPage,
+    section: Section,
+    rows: Sequence[PixelRow],
+    views: Views,
+    document: PageDocument,
+    places: Photos,
+) -> PageView:
+    first = rows[0]
+    photo, said = places.place(first.file_name, None)
+    return page.page_view(
+        section=section.key,
+        id=first.image_id,
+        file_name=first.file_name,
+        size_wh=first.truth_wh,
+        photo=photo,
+        said=said,
+        sides=tuple(
+            _answer(page, side, row, document)
+            for side, row in zip(section.sides, rows, strict=True)
+        ),
+        **page.panes(views),
+    )
+
+
+def _answer(page: PixelPage, side: Evaluated, row: PixelRow, document: PageDocument) -> Answer:
+    run_row, source = side.run_rows[row.image_id], side.source(row.image_id)
+    valid = f"{row.n_valid} px of {row.truth_wh[0]}x{row.truth_wh[1]}"
+    return Answer(
+        label=side.name,
+        status=row.status,
+        facts=(
+            *run_facts(run_row, source),
+            ("valid ground truth", valid),
+            *(page.facts(row) if row.has_score else ()),
+        ),
+        tables=tuple(run_tables(run_row)),
+        advice=_advice(page, row, run_row, scene=side.is_scene),
+        scene=document.scenes.page_scene(source, run_row) if side.is_scene else None,
+    )
+
+
+def _advice(page: PixelPage, row: PixelRow, run_row: RunRow, *, scene: bool) -> tuple[Advice, ...]:
+    """Everything to say of one side's array of a photo; what to do only where it is a scene."""
+    advice = failure_advice(run_row)
+    if not advice and row.has_score:
+        advice += page.advice(row)
+    elif not advice:
+        advice.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
+    if not scene:
+        advice = [replace(a, do="") for a in advice]
+    warnings = {*row.warnings, *run_row.warnings}
+    advice += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
+    return sorted_advice(advice)
+
+
+def _row(page: PixelPage, rows: Sequence[PixelRow], view: PageView, at: int) -> PhotoRow:
+    return PhotoRow(
+        id=view.id,
+        file_name=view.file_name,
+        view=at,
+        n_truth=rows[0].n_valid,
+        cells=tuple(
+            page.cell(
+                status=row.status,
+                advice=drawn.advice[0].what if drawn.advice else "",
+                findings=sum(a.level == "bad" for a in drawn.advice),
+                **page.cell_fields(row),
+            )
+            for row, drawn in zip(rows, view.sides, strict=True)
+        ),
+        categories=(),
+    )
+
+
+def _sentence(page: PixelPage, name: str, summary: PixelSummary) -> str:
+    metric, shown = next(iter(page.names.items()))
+    return f"{name}: {shown} {spelt(_span(summary, metric))}, {_scored(summary)} scored."
+
+
+def _span(summary: PixelSummary, metric: str) -> Span | None:
+    name, _, policy = metric.partition(".")
+    if policy not in summary.metrics.get(name, {}):
+        return None
+    value, interval = summary.metrics[name][policy], summary.intervals[name][policy]
+    return with_ends(value, interval, _scored(summary))
+
+
+def _scored(summary: PixelSummary) -> str:
+    return share(summary.coverage.scored, summary.coverage.attempted, "image", "images")
+
+
+def _notes(page: PixelPage, side: Evaluated) -> list[str]:
+    summary = cast("PixelSummary", side.summary)
+    lines = page.notes(summary)
+    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
+    return lines + (["partial run: only some images of its track"] if summary.partial else [])
