@@ -31,7 +31,7 @@ class AgentCard:
 
     @property
     def name(self) -> str:
-        """What it is called by."""
+        """The name used to select it."""
         return self.about.name
 
     @property
@@ -79,7 +79,7 @@ def read_agent_card(path: Path) -> AgentCard:
 
 
 def agent_problems(card: AgentCard, caller: Mapping[str, str] | None = None) -> list[str]:
-    """What an agent lacks on this machine; empty when it can be started.
+    """Missing prerequisites of an agent on this machine; empty if it can start.
 
     caller: os.environ. A login is there when one of its variables is, or one of its files.
     """

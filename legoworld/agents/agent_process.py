@@ -35,7 +35,7 @@ _KEEPING: Final = ("/bin/sh", "-c", 'out=$1; shift; exec "$@" > "$out"', "sh")
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What an agent is to do.
+    """One agent invocation.
 
     port: of its Blender; plugin_port: of the plugin's server, None without it; steps: what
     `program` plays, else None; model: None for its own; continues: whether a part of the trial is
@@ -55,7 +55,7 @@ class Order:
 
 
 def run_agent(order: Order, stop: Stop) -> Ending:
-    """Run an agent to its end or its time's, and copy its transcript, as far as it came.
+    """Run an agent until it exits or times out, then copy its transcript, complete or not.
 
     Should legoworld be killed, the keeper removes the agent's folder; of a trial that continues
     its home alone, where its login is.
@@ -133,7 +133,7 @@ def _open_session(order: Order, home: Path, seen: str) -> None:
 
 
 def _words(order: Order, home: str, output: str) -> dict[str, str]:
-    """What stands for the placeholders of a card."""
+    """Values of a card's placeholders."""
     workspace = order.workspace
     return {
         "image": str(workspace.image),

@@ -89,7 +89,7 @@ def _merged(groups: list[list[ast.stmt]], most: int) -> list[list[ast.stmt]]:
 
 
 def _unfolded(body: list[ast.stmt]) -> list[ast.stmt]:
-    """The statements with the body of main() in the place of the final call of it."""
+    """The statements, with the final call of main() replaced by its body."""
     last = body[-1] if body else None
     if isinstance(last, ast.If) and not last.orelse and _asks_for_main(last.test):
         called = last.body[-1] if len(last.body) == 1 else None
@@ -115,7 +115,7 @@ def _asks_for_main(test: ast.expr) -> bool:
 
 
 def _is_plain(function: ast.FunctionDef) -> bool:
-    """Whether a function's statements mean the same outside of it."""
+    """True if a function's statements mean the same at module level."""
     arguments = function.args
     if function.decorator_list or any(
         (arguments.args, arguments.posonlyargs, arguments.kwonlyargs, arguments.vararg,

@@ -35,7 +35,7 @@ _PROJECT: Final = McpProject()
 
 
 def server_folder() -> Path:
-    """Where its environment is, made or not."""
+    """Path of its environment, which may not exist yet."""
     return environments.environment_folder(_PROJECT)
 
 
@@ -45,7 +45,7 @@ def install_server(notice: Callable[[str], None]) -> Path:
 
 
 def server_problems() -> list[str]:
-    """What its environment lacks; empty when it is ready."""
+    """Problems of its environment; empty if it is ready."""
     python = environments.installed_python(_PROJECT)
     if python is None:
         return [f"{_PROGRAM} is not installed: legoworld agent install"]

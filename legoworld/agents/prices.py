@@ -29,7 +29,7 @@ class PriceCard:
 
     @property
     def source(self) -> str:
-        """How a cost by this card is marked."""
+        """The label of costs computed with this card."""
         return f"prices of {self.about.date}, {self.sha256[:12]}"
 
     def price_of(self, model: str | None) -> ModelPrice | None:

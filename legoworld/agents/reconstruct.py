@@ -60,7 +60,7 @@ class TrialItem:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """Who is told how far a run is: how many trials there are, and each as it is done."""
+    """Progress callbacks. total: gets the number of trials; row: each row as its trial ends."""
 
     total: Callable[[int], None]
     row: Callable[[TrialRow], None]
@@ -192,7 +192,7 @@ def _scenes(output: Path, run: int, repeat: int) -> Path:
 def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
     """The row of a trial that is there; None for one to make.
 
-    UsageError for a scene folder that is no trial's, and for a trial of another campaign: an agent,
+    UsageError for a scene folder that no trial made, and for a trial of another campaign: an agent,
     a prompt or a time limit is the same for all scenes of a folder.
     """
     target = item.scenes / item.image.scene
@@ -206,7 +206,7 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
         finished = decode(ReconstructionFile, path.read_bytes())
     except (OSError, RecordError) as error:
         raise UsageError(
-            f"{target} is there and is no trial's",
+            f"{target} exists and was not made by a trial",
             found=cause(error),
             expected=f"a new folder of scenes, or one with a {RECONSTRUCTION} in each",
             next_step="pass another -o",

@@ -16,7 +16,7 @@ from legoworld.tracks.track import TrackImage
 
 
 class StepsUnusableError(LegoWorldError):
-    """There is nothing to play for an image, or what there is cannot be read."""
+    """An image has no program to play, or it cannot be read."""
 
     code = "steps_unusable"
 

@@ -27,7 +27,7 @@ class AgentNotStartedError(LegoWorldError):
 
 
 def shown_to(card: AgentCard) -> list[Path]:
-    """Files and folders that an agent can read besides the system's and its workspace.
+    """Files and folders an agent can read in addition to the system's and its workspace.
 
     What every agent reaches Blender by; the program of its command, the npm package that is in, and
     the interpreter of its first line; what the card's `shown` names. No folder for what is in it.
@@ -76,7 +76,7 @@ def refuse_shown(card: AgentCard, kept: Sequence[Path]) -> None:
 
 
 def version_in_sandbox(card: AgentCard, held: Protections) -> str | None:
-    """What an agent says of its version in its trials' sandbox; None without a command for it.
+    """Version that an agent prints in its sandbox; None if its card has no version command.
 
     AgentNotStartedError where it does not end well there.
     """

@@ -16,7 +16,7 @@ class TrialStoppedError(LegoWorldError):
 
 
 class Stop:
-    """What ends the trial under way; after `now` nothing else begins."""
+    """Stops the current trial; after `now` no other trial starts."""
 
     def __init__(self) -> None:
         self._owning = threading.Lock()
@@ -24,7 +24,7 @@ class Stop:
         self._ends: list[Callable[[], None]] = []
 
     def now(self) -> None:
-        """End everything that is under way."""
+        """Stop everything that is running."""
         with self._owning:
             self._over = True
             ends = list(self._ends)

@@ -80,7 +80,7 @@ def run_trial(
 def _begun(
     plan: TrialPlan, image: TrackImage, unfinished: Unfinished
 ) -> tuple[Workspace, tuple[int, ...]]:
-    """The workspace, new or as it was left, and the trial's parts, of which this is the last."""
+    """The new or resumed workspace, and the numbers of the trial's parts, this one last."""
     before, limit_s = unfinished.begun(), plan.limits.time_s
     if before is None or not unfinished.made.is_dir():
         unfinished.clear()
@@ -117,7 +117,7 @@ def _agent_part(
     continues: bool,
     stop: Stop,
 ) -> tuple[EndedAgent, TrialRecord]:
-    """Run the agent on what is left of the trial's time; how it ended, and what it left."""
+    """Run the agent for the rest of the trial's time; return how it ended and its output."""
     steps: list[RecordedStep] | None = None
     trial = Trial(
         workspace=workspace.folder,
@@ -152,7 +152,7 @@ def _agent_part(
             continues=continues,
             unfinished=unfinished,
         )
-        session.restart_clock(used_s)  # the budget is the agent's: Blender's start is no part of it
+        session.restart_clock(used_s)  # Blender's start is not in the agent's budget
         started = time.monotonic()
         ending = run_agent(order, stop)
         seconds = used_s + time.monotonic() - started

@@ -37,7 +37,7 @@ _EVIDENCE: Final = "evidence"
 
 @dataclass(frozen=True, kw_only=True)
 class PluginOptions:
-    """What a run's plugin is asked to be.
+    """The plugin options of a run.
 
     modules: those that are on; regions: run folders, or results files over the track's image ids;
     depth: a run folder, or a folder of arrays by the photos' names, None without.
@@ -50,14 +50,14 @@ class PluginOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PluginPlan:
-    """What every trial's plugin is given. vocabulary: of the track's category ids."""
+    """The plugin settings of every trial. vocabulary: of the track's category ids."""
 
     options: PluginOptions
     vocabulary: Vocabulary | None
 
     @property
     def used(self) -> PluginUsed:
-        """As provenance.json has it."""
+        """The entry in provenance.json."""
         return PluginUsed(version=__version__, modules=self.options.modules)
 
 
@@ -90,7 +90,7 @@ def _runs(options: PluginOptions) -> list[Path]:
 
 
 def _check_shared(runs: list[Path], work: Commission) -> None:
-    """EvidenceInvalidError for a run that is about none of the photos that trials are made of.
+    """EvidenceInvalidError for a run that covers none of the trials' photos.
 
     It would give every trial a plugin without evidence. A run of some of them is used for those.
     """
@@ -102,7 +102,7 @@ def _check_shared(runs: list[Path], work: Commission) -> None:
         theirs = photos_of(run)
         if hashes and not theirs & hashes:
             raise EvidenceInvalidError(
-                f"{run.name} is about none of the track's photos",
+                f"{run.name} covers none of the track's photos",
                 found=f"{counted(len(theirs), 'photo', 'photos')} in the run, none of the hashes "
                 f"of the track's {len(hashes)}",
                 expected="a run over photos of this track, unchanged",
@@ -156,7 +156,7 @@ def served_plugin(
 
 
 def calls_of(record: Path) -> PluginCalls:
-    """How a trial used its plugin, read off the ledger."""
+    """Count a trial's plugin calls from its ledger."""
     ledger = read_ledger(record)
     entries = [entry for entry in ledger if entry.tool not in ("serve", "resume")]
     good = [entry.tool for entry in entries if entry.error is None]

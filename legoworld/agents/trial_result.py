@@ -30,7 +30,7 @@ _SAID_AT_END: Final = 200
 
 @dataclass(frozen=True, kw_only=True)
 class TrialOutcome:
-    """What came of a trial. seconds: wall time of this part; continued: after how many kills."""
+    """The outcome of a trial. seconds: wall time of this part; continued: after how many kills."""
 
     ended: EndedAgent
     record: TrialRecord
@@ -43,7 +43,7 @@ class TrialOutcome:
 def write_result(
     plan: TrialPlan, image: TrackImage, made: Path, outcome: TrialOutcome, blender: BlenderProcess
 ) -> ReconstructionFile:
-    """Write the files that say how a scene folder came to be; frozen last."""
+    """Write the provenance files of a scene folder, then freeze it."""
     result = _result(plan, image, outcome)
     if plan.plugin is not None:
         calls = calls_of(made / TRIAL / PLUGIN)

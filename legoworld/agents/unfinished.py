@@ -71,15 +71,15 @@ class Unfinished:
 
     @property
     def session(self) -> Path:
-        """What the agent continues from."""
+        """The saved session that the agent resumes."""
         return self.folder / "session"
 
     def begun(self) -> BegunTrial | None:
-        """What was begun here before; None in a new folder."""
+        """The trial that was started here earlier; None in a new folder."""
         return _read(self.folder / "begun.json", BegunTrial)
 
     def ended(self) -> EndedAgent | None:
-        """How the agent ended; None where it has not."""
+        """How the agent ended; None if it has not ended."""
         return _read(self.folder / "ended.json", EndedAgent)
 
     def note_begun(self, begun: BegunTrial) -> None:
@@ -91,7 +91,7 @@ class Unfinished:
         write_text(self.folder / "ended.json", readable(ended))
 
     def clear(self) -> None:
-        """Remove everything: what is here was not begun."""
+        """Delete everything: no trial was started here."""
         for path in self.folder.iterdir():
             if path.name != _LOCK and not path.name.startswith(".owner"):
                 _remove(path)
@@ -161,12 +161,12 @@ def unfinished_trial(scenes: Path, image: TrackImage, *, stays: bool) -> Iterato
 
 
 def unfinished_folder(scenes: Path, image: TrackImage) -> Path:
-    """Where a trial that stays is built."""
+    """Build folder of a trial that survives a kill."""
     return scenes / f"{_UNFINISHED}{image.id}"
 
 
 def finished(unfinished: Unfinished) -> None:
-    """Say that the scene folder was moved to its place: what is left can go."""
+    """Mark the scene folder as published, so that the leftovers can be deleted."""
     (unfinished.folder / "begun.json").unlink(missing_ok=True)
 
 
@@ -184,7 +184,7 @@ def begun_before(scenes: Path, image: TrackImage) -> BegunTrial | None:
 
 
 def identity(plan: TrialPlan, image: TrackImage, parts: tuple[int, ...]) -> BegunTrial:
-    """Whose trial this is."""
+    """Record that identifies this trial."""
     return BegunTrial(
         scene=image.scene,
         agent=plan.card.name,

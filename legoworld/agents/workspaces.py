@@ -42,7 +42,7 @@ PROMPT: Final = "prompt.md"
 
 @dataclass(frozen=True, kw_only=True)
 class Commission:
-    """What all trials of a run have in common.
+    """Settings shared by all trials of a run.
 
     entries: each image as the track has it, by id; schema: the task's public instructions;
     vocabulary_sha256: null where the task has none; template: the prompt's, with its fields.
@@ -65,7 +65,7 @@ class Commission:
 
 @dataclass(frozen=True, kw_only=True)
 class Workspace:
-    """A made workspace. image: the photo's copy; prompt: what the agent is told."""
+    """A workspace on disk. image: copy of the photo; prompt: the agent's instructions."""
 
     folder: Path
     image: Path
@@ -75,9 +75,9 @@ class Workspace:
 def commission(
     track_path: Path, photos: Path, task: str | None, plugin: Sequence[Module] = ()
 ) -> Commission:
-    """Read a track for its trials. UsageError where its task cannot be told.
+    """Load a track for its trials. UsageError if its task cannot be determined.
 
-    plugin: its modules that are on, which the prompt then tells of.
+    plugin: enabled modules, which the prompt then describes.
     """
     track = load_track(track_path)
     name = task or track.made_for

@@ -127,7 +127,7 @@ def public_hfov_deg(snapshot: Snapshot, size_wh: tuple[int, int]) -> float:
     problem = _not_a_plain_pinhole(camera, own, size_wh)
     if problem:
         raise CaseRefusedError(
-            "the reference camera is not what its field of view tells",
+            "the reference camera is not fully described by its field of view",
             found=f"camera {camera.name!r}: {problem}",
             expected="a perspective camera, square pixels, no lens shift",
             next_step="correct the camera's settings and save the scene",

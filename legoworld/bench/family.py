@@ -49,7 +49,7 @@ _SLOWEST_SAMPLES_PER_S: Final = 50_000
 
 @dataclass(frozen=True, kw_only=True)
 class MakeOptions:
-    """What every family is made with.
+    """Options shared by all families.
 
     noise_seeds: renders by the card of which A's spread is measured, 0 for none. scenes: where each
     case is kept as a scene folder, the reference submitted as itself; None where it is not. notice:
@@ -81,7 +81,7 @@ class MakeOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class MadeCase:
-    """A case that was made: what is public of it, and its private half."""
+    """A finished case: its public and its private half."""
 
     file_name: str
     hfov_deg: float
@@ -92,7 +92,7 @@ class MadeCase:
 
 @dataclass(frozen=True, kw_only=True)
 class MadeFamily:
-    """All cases of a reference scene; none, and why, where one of them is refused."""
+    """All cases of a reference scene; or none, with the reason, if one is refused."""
 
     family: str
     environment: str | None
@@ -286,7 +286,7 @@ class _Family:
 
 
 def _content(files: FrozenFiles) -> dict[str, Any]:
-    """What identifies a reference: a case's own .blend has other bytes each time it is saved."""
+    """Identity of a reference; the .blend's own bytes differ each time it is saved."""
     hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
     return {"reference": {name: found and found.sha256 for name, found in hashes.items()}}
 

@@ -25,7 +25,7 @@ _ARTIFACTS: Final = (_WORKSPACE, f"{_WORKSPACE}.trajectory")
 
 @dataclass(frozen=True, kw_only=True)
 class HarborOptions:
-    """What every task says of its machines. Both images have legoworld and bpy."""
+    """Machine settings of every task. Both images have legoworld and bpy."""
 
     agent_image: str
     verifier_image: str
@@ -75,7 +75,7 @@ def _write_task(task: Path, case: BenchCase, dataset: BenchDataset, options: Har
 
 
 def instruction(image: BenchImage, categories: Sequence[str]) -> str:
-    """What an agent is told: the picture, its size, its field of view and the categories."""
+    """The agent's instructions: picture, size, field of view and categories."""
     return _INSTRUCTION.format(
         width=image.width,
         height=image.height,
@@ -92,7 +92,7 @@ def _track(dataset: BenchDataset) -> BenchTrackFile:
 
 
 def _write_case(folder: Path, case: BenchCase, dataset: BenchDataset) -> None:
-    """A dataset of this case alone: both halves, whose hashes fit each other."""
+    """Write a one-case dataset: both halves, with matching hashes."""
     whole = _track(dataset)
     track = BenchTrackFile(info=whole.info, images=(case.image,), categories=whole.categories)
     truth = dataset.truth

@@ -36,7 +36,7 @@ _DESCRIPTION: Final = "LEGO-Bench: rebuild the scene of each picture"
 
 @dataclass(frozen=True, kw_only=True)
 class MakeRequest:
-    """What a dataset is made of. limit: only the first reference scenes."""
+    """Inputs of a dataset. limit: only the first reference scenes."""
 
     scenes: Path
     options: MakeOptions
@@ -57,7 +57,7 @@ class MadeDataset:
 
     @property
     def refused(self) -> list[MadeFamily]:
-        """The reference scenes that became no cases."""
+        """Reference scenes that were refused."""
         return [family for family in self.families if not family.cases]
 
 
@@ -99,7 +99,7 @@ def make_dataset(
 
 
 def _prepare(request: MakeRequest) -> None:
-    """Have a dataset folder without a finished dataset; nothing else in it is touched.
+    """Create the dataset folder, or remove a finished dataset from it; other files stay.
 
     What a run that ended early has left is continued: its renders are in the cache, and every file
     is written again.
@@ -109,7 +109,7 @@ def _prepare(request: MakeRequest) -> None:
     strangers = [name for name in present if name not in (PUBLIC, PRIVATE)]
     if strangers:
         raise UsageError(
-            "the output folder holds something that is no dataset",
+            "the output folder is not empty and not a dataset",
             found=", ".join(strangers[:5]),
             expected="an empty folder or an earlier dataset",
             next_step="choose another -o",

@@ -34,7 +34,7 @@ _LONGEST_LINE: Final = 1 << 20
 
 @dataclass(frozen=True, kw_only=True)
 class ServeOptions:
-    """What every submission is scored with.
+    """Settings shared by all submissions.
 
     root: the folder that all submissions lie below; threads: of each worker.
     """
@@ -66,7 +66,7 @@ class ScoreWorker:
         try:
             request = decode(ServeRequest, line)
         except RecordError as error:
-            return _no_score(None, f"the line is no request; found: {error}")
+            return _no_score(None, f"the line is not a request; found: {error}")
         if request.image_id not in self._options.dataset.cases:
             return _no_score(request, f"the dataset has no image {request.image_id}")
         scene = scene_below(self._options.root, request.scene)
@@ -129,7 +129,7 @@ class ScoreWorker:
 
 
 def scene_below(root: Path, scene: str) -> Path | None:
-    """A scene folder by its path, relative to a root folder or absolute; None outside of it.
+    """A scene folder from a path, absolute or relative to the root; None if it is outside.
 
     Links are followed before the comparison.
     """
@@ -177,7 +177,7 @@ def _answer(request: ServeRequest, row: ReconstructionRow) -> ServeAnswer:
 
 
 def _lines(stream: BinaryIO) -> Iterator[bytes]:
-    """The lines of a stream; of one that is too long, its beginning, which is no request."""
+    """The lines of a stream; an overlong line is truncated and thus not a valid request."""
     while line := stream.readline(_LONGEST_LINE):
         yield line
         while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):

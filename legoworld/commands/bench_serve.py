@@ -38,9 +38,9 @@ def serve_command(
 
     A request is {"scene": folder, "image_id": number} with an optional "id", which its answer has,
     too; the folder is below --root. An answer has V, R, A, S, the objects' rows and the checks. A
-    submission that is missing or invalid is zeros with its reason. Every line has one answer: one
-    that is no request is `refused`, a scoring that failed twice is `evaluator_error`, both without
-    numbers. Answers come in the order they are done. DATASET holds public and private: run this
+    missing or invalid submission scores zero, with a reason. Every line gets one answer: an invalid
+    request gets `refused`, a scoring that failed twice `evaluator_error`, both without numbers.
+    Answers come in order of completion. DATASET holds public and private: run this
     where no agent can read it.
 
     \b

@@ -16,7 +16,8 @@ _CONTEXT = {"help_option_names": ["-h", "--help"]}
 _SANDBOX = click.option(
     "--sandbox", type=options.Choice(["auto", "bubblewrap", "limits"]), default="auto",
     show_default=True,
-    help="auto: bubblewrap where it works, limits alone elsewhere; bubblewrap: or fail.",
+    help="auto: bubblewrap where it works, otherwise resource limits only; "
+    "bubblewrap: fail if unavailable.",
 )  # fmt: skip
 _MEMORY = click.option(
     "--memory-limit", default=8.0, show_default=True, type=click.FloatRange(min=0.1),

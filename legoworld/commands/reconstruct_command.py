@@ -36,7 +36,7 @@ if TYPE_CHECKING:
               help="GiB Blender may use, and the agent as well.")  # fmt: skip
 @click.option("--sandbox", type=options.Choice(["auto", "bubblewrap", "limits"]), default="auto",
               show_default=True,
-              help="auto: bubblewrap where it works, limits alone elsewhere.")  # fmt: skip
+              help="auto: bubblewrap where it works, otherwise resource limits only.")  # fmt: skip
 @click.option("--plugin", is_flag=True, help="Give agents the plugin's server as well.")
 @click.option("--without", multiple=True, type=options.Choice(MODULES),
               help="Leave a module of the plugin out; repeat.")  # fmt: skip

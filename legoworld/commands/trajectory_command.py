@@ -17,7 +17,7 @@ _SCORES = click.option(
 )
 _SANDBOX = click.option(
     "--sandbox", type=options.Choice(["auto", "bubblewrap", "limits"]), default="auto",
-    show_default=True, help="auto: bubblewrap where it works, limits alone elsewhere.",
+    show_default=True, help="auto: bubblewrap where it works, otherwise resource limits only.",
 )  # fmt: skip
 
 

@@ -88,7 +88,7 @@ class LiveBlender:
 
     @property
     def files(self) -> Path:
-        """The folder that the files of `left` are below; Blender can write to all of it."""
+        """The folder of the files named by `left`; Blender can write anywhere in it."""
         return self._sandbox.scratch
 
     @staticmethod
@@ -101,7 +101,7 @@ class LiveBlender:
         return str(self._sandbox.seen("output") / name)
 
     def ask(self, kind: str, params: Parameters, time_s: float) -> BlenderReply:
-        """Blender's reply; BlenderEndedError where there is none, and this Blender is over."""
+        """Blender's reply. BlenderEndedError if there is none; this Blender has then ended."""
         request = BlenderRequest(kind=kind, params=params, time_s=time_s)
         data = canonical(request).encode("utf-8", "surrogatepass")
         assert self._line is not None
@@ -180,7 +180,7 @@ class LiveBlender:
         return bytes(data)
 
     def _over(self, error: Exception, time_s: float) -> BlenderEndedError:
-        """Why there is no reply; this Blender has ended when it is known."""
+        """End this Blender and explain why there is no reply."""
         if isinstance(error, TimeoutError) and self._ending is None:
             self.close()
             return BlenderEndedError(

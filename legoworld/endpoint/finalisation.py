@@ -1,4 +1,4 @@
-"""The end of a trial: one scene is exported by the runtime, the same way whoever built it."""
+"""The end of a trial: the runtime exports one scene, the same way for every agent."""
 
 from __future__ import annotations
 

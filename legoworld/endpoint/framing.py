@@ -14,7 +14,7 @@ MOST_BYTES: Final = 64 << 20
 
 
 class FramingError(ValueError):
-    """What was received can be no message; the text says why."""
+    """The received data cannot be a message; the text says why."""
 
 
 class MessageSplitter:
@@ -67,7 +67,7 @@ class MessageSplitter:
         self._data = rest
 
     def _end(self) -> int | None:
-        """Where the message that the data begin with ends; None while it has not."""
+        """End of the first message in the data; None while it is incomplete."""
         while True:
             found = (_INSIDE if self._quoted else _OUTSIDE).search(self._data, self._at)
             if found is None:

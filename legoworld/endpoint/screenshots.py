@@ -22,9 +22,9 @@ class NotShownError(LegoWorldError):
 def deliver_picture(data: bytes | None, wanted: str, workspace: Path) -> None:
     """Write Blender's picture to the path that a client asked for.
 
-    That is a file in the workspace, or a new .png directly in the folder for temporary files, where
-    mcp-for-blender looks for it. NotShownError for any other, and for what is no PNG of a size that
-    clients can decode; RefusedFileError for a path that leads through a link.
+    The path is a file in the workspace, or a new .png directly in the folder for temporary files,
+    where mcp-for-blender looks for it. NotShownError for any other path, and for data that are not
+    a PNG of a size clients can decode; RefusedFileError for a path that leads through a link.
     """
     _check_picture(data or b"")
     assert data is not None

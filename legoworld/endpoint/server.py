@@ -24,12 +24,11 @@ _REFUSED_WITHIN_S: Final = 0.2
 
 
 class EndpointServer:
-    """Listens on a port of this machine alone from its making to its closing.
+    """Listens on a local port until it is closed.
 
-    port: 0 for any that is free; by: whose calls come through it. Every command has one answer,
-    whatever it holds and whatever becomes of it. A client that vanishes takes nothing with it: the
-    call it made comes to its end, and its answer is dropped. A client beyond MOST_CLIENTS is told
-    so and left.
+    port: 0 for a free one; by: the caller recorded for its calls. Every command gets one answer,
+    valid or not. If a client disconnects, its call completes and the answer is dropped. Clients
+    beyond MOST_CLIENTS are refused with a message.
     """
 
     def __init__(self, session: Session, port: int, by: Caller = "agent") -> None:
@@ -81,7 +80,7 @@ class EndpointServer:
             while data := client.recv(1 << 16):
                 for message in splitter.feed(data):
                     client.sendall(_framed(self._answer(message), splitter))
-        except FramingError as error:  # where the next message begins cannot be told
+        except FramingError as error:  # the start of the next message is unknown
             with contextlib.suppress(OSError):
                 client.sendall(_framed(_encoded(Failure(message=str(error))), splitter))
         except OSError:
@@ -114,7 +113,7 @@ def _framed(data: bytes, splitter: MessageSplitter) -> bytes:
 
 
 def _refuse(client: socket.socket) -> None:
-    """Answer a client that there is no room for, after its first words: else it may not read it."""
+    """Refuse a client over the limit, after its first bytes: before, it may not read the answer."""
     with client, contextlib.suppress(OSError):
         client.settimeout(_REFUSED_WITHIN_S)
         with contextlib.suppress(TimeoutError):

@@ -19,7 +19,7 @@ from legoworld.workers.sandbox import SandboxLimits
 
 @dataclass(frozen=True, kw_only=True)
 class Serving:
-    """What is served. workspace: None for a folder named after the port."""
+    """Options of an endpoint. workspace: None for a folder named after the port."""
 
     scene: Path | None
     port: int
@@ -49,7 +49,7 @@ def workspace_of(serving: Serving) -> Path:
 
 
 def record_of(workspace: Path) -> Path:
-    """Where the calls and scenes of a workspace are kept."""
+    """Folder of a workspace's calls and scenes."""
     workspace = workspace.resolve()
     return workspace.with_name(f"{workspace.name}.trajectory")
 

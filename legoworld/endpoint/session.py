@@ -1,4 +1,4 @@
-"""A trial's Blender as its clients see it: every command has an answer, whatever became of it."""
+"""A trial's Blender as its clients see it: every command gets an answer, successful or not."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _BY_BLENDER: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What a session is given.
+    """The settings of a session.
 
     workspace: the folder Blender can write to; record: where calls and checkpoints are kept, which
     it cannot write to; limits: of the whole trial; inputs: what Blender can read besides; blend:
@@ -86,7 +86,7 @@ class Session:
         self._begun = time.monotonic() - (rows[-1].at_s + rows[-1].seconds if rows else 0.0)
         #: Of the open scene's file: a save of an unchanged scene has the same bytes.
         self._live_sha256 = ""
-        #: Why the open scene is not the last one, until a client was told.
+        #: Why the open scene is not the last one; cleared once reported to a client.
         self._passed_over = ""
         #: Of the file that was looked at last; a continued trial looks at what is there once more.
         self._saved: tuple[int, ...] | None = None if rows else self._saved_stamp()
@@ -211,7 +211,7 @@ class Session:
     def _started(self) -> LiveBlender:
         """A new Blender with the last live checkpoint that opens; as it began where none does.
 
-        A checkpoint that was passed over is told with the next answer.
+        A skipped checkpoint is reported with the next answer.
         """
         live = {c.sha256: c for c in self._record.checkpoints if c.kind == "live"}
         first: BlenderEndedError | None = None
@@ -301,7 +301,7 @@ class Session:
 
 
 def placed(blend: Path, workspace: Path, name: PurePath) -> Path:
-    """A copy of a .blend of ours in a workspace; under another name where a folder has this one."""
+    """Copy a .blend into a workspace; under another name if a folder has this name."""
     with Beneath(workspace.resolve()) as inside:
         there = inside.status(name)
         if there is not None and stat.S_ISDIR(there.st_mode):

@@ -33,7 +33,7 @@ class TrialRecord:
         self.folder = folder
         self._store = folder / STORE
         self._store.mkdir(parents=True, exist_ok=True)
-        #: Why the scene.blend that was looked at last is no checkpoint; "" where it is one.
+        #: Why the last examined scene.blend is not a checkpoint; "" if it is one.
         self.spoilt = ""
         self.calls = read_rows(folder / CALLS, Call)
         self.checkpoints = read_rows(folder / CHECKPOINTS, Checkpoint)
@@ -64,9 +64,9 @@ class TrialRecord:
         return row
 
     def keep_saved(self, workspace: Path, *, call: int, at_s: float) -> Checkpoint | None:
-        """Keep the scene.blend of a workspace as the next checkpoint; None where it is no other.
+        """Store a workspace's scene.blend as the next checkpoint; None if it is unchanged.
 
-        What is there and is not taken is said in `spoilt`.
+        `spoilt` says why a file was rejected.
         """
         self.spoilt = ""
         try:
@@ -94,7 +94,7 @@ class TrialRecord:
             begins = stream.read(8)
         if not begins.startswith(_BLENDS):
             copy.unlink()
-            raise RefusedFileError(f"{name} is no .blend", found=f"it begins with {begins!r}")
+            raise RefusedFileError(f"{name} is not a .blend", found=f"it begins with {begins!r}")
         return copy, sha256_of_file(copy)
 
     def drop_unanswered(self) -> None:

@@ -35,7 +35,7 @@ class Artefacts:
         return sha256
 
     def read(self, sha256: str, kind: Kind) -> bytes:
-        """The bytes of a hash. UsageError for one that this case never made."""
+        """The bytes with a hash. UsageError if this case did not create them."""
         path = self._folder / f"{sha256}.{kind}"
         if not (len(sha256) == 64 and sha256.isalnum() and path.is_file()):
             raise UsageError(

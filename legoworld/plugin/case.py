@@ -133,7 +133,7 @@ class Case(Recorded):
         }
 
     def unguarded(self, now: SceneState) -> tuple[Change, ...]:
-        """What changed since the last transaction ended: edits without one. Empty before any.
+        """Edits outside transactions: changes since the last one ended. Empty before the first.
 
         TransactionError for any where edits without a transaction are refused.
         """

@@ -62,7 +62,7 @@ def _kinds(before: EntityState, after: EntityState) -> list[ChangeKind]:
     ]
     places = (before.placement_sha256, after.placement_sha256)
     moved = None not in places and places[0] != places[1]
-    # A mesh or modifier that changed has other placements, too: that is no motion.
+    # A changed mesh or modifier also changes placements: that does not count as motion.
     if moved and "transform" not in kinds and not {"mesh", "modifier", "data"} & set(kinds):
         kinds.insert(0, "transform")
     return kinds

@@ -23,7 +23,7 @@ DEPTH: Final = "depth.npz"
 
 
 class EvidenceInvalidError(LegoWorldError):
-    """What was given as evidence of a photo cannot be used."""
+    """The evidence of a photo cannot be used."""
 
     code = "evidence_invalid"
 

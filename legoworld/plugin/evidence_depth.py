@@ -37,7 +37,7 @@ _GRID_TOLERANCE: Final = 0.05
 
 
 def write_depth(given: GivenDepth, size_wh: tuple[int, int], output: Path) -> DepthEvidence:
-    """Write depth.npz at the photo's size. EvidenceInvalidError for what is no depth of it."""
+    """Write depth.npz at the photo's size. EvidenceInvalidError if it is not depth of the photo."""
     path = given.path
     values = _array(path)
     if values.shape != size_wh[::-1]:
@@ -67,7 +67,7 @@ def _array(path: Path) -> NDArray[np.float32]:
         array = array.reshape(picture_shape(array.shape))
         if array.ndim != 2 or array.dtype.kind not in "fiu":
             raise ValueError(f"an array of {array.dtype} of shape {array.shape}")
-        with np.errstate(over="ignore"):  # beyond float32 is infinite, which is no depth
+        with np.errstate(over="ignore"):  # beyond float32: infinite, not a depth
             return np.asarray(array, np.float32)
     except (OSError, ValueError, MemoryError, DepthFileError) as error:
         raise EvidenceInvalidError(

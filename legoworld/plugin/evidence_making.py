@@ -48,7 +48,7 @@ from legoworld.tracks.vocabulary import Vocabulary
 
 #: Regions of a model below this confidence are mostly noise.
 LEAST_SCORE: Final = 0.3
-#: A provider's camera, in pixels of the photo; `evidence.json` has what is used of it.
+#: A provider's camera, in pixels of the photo; `evidence.json` has the part that is used.
 CAMERA: Final = "camera.json"
 
 
@@ -71,7 +71,7 @@ class Detection(Record, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Provided:
-    """What a baseline that was asked about the photo answered; None where it gave none."""
+    """A baseline's answers for the photo; None if it gave none."""
 
     record: ProviderRecord
     camera: ProviderCamera
@@ -80,10 +80,10 @@ class Provided:
 
 @dataclass(frozen=True, kw_only=True)
 class Given:
-    """What a user brings. regions: a JSON file of outlines, or of results; depth: an array.
+    """Evidence from the user. regions: JSON file of outlines or results; depth: an array.
 
     image_id: of the photo in a results file; vocabulary: of its category ids; all_images: the
-    results are of a whole track, where a photo without any is no mistake. runs: folders of
+    results are of a whole track, where a photo may have none. runs: folders of
     baselines that saw the photo; camera: a provider's file; provided: a provider's answer.
     """
 

@@ -61,14 +61,14 @@ def usable_run(folder: Path) -> Configuration:
     try:
         configuration = finished_run(folder).configuration
     except (RunDamagedError, OSError) as error:
-        raise _refused(f"{folder.name} is no finished run of a baseline", cause(error)) from error
+        raise _refused(f"{folder.name} is not a finished baseline run", cause(error)) from error
     if configuration.used_truth:
         raise _refused(f"{folder.name} was prompted with ground truth", "used_truth in run.json")
     return configuration
 
 
 def of_run(folder: Path, photo_sha256: str) -> RunEvidence:
-    """What a finished run says of a photo. EvidenceInvalidError names what it lacks.
+    """A finished run's results for a photo. EvidenceInvalidError names what is missing.
 
     A run of other photos, or of scenes, is refused by the photos' hashes.
     """
@@ -105,7 +105,7 @@ def depth_file(folder: Path, file_name: str) -> tuple[Path, DepthSpace] | None:
 
 
 def _space(path: Path) -> DepthSpace:
-    """What a baseline's .npz says of itself; depth for any other array."""
+    """The space that a baseline's .npz declares; depth for any other array."""
     if path.suffix != ".npz":
         return "depth"
     try:
@@ -116,7 +116,7 @@ def _space(path: Path) -> DepthSpace:
         ) from error
     if said not in _SPACES:
         raise EvidenceInvalidError(
-            f"{path} is no depth along the camera's axis",
+            f"{path} is not depth along the camera's axis",
             found=said,
             expected="depth or disparity",
         )
@@ -127,7 +127,7 @@ def _records(folder: Path) -> list[ImageRecord]:
     try:
         return list(finished_records(folder))
     except (RunDamagedError, OSError) as error:
-        raise _refused(f"{folder.name} is no finished run of a baseline", cause(error)) from error
+        raise _refused(f"{folder.name} is not a finished baseline run", cause(error)) from error
 
 
 def _of_photo(records: Sequence[ImageRecord], photo_sha256: str) -> ImageRecord | None:

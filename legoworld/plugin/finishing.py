@@ -40,7 +40,7 @@ _EXPORT_LIMITS: Final = SandboxLimits(time_s=600.0, memory_bytes=8 << 30)
 
 
 class StaleError(LegoWorldError):
-    """What a call is about is of another state of the scene."""
+    """A call refers to another state of the scene."""
 
     code = "stale"
 

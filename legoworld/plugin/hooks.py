@@ -37,13 +37,13 @@ _EVENTS: Final[dict[str, Event]] = {
 
 
 class HookInputError(LegoWorldError):
-    """What the harness sent is no event of a hook."""
+    """The harness's input is not a hook event."""
 
     code = "hook_input"
 
 
 class _Payload(Record, frozen=True, kw_only=True):
-    """What the three harnesses send, as far as it matters here; the rest is ignored."""
+    """The fields used from the three harnesses' input; others are ignored."""
 
     hook_event_name: str
     tool_name: str | UnsetType = UNSET
@@ -61,7 +61,7 @@ class HookRules:
 
 
 def hook_answer(rules: HookRules, data: bytes) -> str:
-    """What to print for one event: JSON in the harness's form. HookInputError for no event."""
+    """Reply to one event, as the harness's JSON. HookInputError if it is not an event."""
     payload, event = _read(data)
     try:
         entries, broken = read_ledger(rules.ledger), None
@@ -93,7 +93,7 @@ def _read(data: bytes) -> tuple[_Payload, Event]:
         return payload, _EVENTS[payload.hook_event_name]
     except (RecordError, KeyError) as error:
         raise HookInputError(
-            "this is no event of a hook",
+            "the input is not a hook event",
             found=str(error),
             expected=f"JSON with hook_event_name, one of {', '.join(_EVENTS)}",
             next_step="let the harness call it: see `legoworld plugin install`",

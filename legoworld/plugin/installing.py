@@ -64,7 +64,7 @@ class Written:
 
 
 def install(wanted: Wanted) -> list[Written]:
-    """What installing changes; nothing is written. What is installed already is replaced.
+    """Plan an installation without writing; an existing one is replaced.
 
     SettingsError for settings that are broken, or have another server of this name.
     """
@@ -87,7 +87,7 @@ def install(wanted: Wanted) -> list[Written]:
 
 
 def uninstall(dialect: Dialect, project: Path) -> list[Written]:
-    """What undoing changes; nothing is written, and nothing is to do where nothing is installed.
+    """Plan an uninstallation without writing; empty if nothing is installed.
 
     SettingsError where what was added has been edited since.
     """

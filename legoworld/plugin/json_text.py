@@ -1,4 +1,4 @@
-"""Adding a value to a JSON text without touching another byte of it."""
+"""Add a value to a JSON text and leave every other byte as it is."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def added(text: str, path: tuple[str, ...], value: Any) -> tuple[str, list[str]]
     path: keys of objects from the root; missing ones are added. A list is appended to the list
     there, an item at a time; any other value becomes the last key's. Each fragment is whole: an
     empty container, a member or an item, so that it can be taken out again by itself. ValueError
-    names what is no object or list on the way, or is there already.
+    names the part of the path that is not an object or list, or a key that already exists.
     """
     fragments: list[str] = []
     for depth, key in enumerate(path):

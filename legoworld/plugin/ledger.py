@@ -52,7 +52,7 @@ class Ledger:
     ) -> Entry:
         """Write an entry and have it on disk.
 
-        LedgerBrokenError where the file is no longer what was read and written here.
+        LedgerBrokenError if the file changed since it was last read or written here.
         """
         if hashlib.sha256(self._bytes()).digest() != self._written.digest():
             raise LedgerBrokenError(
@@ -105,7 +105,7 @@ def _written(unsigned: Entry) -> tuple[Entry, bytes]:
 
 
 def read_ledger(folder: Path) -> list[Entry]:
-    """All entries of a ledger, held to their hashes. LedgerBrokenError names the first bad line.
+    """Read a ledger and check its hashes. LedgerBrokenError names the first bad line.
 
     A last line without its end was being written when the process was killed, and is left out.
     """
@@ -113,7 +113,7 @@ def read_ledger(folder: Path) -> list[Entry]:
 
 
 def check_ledger(folder: Path) -> list[Entry]:
-    """`read_ledger`; NotAssessedError where there is no ledger, or no entry in it."""
+    """`read_ledger`; NotAssessedError without a ledger or an entry."""
     entries = read_ledger(folder)
     if not entries:
         raise NotAssessedError(

@@ -124,7 +124,7 @@ class LiveBlender:
             return scene, kept
 
     def install(self, code: str) -> None:
-        """Run the plugin's own code in the live scene: an explicit call of `initialize` alone."""
+        """Run the plugin's own code in the live scene; only `initialize` does this."""
         self._blender.run(code)
 
     def restore(self, sha256: str, state: SceneState) -> None:

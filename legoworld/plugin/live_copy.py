@@ -22,7 +22,7 @@ class LiveCopy:
 
     path: as Blender said it; workspace: the folder that an endpoint's Blender is confined to, None
     for a Blender that can write what its user can. Methods raise BlenderRefusedError for a path
-    that is not the copy's or leads out of the workspace, and for what is no plain file.
+    that is not the copy's or leads out of the workspace, and for anything but a regular file.
     """
 
     def __init__(self, path: Path, workspace: Path | None) -> None:
@@ -39,7 +39,7 @@ class LiveCopy:
         return str(self._name.parent)
 
     def sha256(self) -> str:
-        """Of its bytes as they are now."""
+        """Hash of its current bytes."""
         with self._files() as files, files.open_file(self._name, most_bytes=LARGEST_FILE) as stream:
             if stream is None:
                 raise self._refused("no such file")

@@ -22,7 +22,7 @@ def construction_plan(evidence: Evidence, structures: Mapping[str, Structure]) -
     """Every region that shows no face of the room; nearest first, then by name.
 
     Relative depth is linear in the median disparity of a region: 0 is the nearest planned object, 1
-    the farthest, and nothing is said about how far either is.
+    the farthest; the scale is unknown.
     """
     regions = [r for r in evidence.file.regions if r.name not in structures]
     masks = {r.name: evidence.mask(r) for r in regions}

@@ -98,17 +98,17 @@ class Recorded:
         return state
 
     def keep_base(self, state: SceneState, copy_sha256: str | None) -> None:
-        """Have a state be what a rollback returns to, from this call's entry on."""
+        """Make a state the rollback target, starting with this call's entry."""
         path = self._states / f"{state.scene_signature}.json"
         path.write_text(readable(state), encoding="utf-8")
         self._base = copy_sha256
 
     def count(self, tool: str, since: int = 0) -> int:
-        """How many calls of a tool went well, after the first `since` entries."""
+        """Number of successful calls of a tool after the first `since` entries."""
         return sum(e.tool == tool and e.error is None for e in self.ledger.entries[since:])
 
     def note(self, scene: LiveScene) -> None:
-        """Have the signatures of a state that was read in the entry of this call."""
+        """Add the signatures of a state to this call's entry."""
         self.scene = scene
         self.note_state(scene.state)
 

@@ -24,7 +24,7 @@ _MOST_HITS: Final = 4_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Rest:
-    """How an entity stands. gap_m: to what is below, negative where it is sunk in.
+    """Support of an entity. gap_m: to the surface below; negative if it penetrates.
 
     balanced: whether its centre of mass is above the convex hull of its contact, to 1/64 of its
     size.

@@ -96,7 +96,7 @@ def _gray(photo: Rgb) -> Rgb:
 
 
 def _shaded(buffers: Buffers) -> Rgb:
-    """Near is light; nothing is black."""
+    """Depth as grey levels: near is light, background black."""
     finite = np.isfinite(buffers.depth_z_m) & (buffers.depth_z_m > 0)
     inverse = np.zeros(buffers.depth_z_m.shape)
     inverse[finite] = 1.0 / buffers.depth_z_m[finite]

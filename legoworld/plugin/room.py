@@ -36,7 +36,7 @@ class RoomUnknownError(LegoWorldError):
 def structures_of(
     evidence: Evidence, given: Mapping[str, Structure] | None
 ) -> dict[str, Structure]:
-    """What regions show, by their names: as given, or as their names and categories say.
+    """Structure by region name: as given, or from the region's name and category.
 
     EvidenceInvalidError for a region that the evidence does not have.
     """
@@ -57,7 +57,7 @@ def structures_of(
 
 
 def _said(name: str) -> Structure | None:
-    """Of "Back wall", "wall 2" or "floor": what it shows; None for any other name."""
+    """Parse "Back wall", "wall 2" or "floor"; None for any other name."""
     words = " ".join(name.lower().replace("-", " ").replace("_", " ").split())
     base = words.rstrip("0123456789 ")
     return _SAID.get(base) or next((s for s in STRUCTURES if s == base), None)

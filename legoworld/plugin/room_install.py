@@ -26,7 +26,7 @@ CAMERA: Final = "Reference camera"
 _SENSOR_MM: Final = 36.0
 #: Blender keeps lens and coordinates as 32-bit floats.
 _FLOAT32: Final = 1e-5
-#: Pixels of an edge between two faces may fall on either side of it.
+#: Pixels of an edge between two faces may fall on either face.
 _EDGE_PX: Final = 0.01
 
 _INSTALL: Final = """
@@ -66,7 +66,7 @@ def face_object(name: FaceName) -> str:
 
 
 def installation(room: Room) -> Declaration:
-    """What installing a room may change, and what has to hold after it."""
+    """The changes that installing a room may make, and the requirements on the result."""
     objects = [face_object(face.name) for face in known_faces(room)]
     return Declaration(
         editable=(SHELL, CAMERA, "camera", "render", "collections"),
@@ -110,7 +110,7 @@ def refuse_another(room: Room, scene: LiveScene) -> None:
     """NotInstalledError where the scene's camera is not the room's, or shows another shell.
 
     The camera as the snapshot has it, and the kernel's view of the shell against the rays through
-    the box; other objects may hide any part of it.
+    the box; other objects may hide parts.
     """
     size = room.width, room.height
     shot = scene.snapshot

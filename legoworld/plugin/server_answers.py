@@ -75,7 +75,7 @@ def typed(kind: Any, given: Any) -> Any:
 
 
 def _no_number(value: Any, place: str = "$") -> str | None:
-    """Where a JSON value has NaN or an infinity: neither is JSON, and no ledger keeps them."""
+    """Path of a NaN or infinity in a JSON value; a ledger cannot store them."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"{value} at {place}"
     inside: list[tuple[Any, Any]] = []

@@ -48,7 +48,7 @@ def serve_plugin(
     """Serve until standard input ends. InstallationError without the extra.
 
     photo: EvidenceInvalidError where the evidence is of another one. It may stand alone: then there
-    are no regions, no depth and no camera. off: names of modules to leave out.
+    regions, depth and camera are missing. off: names of modules to leave out.
     """
     require_server()
     from legoworld.plugin.server import plugin_server
@@ -92,7 +92,7 @@ def parsed_address(text: str) -> Address:
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or not 0 < int(port) < 1 << 16:
         raise UsageError(
-            "--blender is no address",
+            "--blender is not an address",
             found=repr(text),
             expected="HOST:PORT, such as 127.0.0.1:9876",
         )

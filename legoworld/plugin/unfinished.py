@@ -24,7 +24,7 @@ def standing(entries: Sequence[Entry]) -> tuple[Requirement, ...]:
 
 
 def unfinished(entries: Sequence[Entry], marks: Sequence[HookMark]) -> tuple[str, ...]:
-    """Sentences, the first to do first; none where the agent may finish.
+    """Remaining steps as sentences, in order; empty if the agent may finish.
 
     Nothing is left where nothing was done: no call and no edit.
     """

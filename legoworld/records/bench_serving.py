@@ -20,7 +20,7 @@ class ServeRequest(Record, frozen=True, kw_only=True):
 class ServeAnswer(Record, frozen=True, kw_only=True):
     """Its scores; zeros for a submission that is missing or invalid, and why.
 
-    status: ok, the readout's verdict, `refused` for a line that is no request, or
+    status: ok, the readout's verdict, `refused` for a line that is not a request, or
     `evaluator_error`; V, R, A and S are null for the last two, and A and S with --no-render.
     validity: the checks of V that were made.
     """

@@ -54,10 +54,11 @@ def judged(error: Exception, written: Iterable[Path]) -> LegoWorldError:
         )
     frame = traceback.extract_tb(error.__traceback__)[-1]
     unforeseen = UnforeseenError(
-        "reading the scene failed in a way that was not foreseen",
+        "unexpected error while reading the scene",
         found=f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})",
         expected="a record or a named verdict",
-        next_step="please report it with the scene and what -v prints; the other scenes are read",
+        next_step="this is a bug in legoworld, please report it (-v prints the traceback); "
+        "the other scenes are read",
     )
     unforeseen.trace = "".join(traceback.format_exception(error))
     return unforeseen

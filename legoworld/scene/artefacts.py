@@ -42,7 +42,7 @@ def check_picture(path: Path) -> None:
     if picture is None:
         raise SceneInvalidError(
             f"{path.name} does not decode",
-            found=f"{len(data)} bytes that are no picture",
+            found=f"{len(data)} bytes that are not a picture",
             expected="a PNG of the scene's render",
             next_step="render the scene again",
         )

@@ -204,7 +204,7 @@ def read_hashed_side_file(
 ) -> SideFile[T] | None:
     """A side file that is among the hashed artefacts; None where there is none.
 
-    Raises as `read_side_file` does, and SceneInvalidError when it is no longer what was hashed.
+    Raises as `read_side_file` does, and SceneInvalidError if it changed after it was hashed.
     """
     side_file, hashed = read_side_file(scene.path, name, kind), files.artefacts.get(name)
     if (side_file and side_file.sha256) != (hashed and hashed.sha256):

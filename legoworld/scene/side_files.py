@@ -77,7 +77,7 @@ def program_warnings(folder: Path, blend_sha256: str | None) -> tuple[str, ...]:
     """A warning where the program that built the scene was stopped by an error.
 
     blend_sha256: of the scene.blend that is there; an execution.json of another one says nothing of
-    it. The file is no part of the frozen scene: one that cannot be used is a warning, too.
+    it. The file does not belong to the frozen scene, so an unusable one is only a warning.
     """
     try:
         record = read_side_file(folder, EXECUTION, ExecutionFile)

@@ -22,7 +22,7 @@ LARGEST_BYTES: Final = 4 << 20
 MOST_FILES: Final = 64
 _MOST_ELEMENTS: Final = 100_000
 _DEEPEST: Final = 32
-#: Joints of these types are part of the tree and are no articulation.
+#: Joints of these types are part of the tree but do not articulate.
 _FIXED: Final = "fixed"
 _IDENTITY: Final[Rows] = (
     (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)

@@ -31,7 +31,7 @@ def clearly_best(reports: Sequence[Report]) -> int:
 def lead(first: Sequence[Result], second: Sequence[Result]) -> float:
     """(k - l) / sqrt(k + l) over the requirements that pass in one of two scenes alone.
 
-    k pass in the first, l in the second; 0 where there are none. Unknown is no pass, so that a
+    k pass in the first, l in the second; 0 where there are none. Unknown does not pass, so that a
     scene does not gain by what it hides.
     """
     kept = lost = 0

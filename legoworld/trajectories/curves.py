@@ -25,7 +25,7 @@ TIE: Final = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
-    """What a trial's scores are made of. checkpoints: in order; final: the submission."""
+    """A trial's scored scenes. checkpoints: in order; final: the submission."""
 
     image_id: int
     scene: str
@@ -74,7 +74,7 @@ def score_trajectory(trajectory: Trajectory) -> TrajectoryScore:
 
 
 def edits_of(scenes: Sequence[ScoredScene]) -> list[Edit]:
-    """Consecutive eligible scenes. A submission equal to the checkpoint before it is no edit."""
+    """Consecutive eligible scenes. A submission equal to the last checkpoint is no edit."""
     edits, before, skipped = [], None, 0
     for scene in scenes:
         if scene.Q is None:
@@ -118,7 +118,7 @@ def _causes(
 ) -> list[tuple[Cause, float]]:
     """Which kind of change has which part of an edit.
 
-    A camera that moved has all of it: everything is seen anew. Otherwise changed geometry has R's
+    A moved camera gets all of the change. Otherwise changed geometry has R's
     half, and A's half is appearance's, unless nothing but geometry can have changed it: R and A
     fell or rose together. Unchanged geometry leaves appearance.
     """
@@ -167,7 +167,7 @@ def q_at(score: TrajectoryScore, axis: Axis, share: float) -> float | None:
 
 
 def share_of(when: Moment, axis: Axis) -> float | None:
-    """When on one of the three axes."""
+    """Position on one of the three axes."""
     if axis == "tokens":
         return when.tokens_share
     return when.wall_share if axis == "wall" else when.calls_share

@@ -13,10 +13,10 @@ from legoworld.trajectories.transcripts import usage_of
 
 
 def joined(parts: Sequence[AtifTrajectory]) -> AtifTrajectory:
-    """One document: the parts' steps in order, each later part after a step that says so.
+    """Concatenate the parts' steps; each later part follows a step that announces it.
 
-    A total is there where every part tells it: a killed part may have told none, and its tokens are
-    not guessed.
+    Totals are present only if every part reports them: a killed part may not, and its tokens are
+    not estimated.
     """
     if len(parts) == 1:
         return parts[0]

@@ -1,4 +1,4 @@
-"""Another submission out of a trial's own checkpoints, chosen by what is public alone."""
+"""Choose another submission from a trial's checkpoints, using public data only."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Pick(Record, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class PickPlan:
-    """What is picked with. evidence: a folder with <scene>/requirements.json and its evidence."""
+    """Settings of a pick. evidence: a folder with <scene>/requirements.json and its evidence."""
 
     by: By
     evidence: Path | None
@@ -176,7 +176,7 @@ def _export(
 def saved_regret(
     picks: Sequence[Pick], q_of: Callable[[str, int | None], float | None]
 ) -> tuple[float, int] | None:
-    """How much regret the picks save, as a mean over scenes that were scored, and their number.
+    """Mean regret that the picks save over the scored scenes, and the number of those scenes.
 
     q_of: Q of a scene's checkpoint, and of its submission for None.
     """

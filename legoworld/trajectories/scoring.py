@@ -45,7 +45,7 @@ _FINAL: Final = "final"
 
 @dataclass(frozen=True, kw_only=True)
 class ScoringPlan:
-    """What checkpoints are exported and scored with."""
+    """Settings for exporting and scoring checkpoints."""
 
     private: Path
     output: Path

@@ -35,7 +35,7 @@ _CODE_CHARACTERS: Final = 6000
 
 
 def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[object]]:
-    """One row a call: number, seconds, command, status, checkpoint, Q, and what it said."""
+    """One row per call: number, seconds, command, status, checkpoint, Q, message."""
     q = _scene_of(score)
     return [
         [
@@ -57,7 +57,7 @@ def read_scores(folder: Path | None) -> TrajectoryFile | None:
 
 
 def score_of(scores: TrajectoryFile | None, trial: RecordedTrial) -> TrajectoryScore | None:
-    """A trial's score: of its image, agent and way of ending."""
+    """The score with a trial's image, agent and ending."""
     about = trial.about
     matching = [
         score

@@ -59,7 +59,7 @@ class Reading:
     total: AtifFinalMetrics | None = None
 
     def odd(self, event: Any) -> None:
-        """Keep an event that no field is for, and a line that is no event."""
+        """Keep an event without a matching field, or a line that is not an event."""
         if isinstance(event, dict):
             kind = str(event.get("type", "event"))
             self.steps.append(Read(source="system", message=kind, extra={"event": event}))
@@ -68,14 +68,14 @@ class Reading:
 
 
 def arguments_of(value: Any) -> dict[str, Any]:
-    """A call's arguments as an object; one that is none is kept under a name."""
+    """A call's arguments as an object; any other value is stored under one key."""
     if isinstance(value, dict):
         return value
     return {} if value is None else {"value": value}
 
 
 def rest_of(event: dict[str, Any], *lifted: str) -> dict[str, Any]:
-    """What is left of an event when the named keys are lifted out."""
+    """An event without the named keys."""
     return {key: value for key, value in event.items() if key not in lifted}
 
 

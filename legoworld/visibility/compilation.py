@@ -30,7 +30,7 @@ NO_COMPILER = (
 
 
 class CompilationError(Exception):
-    """No compiler, or the compiler refused. The message says what to do."""
+    """No compiler was found, or compilation failed. The message has the next step."""
 
 
 def sources(folder: Path) -> list[Path]:

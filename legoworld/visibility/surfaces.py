@@ -71,7 +71,7 @@ class Surfaces:
 
 @dataclass(frozen=True, kw_only=True)
 class Buffers:
-    """What each pixel centre sees.
+    """The surface hit at each pixel centre.
 
     instance: (H, W) int32, -1 = nothing; depth_z_m: (H, W) float32 planar z in metres, +inf =
     nothing.
@@ -166,7 +166,7 @@ def _array(name: str, array: Any, dtype: DTypeLike, shape: tuple[int | None, ...
             expected=_described(dtype, shape),
         )
     if not array.flags.c_contiguous:
-        raise ShapeError(f"{name} is not C-contiguous", next_step="pass np.ascontiguousarray of it")
+        raise ShapeError(f"{name} is not C-contiguous", next_step="pass np.ascontiguousarray(...)")
     return array
 
 

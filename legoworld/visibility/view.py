@@ -135,7 +135,7 @@ def unseen_reasons(
 
 
 def _only(surfaces: Surfaces, placements: NDArray[np.intp]) -> Surfaces:
-    """Some placements and the meshes they show, without their cut-outs: coverage asks for none.
+    """Some placements and the meshes they show, without cut-outs, which coverage ignores.
 
     What is unseen is mostly little, and what is seen was checked when it was drawn.
     """

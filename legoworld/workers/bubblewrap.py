@@ -71,7 +71,7 @@ def find_bubblewrap() -> Bubblewrap | str:
 
 
 def how_to_have(why_not: str) -> str:
-    """What to do about a reason of `find_bubblewrap`."""
+    """Next step for a reason given by `find_bubblewrap`."""
     if why_not == _NOT_INSTALLED:
         return "apt-get install bubblewrap"
     return "allow user namespaces on this machine, or in its container; docs/sandbox.md"
@@ -118,7 +118,7 @@ def confined(
 
 
 def _namespaces() -> list[str]:
-    """Nothing shared: no network, other processes, message queues; ended with its parent."""
+    """Options that unshare network, processes and message queues, and die with the parent."""
     return [
         "--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL",
         "--proc", "/proc", "--dev", "/dev",
@@ -135,7 +135,7 @@ def _there(names: Sequence[str]) -> list[Path]:
 
 
 def always_shown() -> list[Path]:
-    """What every program sees of the machine: the system, this Python, this package, bpy."""
+    """Paths visible to every program: the system, this Python, this package, bpy."""
     return [*_there(_SYSTEM), *_python()]
 
 
@@ -173,14 +173,14 @@ def _python() -> tuple[Path, ...]:
 
 
 def links_of(python: Path) -> Iterator[Path]:
-    """What a virtual environment's python leads to, link by link."""
+    """Targets of a virtual environment's python, link by link."""
     while python.is_symlink():
         python = python.parent / python.readlink()
         yield python
 
 
 def showable(paths: Iterable[Path]) -> tuple[Path, ...]:
-    """Those that exist; never the home or the root as a whole, whatever is installed there."""
+    """The existing paths, except the home and root folders themselves."""
     too_much = {Path("/"), home_folder(), *home_folder().parents}
     return tuple(path for path in paths if path.exists() and path not in too_much)
 

@@ -80,7 +80,7 @@ class ChildProcess:
         return bool(self._answers.poll(within_s * 1000))
 
     def output_for(self, data: bytes, time_s: float) -> bytes:
-        """Everything it prints for the whole of its input; TimeoutError after the time limit."""
+        """Its complete output for a complete input; TimeoutError after the time limit."""
         try:
             return self._process.communicate(data, time_s)[0]
         except subprocess.TimeoutExpired as error:
@@ -100,7 +100,7 @@ class ChildProcess:
                 self._kill_group()
 
     def end(self) -> None:
-        """Kill it and wait until it is gone. The pipes and its last words stay."""
+        """Kill it and wait for it to end. Its pipes and buffered output stay readable."""
         self.kill()
         self.exit_code(within_s=math.inf)
 

@@ -132,7 +132,7 @@ def blender_environment(*, home: Path, temporary: Path) -> dict[str, str]:
 
 
 def passed(declared: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
-    """The declared names that the caller has; a run records these names, never the values."""
+    """Declared names that are set for the caller; a run records the names, never the values."""
     caller = os.environ if caller is None else caller
     return sorted({name for name in declared if name in caller})
 

@@ -10,7 +10,7 @@ _PR_SET_DUMPABLE: Final = 4
 
 
 def hide_process() -> None:
-    """Close this process's /proc/PID/environ, mem and fd, and tracing, to its own user's programs.
+    """Protect /proc/PID/environ, mem, fd and tracing from other programs of the same user.
 
     A program without bubblewrap is one of those; what a process execs is not hidden. It is no
     protection against root or CAP_SYS_PTRACE, nor of the user's other processes, a shell with the

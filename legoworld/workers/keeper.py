@@ -54,7 +54,7 @@ def main() -> int:
     os.close(write_ending)
     code = _wait(child, waking)
     with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(child, signal.SIGKILL)  # all there is to end where there is no subreaper
+        os.killpg(child, signal.SIGKILL)  # without a subreaper, only the group can be ended
     end_all(keeper)
     if order["group"] is not None:
         while _ended_child()[0]:

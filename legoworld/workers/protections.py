@@ -26,7 +26,7 @@ class SandboxUnavailableError(LegoWorldError):
 class Protections:
     """The protections of a sandbox.
 
-    why_not: why there is no bubblewrap; network: whether the program was given the network;
+    why_not: why bubblewrap is not used; network: whether the program was given the network;
     counted: whether the kernel counts its processes (see task_group).
     """
 

@@ -290,7 +290,7 @@ class Sandbox:
 
 
 def code_of(line: bytes) -> int:
-    """The exit code that a keeper says; without a word the program or the system has killed it."""
+    """The exit code a keeper reports; no report means that the keeper was killed."""
     return int(json.loads(line)["code"]) if line else -signal.SIGKILL
 
 

@@ -1,4 +1,4 @@
-"""A program in the sandbox that is talked with: its input, output and log are pipes."""
+"""An interactive program in the sandbox: its input, output and log are pipes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Pipes:
 
 
 class TalkingSandbox(Sandbox):
-    """A `Sandbox` whose program has the machine's GPUs, and is held to the size of a file alone."""
+    """A `Sandbox` whose program can use the GPUs and is limited only in file size."""
 
     _code: int | None = None
 

@@ -43,7 +43,7 @@ def test_a_run_of_none_of_the_photos_is_refused(made, given):
     with pytest.raises(EvidenceInvalidError) as refused:
         planned(made, "other.json", **runs)
     said = str(refused.value)
-    assert "is about none of the track's photos" in said
+    assert "covers none of the track's photos" in said
     assert "2 photos in the run, none of the hashes of the track's 1" in said
     assert "run the baseline on this track" in said
 
@@ -59,7 +59,7 @@ def test_one_good_run_does_not_excuse_another(made, tmp_path):
         made / "other.json", made / "photos", made / "w.bin", tmp_path / "other", task="coco"
     )
     assert call(other) == 0
-    with pytest.raises(EvidenceInvalidError, match="other is about none"):
+    with pytest.raises(EvidenceInvalidError, match="other covers none"):
         planned(made, "track.json", regions=[made / "coco", tmp_path / "other"])
 
 
@@ -85,5 +85,5 @@ def test_the_command_says_it_in_one_line_and_begins_no_trial(made, tmp_path, cap
     command += ["--regions", str(tmp_path / "coco"), "-o", str(tmp_path / "scenes")]
     assert cli.run(command) == 2
     (line,) = capfd.readouterr().err.strip().splitlines()
-    assert "coco is about none of the track's photos" in line
+    assert "coco covers none of the track's photos" in line
     assert not (tmp_path / "scenes").exists()

@@ -147,9 +147,9 @@ def test_properties_that_are_no_text_are_no_labels(read, scenes, blender):
     assert row["status"] == "ok"
     assert [p["bbox"] for p in record["predictions"]] == [[20, 0, 8, 8]]  # bytes are text
     assert row["warnings"][:3] == [
-        "'Thing 0' has a property 'category' that is no text: not a label",
-        "'Thing 0' has a property 'coco_category' that is no text: not a label",
-        "'Thing 1' has a property 'category' that is no text: not a label",
+        "'Thing 0' has a property 'category' that is not text: not a label",
+        "'Thing 0' has a property 'coco_category' that is not text: not a label",
+        "'Thing 1' has a property 'category' that is not text: not a label",
     ]
     properties = {
         o.name: o.properties for o in snapshot_of(scenes / "odd_labels", blender).snapshot.objects

@@ -94,7 +94,7 @@ def test_a_picture_of_one_colour_shows_nothing(tmp_path):
     path.write_bytes(png(np.array([[5, 5], [5, 6]], np.uint8)))
     check_picture(path)
     path.write_bytes(b"nothing")
-    with pytest.raises(SceneInvalidError, match="7 bytes that are no picture"):
+    with pytest.raises(SceneInvalidError, match="7 bytes that are not a picture"):
         check_picture(path)
 
 

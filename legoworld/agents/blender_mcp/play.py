@@ -44,13 +44,13 @@ class Transcript:
         self._add({"source": "user", "message": prompt})
 
     def begun(self, tools: list[str]) -> None:
-        """The tools that the servers offer."""
+        """Record the tools that the servers offer."""
         self._agent["tool_definitions"] = [
             {"type": "function", "function": {"name": name}} for name in tools
         ]
 
     def played(self, call: dict[str, Any], said: str, *, failed: bool, images: int) -> None:
-        """One call and what came back."""
+        """Record one call and its reply."""
         number = f"call_{len(self._steps)}"
         arguments = {"tool_call_id": number, "function_name": call["tool"]}
         result = {"source_call_id": number, "content": said}
@@ -94,7 +94,7 @@ async def _play(servers: dict[str, Any], steps: list[Any], transcript: Transcrip
             texts = [part.text for part in answer.content if part.type == "text"]
             images = sum(part.type == "image" for part in answer.content)
             said = "\n".join(texts)
-            # The server's own word for code that raised; it is no protocol error.
+            # The server's own report of code that raised; not a protocol error.
             failed = bool(answer.isError) or said.startswith("Error executing code")
             transcript.played(step, said, failed=failed, images=images)
             if failed and step.get("must_succeed"):

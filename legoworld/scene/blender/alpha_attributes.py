@@ -118,7 +118,7 @@ def _stored(attribute: bpy.types.Attribute, source: AttributeSource) -> NDArray[
         raise UnreadableAlphaError(f"alpha comes from an attribute of type {kind}")
     name, count = _STORED[attribute.data_type]
     if source.node == "color attribute" and count < 3:
-        raise UnreadableAlphaError("alpha comes from a Color Attribute that is no colour")
+        raise UnreadableAlphaError("alpha comes from a Color Attribute that is not a colour")
     kind = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": np.bool_}.get(
         attribute.data_type, np.float32
     )

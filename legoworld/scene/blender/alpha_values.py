@@ -116,7 +116,7 @@ def _product(sources: list[Source], of: Callable[..., float]) -> Curve:
         return all(math.isclose(at(*g), made.at(*g), abs_tol=1e-9) for g in grid)
 
     if not fits(0.0, 0.1, 0.4, 0.7, 1.0):
-        raise UnreadableAlphaError("alpha is no product of its image and its attribute")
+        raise UnreadableAlphaError("alpha is not the product of its image and its attribute")
     return Curve(source=replace(made, everywhere=fits(-3.0, 2.0, 9.0)), of=float)
 
 

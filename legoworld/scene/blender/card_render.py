@@ -12,7 +12,7 @@ from legoworld.scene.blender.cameras import refuse_missing_camera
 from legoworld.scene.blender.opening import open_blend
 from legoworld.scene.blender.render_state import render_scene, rendered_view_layer
 
-#: Everything of a render that is no part of the scene itself: set, whatever the file says.
+#: Render settings that are not part of the scene; they override the file.
 _RENDER: Final[dict[str, Any]] = {
     "engine": "CYCLES",
     "resolution_percentage": 100,

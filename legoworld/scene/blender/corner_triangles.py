@@ -2,7 +2,7 @@
 
 `loop_triangles.foreach_get("loops")` asks for each number by itself: 0.8 us a triangle, most of
 what reading a scene cost. The entries of `loop_triangles` are the array's own elements, so their
-addresses say where it is. That is no documented promise, so it is verified: for the first mesh of a
+addresses say where it is. This is undocumented, so it is verified: for the first mesh of a
 process every number, for the others the first, middle and last triangle and where they lie. Where
 the check fails, the slow way is taken; the numbers are the same.
 """

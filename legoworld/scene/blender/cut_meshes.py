@@ -157,7 +157,7 @@ class MeshCutter:
         least = sign * (cut.at - a + b * c / d)
         shift = c / d
         if least <= 0.0 or -1.0 < shift < 0.0 or (source.image.wrap == "clip" and shift != 0.0):
-            raise UnreadableAlphaError("alpha is no product of shares of its image and attribute")
+            raise UnreadableAlphaError("alpha is not a product of image and attribute terms")
         scale = 1.0 + shift if shift >= 0.0 else shift
         factor = ImageFactor(source=source.image, gain=1.0 / scale, offset=shift / scale)
         alpha = sign * d * scale * (values + b / d) * (ALPHA_THRESHOLD / least)

@@ -57,7 +57,7 @@ def execute_code(code: str) -> dict[str, Any]:
 def _code_error(error: BaseException) -> str:
     try:
         message = str(error)
-    except Exception as worse:  # noqa: BLE001  the agent wrote it: its failure is said instead
+    except Exception as worse:  # noqa: BLE001  agent code: report its failure instead
         message = f"an error whose text cannot be made: {type(worse).__name__}"
     frames = "".join(traceback.format_exception(error)).splitlines()
     # Below this file's own frame is the agent's.

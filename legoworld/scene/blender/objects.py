@@ -58,7 +58,7 @@ class ObjectTable:
         return self._facts[key]
 
     def note_type(self, shown: bpy.types.Object) -> None:
-        """Warn about an entry that a render shows and that is no mesh."""
+        """Warn about a rendered entry that is not a mesh."""
         if shown.type not in _NOT_A_SURFACE and shown.type not in _MESHED_APART:
             name = shown.original.name
             self.warnings.add(f"{shown.type.lower()} object {name!r} is not read: it has no mesh")

@@ -242,7 +242,7 @@ def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
 
 
 def _owns(real: bpy.types.Object, shown: bpy.types.Object) -> bool:
-    """Whether an entry shows its object's own mesh, and so its hair: not what nodes made of it."""
+    """True if an entry shows its object's own mesh (and hair), not the result of nodes."""
     return bool(hair_systems(real)) and real.data.as_pointer() == shown.data.as_pointer()
 
 

@@ -28,7 +28,7 @@ def refuse_irregular_libraries(blend: Path) -> None:
     """Raise IrregularFileError if a file links a library that is a FIFO, socket or device.
 
     Blender reads libraries while it opens the file, and opening a FIFO never ends: their paths are
-    taken from the file's own blocks. What is no .blend is left to Blender.
+    taken from the file's own blocks. Other files are left to Blender.
     """
     with blend.open("rb") as stream:
         start = stream.read(4)
@@ -45,7 +45,7 @@ def irregular_files() -> list[tuple[str, Path]]:
 
 
 def refuse_irregular_files() -> None:
-    """Raise IrregularFileError if the open file reads what is no regular file."""
+    """Raise IrregularFileError if the open file references anything but regular files."""
     _refuse(path for _, path in irregular_files())
 
 
@@ -82,7 +82,7 @@ def _unreadable(font: bpy.types.VectorFont) -> str:
 def _refuse(paths: Iterable[Path]) -> None:
     for kind, path in _irregular(paths):
         raise IrregularFileError(
-            "scene.blend reads what is no regular file",
+            "scene.blend references a path that is not a regular file",
             found=f"{path.name} is {kind}",
             expected="regular files",
             next_step="pack the data into the .blend, or put the file in that place",

@@ -52,7 +52,7 @@ def execute_program(program: Path, output: Path, begin: Callable[[Stage], None])
     """Run a program in the current folder and export scene.blend and scene.glb into `output`.
 
     A program that raises is exported with what it had built, and its error is part of the answer.
-    begin: told "program" and "export" as each begins. Raises ProgramBuiltNothingError when there is
+    begin: gets "program" and "export". Raises ProgramBuiltNothingError when there is
     nothing to export.
     """
     begin("program")
@@ -165,7 +165,7 @@ def _message(error: BaseException) -> str:
     """The error's text; a class of the program's own may have none."""
     try:
         return str(error)
-    except Exception as worse:  # noqa: BLE001  the program wrote it: its failure is said instead
+    except Exception as worse:  # noqa: BLE001  program code: report its failure instead
         return f"an error whose text cannot be made: {type(worse).__name__}"
 
 

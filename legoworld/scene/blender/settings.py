@@ -20,7 +20,7 @@ from legoworld.scene.blender.mesh_digests import mesh_sha256, shape_key_sha256
 #: The key of custom properties among the settings.
 CUSTOM: Final = "[custom properties]"
 
-#: What is no setting of a scene, by reason.
+#: Properties that are not scene settings, by reason.
 _IGNORED: Final = {
     "the identity of a datablock in this process or library": """
         rna_type name_full session_uid users tag is_evaluated original preview asset_data

@@ -80,5 +80,5 @@ def _labels(block: bpy.types.ID, warnings: set[str]) -> dict[str, str]:
         if isinstance(value, str | int | float):
             labels[key] = str(value)
         else:
-            warnings.add(f"{block.name!r} has a property {key!r} that is no text: not a label")
+            warnings.add(f"{block.name!r} has a property {key!r} that is not text: not a label")
     return labels

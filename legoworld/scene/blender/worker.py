@@ -74,10 +74,10 @@ def _surprise(error: Exception) -> dict[str, Any]:
     traceback.print_exception(error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
     surprise = LegoWorldError(
-        "reading the scene failed in a way that was not foreseen",
+        "unexpected error while reading the scene",
         found=f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})",
         expected="a snapshot or a named verdict",
-        next_step="please report it with the scene and what -v prints",
+        next_step="this is a bug in legoworld, please report it (-v prints the traceback)",
     )
     trace = "".join(traceback.format_exception(error))
     return {"ok": False, "reason": surprise.reason(), "trace": trace}

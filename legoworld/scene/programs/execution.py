@@ -184,7 +184,7 @@ def _refuse_failure(report: ProgramReport, allowed: SandboxLimits, hints: Sequen
 def _not_shown(error: str, program: Path, inputs: Sequence[Path]) -> list[str]:
     """A hint for each file that an error names, that is there and that bubblewrap did not show.
 
-    A module is looked for beside the program. What is nowhere is no matter of the sandbox.
+    A module is looked for beside the program. A module found nowhere is unrelated to the sandbox.
     """
     shown = [program.resolve(), *(path.resolve() for path in inputs)]
     hints = []
@@ -201,7 +201,7 @@ def _not_shown(error: str, program: Path, inputs: Sequence[Path]) -> list[str]:
 def _check(reader: BlenderProcess, made: Path, warnings: list[str]) -> Verdict:
     """Open what the program left, in a process it never touched; the verdict on scene.blend.
 
-    Raises ProgramOutputError for what is no .blend. A scene.glb that is none is not delivered.
+    Raises ProgramOutputError if it is not a .blend. An invalid scene.glb is not delivered.
     """
     glb = made / GLB
     if glb.is_file():

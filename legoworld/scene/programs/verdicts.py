@@ -50,7 +50,7 @@ class BlenderNotStartedError(LegoWorldError):
 
 
 class ProgramOutputError(LegoWorldError):
-    """What the program left in the place of its scene is no scene."""
+    """The program's output is not a scene."""
 
     code = "program_output"
 
