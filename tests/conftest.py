@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from checkout import CHECKOUT
 from skips import SkipAudit
+from warm_blender import HandedOn, handing_on
 
 import legoworld
 from legoworld.workers.processors import usable_cores
@@ -36,6 +37,8 @@ if importlib.util.find_spec("hypothesis"):
         suppress_health_check=list(HealthCheck),  # some are about time
     )
     settings.load_profile("legoworld")
+
+_IDLE_BLENDERS = HandedOn()
 
 BuildScenes = Callable[[str, Path], None]
 
@@ -97,6 +100,12 @@ def pytest_configure(config: pytest.Config) -> None:
         pytest.exit(f"the tests of the wheel import {package}, not an installation", returncode=3)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A test of Blender's start meets no process that another test has left."""
+    _IDLE_BLENDERS.active = item.get_closest_marker("own_blender") is None
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """One more than there are cores: a worker often waits for a process that it has started."""
@@ -154,6 +163,13 @@ def _no_disk_is_waited_for() -> Iterator[None]:
     """What a power cut takes no test can see, and a busy disk takes its time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda _descriptor: None)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _blender_is_handed_on() -> Iterator[None]:
+    """One Blender reads for many tests, unless they are marked `own_blender`."""
+    with handing_on(_IDLE_BLENDERS):
         yield
 
 
