@@ -5,14 +5,13 @@ from __future__ import annotations
 import importlib.util
 import os
 import signal
-import subprocess
-import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from building import SceneBuilder
 from checkout import CHECKOUT
 from skips import SkipAudit
 from warm_blender import HandedOn, handing_on
@@ -113,20 +112,10 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 @pytest.fixture(scope="session")
-def build_scenes() -> BuildScenes:
-    """Run a bpy program in its own process; it gets OUT, fresh(), camera(), quad(), save()."""
-
-    def build(program: str, folder: Path) -> None:
-        source = _PRELUDE + textwrap.dedent(program)
-        done = subprocess.run(
-            [sys.executable, "-c", source, str(folder)],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr[-3000:]
-
-    return build
+def build_scenes() -> Iterator[BuildScenes]:
+    """Run a bpy program in another process; it gets OUT, fresh(), camera(), quad(), save()."""
+    with SceneBuilder() as builder:
+        yield lambda program, folder: builder.run(_PRELUDE + textwrap.dedent(program), folder)
 
 
 @pytest.fixture(scope="module")
