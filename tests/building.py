@@ -8,67 +8,37 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
-import tempfile
 import traceback
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import IO
+
+from asked import AskedProgram, EndedError
 
 
 class SceneBuilder:
-    """Runs bpy programs; their process is started with the first. A context manager."""
+    """Runs bpy programs; their process is started with the first. log: what Blender prints."""
 
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
-        # A Blender that is killed leaves its folder for temporary files behind.
-        self._temporary = tempfile.TemporaryDirectory(prefix="builder-")
-        self._log = Path(self._temporary.name, "log")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._end()
-        self._temporary.cleanup()
+    def __init__(self, log: IO[bytes]) -> None:
+        self._log = log
+        self._blender: AskedProgram | None = None
 
     def run(self, program: str, folder: Path) -> None:
         """Run a program whose last argument is the folder; AssertionError with what went wrong."""
-        process = self._process = self._process or self._started()
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(json.dumps({"program": program, "folder": str(folder)}) + "\n")
-        process.stdin.flush()
-        answer = process.stdout.readline()
-        if not answer:
-            self._end()
-            raise AssertionError(self._log.read_text("utf-8", "replace")[-3000:])
-        wrong = json.loads(answer)
+        self._blender = self._blender or AskedProgram(Path(__file__), self._log)
+        try:
+            wrong = self._blender.ask({"program": program, "folder": str(folder)})
+        except EndedError:
+            self.close()
+            self._log.seek(0)
+            wrong = f"Blender ended: {self._log.read().decode('utf-8', 'replace')}"
         assert wrong is None, wrong[-3000:]
 
-    def _started(self) -> subprocess.Popen[str]:
-        with self._log.open("wb") as log:
-            return subprocess.Popen(
-                [sys.executable, __file__],
-                env={**os.environ, "TMPDIR": self._temporary.name},
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                text=True,
-                encoding="utf-8",
-            )
-
-    def _end(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.communicate()
-            self._process = None
+    def close(self) -> None:
+        """End Blender."""
+        if self._blender is not None:
+            self._blender.close()
+            self._blender = None
 
 
 def main() -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib.util
 import os
 import signal
+import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +116,7 @@ def pytest_xdist_auto_num_workers() -> int:
 @pytest.fixture(scope="session")
 def build_scenes() -> Iterator[BuildScenes]:
     """Run a bpy program in another process; it gets OUT, fresh(), camera(), quad(), save()."""
-    with SceneBuilder() as builder:
+    with tempfile.TemporaryFile() as log, closing(SceneBuilder(log)) as builder:
         yield lambda program, folder: builder.run(_PRELUDE + textwrap.dedent(program), folder)
 
 
