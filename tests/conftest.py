@@ -5,16 +5,18 @@ from __future__ import annotations
 import importlib.util
 import os
 import signal
-import subprocess
-import sys
+import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
+from building import SceneBuilder
 from checkout import CHECKOUT
 from skips import SkipAudit
+from warm_blender import HandedOn, handing_on
 
 import legoworld
 from legoworld.workers.processors import usable_cores
@@ -36,6 +38,8 @@ if importlib.util.find_spec("hypothesis"):
         suppress_health_check=list(HealthCheck),  # some are about time
     )
     settings.load_profile("legoworld")
+
+_IDLE_BLENDERS = HandedOn()
 
 BuildScenes = Callable[[str, Path], None]
 
@@ -97,6 +101,12 @@ def pytest_configure(config: pytest.Config) -> None:
         pytest.exit(f"the tests of the wheel import {package}, not an installation", returncode=3)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A test of Blender's start meets no process that another test has left."""
+    _IDLE_BLENDERS.active = item.get_closest_marker("own_blender") is None
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """One more than there are cores: a worker often waits for a process that it has started."""
@@ -104,20 +114,10 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 @pytest.fixture(scope="session")
-def build_scenes() -> BuildScenes:
-    """Run a bpy program in its own process; it gets OUT, fresh(), camera(), quad(), save()."""
-
-    def build(program: str, folder: Path) -> None:
-        source = _PRELUDE + textwrap.dedent(program)
-        done = subprocess.run(
-            [sys.executable, "-c", source, str(folder)],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr[-3000:]
-
-    return build
+def build_scenes() -> Iterator[BuildScenes]:
+    """Run a bpy program in another process; it gets OUT, fresh(), camera(), quad(), save()."""
+    with tempfile.TemporaryFile() as log, closing(SceneBuilder(log)) as builder:
+        yield lambda program, folder: builder.run(_PRELUDE + textwrap.dedent(program), folder)
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +154,13 @@ def _no_disk_is_waited_for() -> Iterator[None]:
     """What a power cut takes no test can see, and a busy disk takes its time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda _descriptor: None)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _blender_is_handed_on() -> Iterator[None]:
+    """One Blender reads for many tests, unless they are marked `own_blender`."""
+    with handing_on(_IDLE_BLENDERS):
         yield
 
 

@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,7 @@ LEVEL = {name: level for level, names in enumerate(ROOMS) for name in names}
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if "_catalog" not in p.parts)
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Full names of everything a file imports, inside functions, too."""
     found: set[str] = set()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -25,7 +26,10 @@ def played(folder: Path, codes: list[str]) -> list[str]:
     """What each step came back with, from a real MCP client that starts the command itself."""
     steps_file(folder / "steps.jsonl", codes)
     command = ["-m", "legoworld", "blender", "mcp", "--workspace", str(folder / "work"), "-q"]
-    server = {"command": sys.executable, "args": command, "env": {"PYTHONPATH": str(ROOT)}}
+    # A client hands on little of its own environment: where mcp-for-blender is has to be said.
+    environment = {k: v for k, v in os.environ.items() if k == "XDG_DATA_HOME"}
+    environment["PYTHONPATH"] = str(ROOT)
+    server = {"command": sys.executable, "args": command, "env": environment}
     (folder / "mcp.json").write_text(json.dumps({"mcpServers": {"blender": server}}))
     (folder / "prompt.md").write_text("Build it.")
     transcript = folder / "transcript.json"

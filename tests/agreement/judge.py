@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
 
 from agreement.comparison import ObjectPicture, read_judgement
+from asked import AskedProgram, EndedError
 
 
 class JudgeError(Exception):
@@ -22,17 +18,7 @@ class Judge:
     """A running `cycles_pass.py`; a context manager. log: where Blender's own output goes."""
 
     def __init__(self, log: IO[bytes]) -> None:
-        # A killed Blender leaves its folder for temporary files behind.
-        self._temporary = tempfile.TemporaryDirectory(prefix="judge-")
-        self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("cycles_pass.py"))],
-            env={**os.environ, "TMPDIR": self._temporary.name},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            text=True,
-            encoding="utf-8",
-        )
+        self._cycles = AskedProgram(Path(__file__).with_name("cycles_pass.py"), log)
 
     def __enter__(self) -> Self:
         return self
@@ -43,25 +29,15 @@ class Judge:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._process.kill()
-        self._process.communicate()
-        self._temporary.cleanup()
+        self._cycles.close()
 
     def picture_of(self, blend: Path, size_wh: tuple[int, int], output: Path) -> ObjectPicture:
         """Cycles' picture of a .blend; `output` (.npz) keeps it. Raises JudgeError."""
-        process = self._process
-        assert process.stdin is not None
-        assert process.stdout is not None
         request = {"blend": str(blend.resolve()), "size_wh": size_wh, "output": str(output)}
         try:
-            process.stdin.write(json.dumps(request) + "\n")
-            process.stdin.flush()
-        except BrokenPipeError as error:
-            raise JudgeError("the Cycles process has ended") from error
-        line = process.stdout.readline()
-        if not line:
-            raise JudgeError(f"the Cycles process ended over {blend.name}")
-        answer = json.loads(line)
+            answer = self._cycles.ask(request)
+        except EndedError as error:
+            raise JudgeError(f"the Cycles process and {blend.name}: {error}") from error
         if not answer["ok"]:
             raise JudgeError(answer["error"])
         return read_judgement(output)

@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from bench.quick_renders import few_samples
 from bench.stage import PROGRAM, picture
 from evaluation.reconstruction.datasets import write_dataset, write_run
 
@@ -109,9 +110,10 @@ def test_every_submission_has_its_verdict(answers, name, valid, r, words):
 
 
 def test_a_camera_in_a_wall_and_another_aspect_are_rendered_too(
-    folder, track_for, tmp_path, capsys
+    folder, track_for, tmp_path, capsys, monkeypatch
 ):
     """A camera in a wall is valid, and told what it sees."""
+    few_samples(monkeypatch)
     track = track_for(tmp_path / "track.json", ["inside_a_wall", "tall", "absolute"])
     run = tmp_path / "run"
     arguments = ["readout", str(folder), "--task", "bench", "--track", str(track)]

@@ -13,7 +13,7 @@ from legoworld import cli
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.workers.descendants import resident_bytes
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.own_blender]
 
 NAMES = ("five_parts", "ring", "collection_three_times", "kinds", "particles")
 #: A worker's memory may go up and down by this much from scene to scene.

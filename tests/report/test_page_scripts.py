@@ -9,14 +9,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from checkout import CHECKOUT
 
 from legoworld.errors import LegoWorldError
 from legoworld.report import page_script as assembly
 from legoworld.report.page_file import SCRIPTS, THREE
 from legoworld.report.page_script import page_script
 
-ROOT = Path(__file__).parents[2]
-TOOLS = ROOT / "tools" / "page"
+#: Where legoworld/ is as well: `tsc` reads the scripts' sources.
+TOOLS = CHECKOUT / "tools" / "page"
 
 
 def npm_tool(name: str) -> Path:
@@ -64,7 +65,7 @@ def test_nothing_in_it_makes_code_of_text_or_asks_a_network() -> None:
 def test_the_scripts_fit_the_records() -> None:
     done = subprocess.run([npm_tool("tsc"), "-p", str(TOOLS)], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-3000:]
-    command = [sys.executable, str(ROOT / "docs" / "page_types.py"), "--check"]
+    command = [sys.executable, str(CHECKOUT / "docs" / "page_types.py"), "--check"]
     assert subprocess.run(command).returncode == 0
 
 

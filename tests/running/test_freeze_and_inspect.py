@@ -102,6 +102,7 @@ def test_each_artefact_has_its_verdict(scenes, tmp_path, capsys):
     assert [path.name for path in (tmp_path / "odd").glob(".*")] == []
 
 
+@pytest.mark.own_blender
 def test_a_limit_that_is_reached_makes_no_record(scenes, tmp_path, capsys):
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "scene.blend").write_bytes((scenes / "good/scene.blend").read_bytes())

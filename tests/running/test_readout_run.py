@@ -192,6 +192,7 @@ def test_partial_runs_are_marked(scenes, track, tmp_path: Path):
     assert summary["coverage"]["attempted"] == 2
 
 
+@pytest.mark.own_blender
 def test_a_scene_over_its_time_or_memory_is_its_own_verdict(scenes, tmp_path: Path, monkeypatch):
     from legoworld.scene.blender_process import BlenderProcess
 

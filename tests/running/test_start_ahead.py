@@ -13,6 +13,8 @@ from legoworld import cli
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender_process import BlenderProcess
 
+pytestmark = pytest.mark.own_blender
+
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:

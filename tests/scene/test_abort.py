@@ -6,10 +6,14 @@ import os
 import sys
 import threading
 
+import pytest
+
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.workers import child_process
 from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.task_process import TaskProcess
+
+pytestmark = pytest.mark.own_blender
 
 
 def sleeping() -> ChildProcess:

@@ -9,7 +9,7 @@ from scene.snapshots import build, snapshot_of
 
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.own_blender]
 
 NAMES = ("saved_once", "saved_later", "built_in_another_order")
 

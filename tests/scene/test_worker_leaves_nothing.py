@@ -12,7 +12,7 @@ import pytest
 from legoworld.errors import LegoWorldError, WorkerCrashedError, WorkerTimeoutError
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.own_blender]
 
 
 @pytest.fixture

@@ -113,6 +113,7 @@ def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypa
 
 
 @pytest.mark.blender
+@pytest.mark.own_blender
 def test_the_reading_worker_does_not_get_the_callers_environment(monkeypatch):
     for name, value in SECRETS.items():
         monkeypatch.setenv(name, value)
