@@ -39,9 +39,13 @@ _FIXED: dict[str, Any] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Card:
-    """One task's card. values: the card's tables as read; declared: the values the code uses."""
+    """One task's card. values: the card's tables as read; declared: the values the code uses.
+
+    file: its name in messages.
+    """
 
     task: str
+    file: str
     sha256: str
     values: dict[str, Any]
 
@@ -64,8 +68,8 @@ class Card:
             raise InstallationError(
                 f"the readout card of {self.task} cannot be used",
                 found=str(error),
-                expected="the card that ships with legoworld",
-                next_step=f"restore readouts/{self.task}.toml",
+                expected="a card with [readout] and, for answers with categories, [vocabulary]",
+                next_step=f"correct {self.file}",
             ) from error
 
     def value(self, key: str) -> Any:
@@ -76,7 +80,7 @@ class Card:
                 raise InstallationError(
                     f"the readout card of {self.task} lacks a value",
                     found=f"no {key}",
-                    expected=f"{key} in readouts/{self.task}.toml",
+                    expected=f"{key} in {self.file}",
                 )
             found = found[part]
         return found
@@ -89,7 +93,7 @@ class Card:
         for key, expected in fixed.items():
             if self.value(key) != expected:
                 raise InstallationError(
-                    f"readouts/{self.task}.toml declares a protocol the code does not implement",
+                    f"{self.file} declares a protocol the code does not implement",
                     found=f"{key} = {self.value(key)!r}",
                     expected=f"{key} = {expected!r}",
                     next_step="restore the card; another protocol needs other code",
@@ -105,15 +109,24 @@ def load_card(task: str) -> Card:
 def read_card(path: Path, task: str) -> Card:
     """Read a card; InstallationError when a fixed value is not the one the code implements."""
     card = read_values(path, task)
-    card.hold_to({**_FIXED, **task_named(task).fixed})
+    names = {"readout.name": task, "readout.task": task}
+    card.hold_to({**names, **_FIXED, **task_named(task).fixed})
     return card
 
 
 def read_values(path: Path, task: str) -> Card:
     """Read a card without holding it to anything."""
-    with path.open("rb") as stream:
-        values = tomllib.load(stream)
-    return Card(task=task, sha256=sha256_of_file(path), values=values)
+    file = f"readouts/{path.name}" if path.parent == catalog.folder("readouts") else str(path)
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InstallationError(
+            f"the readout card of {task} cannot be read",
+            found=cause(error),
+            expected=f"{file}, a TOML file",
+            next_step="install the package that has the task again",
+        ) from error
+    return Card(task=task, file=file, sha256=sha256_of_file(path), values=values)
 
 
 def read_toml(kind: type[T], path: Path, *, what: str, expected: str, next_step: str = "") -> T:

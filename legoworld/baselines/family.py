@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from legoworld.errors import UsageError
 from legoworld.records.run_file import RunSummary
@@ -55,4 +55,4 @@ def baseline_of(task: str) -> BaselineFamily:
     family = family_of(task)
     if family.baseline is None:
         raise UsageError(f"no baseline answers {task}", found=f"--task {task}")
-    return cast("BaselineFamily", family.load("baseline"))
+    return family.load("baseline", BaselineFamily)

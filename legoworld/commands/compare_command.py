@@ -83,7 +83,6 @@ def command(
     \b
     Examples:
       legoworld compare evals/scene evals/dino -o comparisons/coco
-      legoworld compare evals/scene evals/dino evals/yolox -o comparisons/coco
       legoworld compare evals/scene evals/dino -o comparisons/coco --fail-below AP=-0.3
       legoworld compare evals-scene evals-specialists -o comparisons
       legoworld compare --join comparisons/coco comparisons/eth3d -o comparisons/all

@@ -58,6 +58,7 @@ def command(as_json: bool) -> int:
         _lvis(),
         _cache(),
         _sandbox(),
+        *_tasks(),
         *_baselines(),
     ]
     bad = [f for f in findings if not f.good and f.needed]
@@ -98,6 +99,16 @@ def _system_libraries() -> Finding:
         found=f"missing: {', '.join(missing)}" if missing else "all that bpy links",
         next_step=install_line(missing) if missing else "",
     )
+
+
+def _tasks() -> list[Finding]:
+    """Tasks of installed packages that cannot be asked for."""
+    from legoworld.tasks.registry import broken_tasks
+
+    return [
+        Finding(name="task", good=False, found=e.what, next_step=str(e), needed=False)
+        for e in broken_tasks()
+    ]
 
 
 def _blender() -> Finding:

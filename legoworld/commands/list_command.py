@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.shipped import catalog
-from legoworld.tasks.registry import known_tasks
+from legoworld.tasks.registry import broken_tasks, known_tasks
 from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ C = TypeVar("C", bound="LicensedHead")
 def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> int:
     """List tasks, datasets or baselines, or print the authoring guide (schema).
 
+    Exit code 1 when a task of an installed package cannot be loaded.
+
     \b
     Examples:
       legoworld list tasks
@@ -52,6 +55,9 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
         return _schema(reading, as_json=as_json)
     options.refuse_given(["track"], f"is for schema, not for {kind}")
     cards = _cards(kind, task)
+    broken = broken_tasks() if kind == "tasks" else []
+    for error in broken:
+        click.echo(f"legoworld: {error}", err=True)
     if as_json:
         keys = ("name", "version", "title", "licence")
         options.print_json({kind: [dict(zip(keys, card, strict=True)) for card in cards]})
@@ -61,7 +67,7 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
         header = ("name", "version", "what", "licence")
         rows = [(*words, _cut(licence)) for *words, licence in cards]
         click.echo(options.table(header, rows))
-    return 0
+    return exit_codes.INCOMPLETE if broken else exit_codes.DONE
 
 
 def _cut(text: str, limit: int = 60) -> str:

@@ -15,7 +15,7 @@ import click
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import escaped, name_on_line
 from legoworld.pluralize import did_you_mean
-from legoworld.tasks.registry import known_tasks
+from legoworld.tasks.registry import known_tasks, task_named, task_names
 from legoworld.tasks.task import Task
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -54,6 +54,14 @@ class TaskChoice(Choice):
     @choices.setter
     def choices(self, _unused: object) -> None:
         """Set by click alone."""
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str:
+        """The name. InstallationError for a task of a package that cannot be loaded."""
+        if str(value) in task_names():
+            task_named(str(value))
+        return super().convert(value, param, ctx)
 
 
 def has_track(task: Task) -> bool:

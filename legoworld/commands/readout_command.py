@@ -110,7 +110,6 @@ def command(
     Examples:
       legoworld readout --task coco
       legoworld readout scenes --task coco --track track.json -o runs/coco --workers 8
-      legoworld readout scenes --task eth3d --track eth3d.json -o runs/depth --max-side 1024
       legoworld readout scenes --task coco --task lvis --task eth3d --track tracks -o runs
       legoworld readout submissions --task bench --track bench/public/track.json -o runs/mine
     """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,4 +62,4 @@ class ComparisonFamily:
 
 def comparison_of_task(task: str) -> ComparisonFamily:
     """The comparison of a task. UsageError, InstallationError."""
-    return cast("ComparisonFamily", family_of(task).load("comparison"))
+    return family_of(task).load("comparison", ComparisonFamily)

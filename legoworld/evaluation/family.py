@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.opening import HERE, Origins
@@ -66,10 +66,10 @@ class EvaluationFamily:
     """How answers of one kind are scored.
 
     evaluate: writes the evaluation folder; every LegoWorldError is raised before anything is
-    written. verify: makes the numbers again from what the folder and its inputs hold. short: a few
-    lines; text: everything, with tables. files: what an evaluation must hold besides summary,
-    rows and run. photos: whether its page shows the track's photos, which --photos names;
-    truth_is_file: whether --truth names the truth itself, and no folder of it.
+    written. verify: makes the numbers again from what the folder and its inputs hold, at least from
+    its rows. short: a few lines; text: everything, with tables. files: what an evaluation must hold
+    besides summary, rows and run. photos: whether its page shows the track's photos, which --photos
+    names; truth_is_file: whether --truth names the truth itself, and no folder of it.
     """
 
     evaluate: Callable[[EvaluationRequest], Summary]
@@ -83,4 +83,4 @@ class EvaluationFamily:
 
 def evaluation_of(task: str) -> EvaluationFamily:
     """The evaluation of a task. UsageError, InstallationError."""
-    return cast("EvaluationFamily", family_of(task).load("evaluation"))
+    return family_of(task).load("evaluation", EvaluationFamily)

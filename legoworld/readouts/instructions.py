@@ -131,7 +131,8 @@ class _Renderer:
                 f"the instructions have no sentence for the card of {self._card.task}",
                 found=f"{key} = {value!r}",
                 expected=" or ".join(map(repr, sentences)) or f"a rule for {key}",
-                next_step=f"add the sentence to {Path('readouts') / WORDING}",
+                next_step=f"add the sentence to [instructions] of {self._card.file}, or to "
+                f"{Path('readouts') / WORDING}",
             )
         return self.text(sentences[said])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast
 
 from legoworld.cards import Card, load_card
 from legoworld.readouts.family import ReadoutFamily
@@ -35,7 +34,7 @@ class Protocol:
 
 def readout_of(task: Task) -> ReadoutFamily:
     """The readout of a task's family."""
-    return cast("ReadoutFamily", task.family.load("readout"))
+    return task.family.load("readout", ReadoutFamily)
 
 
 def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import cast
 
 from legoworld.errors import LegoWorldError
 from legoworld.records.base import Record, RecordError, decode
@@ -39,7 +38,7 @@ class _OfTask(Record, frozen=True, kw_only=True):
 
 def records_of(task: str) -> RecordFamily:
     """The records of a task. UsageError, InstallationError."""
-    return cast("RecordFamily", family_of(task).load("records"))
+    return family_of(task).load("records", RecordFamily)
 
 
 def decode_summary(data: bytes) -> Summary:

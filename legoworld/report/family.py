@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from legoworld.evaluation.stored import Evaluated
 from legoworld.records.report_summary import Span
@@ -42,4 +42,4 @@ class PageFamily:
 
 def page_of(task: str) -> PageFamily:
     """The page of a task. UsageError, InstallationError."""
-    return cast("PageFamily", family_of(task).load("page"))
+    return family_of(task).load("page", PageFamily)

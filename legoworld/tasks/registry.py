@@ -69,6 +69,17 @@ def known_tasks() -> tuple[Task, ...]:
     return (*TASKS, *added)
 
 
+def broken_tasks() -> list[InstallationError]:
+    """Why tasks of installed packages cannot be asked for; `known_tasks` leaves them out."""
+    errors = []
+    for name in task_names()[len(TASKS) :]:
+        try:
+            task_named(name)
+        except InstallationError as error:
+            errors.append(error)
+    return errors
+
+
 def tasks_of(family: Family) -> tuple[Task, ...]:
     """The tasks of one family."""
     return tuple(task for task in known_tasks() if task.family == family)

@@ -139,6 +139,6 @@ TASKS: Final = (
 )
 
 #: What a command asks where nobody says.
-DEFAULT: Final = TASKS[0].name
+DEFAULT: Final = "coco"
 #: The task of a bench, whose room serves it alone.
-BENCH: Final = TASKS[-1].name
+BENCH: Final = "bench"

@@ -6,7 +6,11 @@ import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from legoworld.errors import InstallationError, cause
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +24,7 @@ class Family:
     name: such as "depth"; noun: what it answers, in a sentence; labelled: whether answers have the
     categories of a vocabulary; by_policy: whether a metric has several values, by what is done with
     pixels that lack one; options: the parameters of the API that only some families take;
-    draws: bootstrap samples where nobody says how many.
+    draws: bootstrap samples of `evaluate` where nobody says how many.
     """
 
     name: str
@@ -37,13 +41,33 @@ class Family:
     options: frozenset[str] = frozenset()
     draws: int = 2000
 
-    def load(self, storey: str) -> Any:
-        """The value of a storey, such as "evaluation". KeyError where the family has none."""
+    def load(self, storey: str, kind: type[T]) -> T:
+        """The value of a storey, such as "evaluation". KeyError where the family has none.
+
+        kind: the type that the storey declares. InstallationError for a module that cannot be
+        imported, lacks the name or holds another type there.
+        """
         place = getattr(self, storey)
         if place is None:
             raise KeyError(storey)
         module, _, name = place.partition(":")
-        return getattr(importlib.import_module(module), name)
+        expected = f"{name}, a {kind.__module__}.{kind.__name__}"
+        try:
+            value = getattr(importlib.import_module(module), name)
+        except Exception as error:  # a package of others may raise anything
+            raise InstallationError(
+                f"the {storey} of the family {self.name} cannot be loaded from {module}",
+                found=cause(error),
+                expected=expected,
+                next_step="mend or uninstall the package",
+            ) from error
+        if not isinstance(value, kind):
+            raise InstallationError(
+                f"the {storey} of the family {self.name} cannot be used",
+                found=f"{place} is a {type(value).__name__}",
+                expected=expected,
+            )
+        return value
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from legoworld.errors import UsageError
 from legoworld.tasks.registry import family_of
@@ -29,4 +29,4 @@ def track_of(task: str) -> TrackFamily:
     family = family_of(task)
     if family.track is None:
         raise UsageError(f"tracks of {task} are not made from ground truth", found=task)
-    return cast("TrackFamily", family.load("track"))
+    return family.load("track", TrackFamily)

@@ -20,7 +20,7 @@ DATASETS = ROOT / "datasets"
 READOUTS = ROOT / "readouts"
 EXAMPLES = DATASETS / "skimage_examples"
 TASKS = ("coco", "lvis")
-DATASET_NAMES = ("coco", "eth3d", "lvis", "skimage_examples")
+DATASET_NAMES = tuple(sorted(path.parent.name for path in DATASETS.glob("*/card.toml")))
 ETH3D_SCENES = Counter(
     {"courtyard": 38, "delivery_area": 44, "electro": 45, "facade": 76, "kicker": 31}
     | {"meadow": 15, "office": 26, "pipes": 14, "playground": 38}

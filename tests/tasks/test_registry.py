@@ -7,9 +7,12 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
+from legoworld import cli
+from legoworld.commands import doctor_command
 from legoworld.errors import InstallationError, UsageError
+from legoworld.report.family import PageFamily
 from legoworld.tasks import registry
-from legoworld.tasks.shipped import TASKS
+from legoworld.tasks.shipped import BENCH, DEFAULT, TASKS
 
 SHIPPED = tuple(task.name for task in TASKS)
 #: What the entry points below name: a task under its own name, and what is none.
@@ -58,6 +61,42 @@ def test_what_cannot_be_loaded_is_left_out_of_lists(installed):
         *(task for task in TASKS if task.family == OWN.family),
         OWN,
     )
+
+
+def test_what_cannot_be_loaded_is_said_by_list_doctor_and_an_option(installed, capsys, monkeypatch):
+    installed(("own", at("OWN")), ("broken", at("NONE")))
+    (error,) = registry.broken_tasks()
+    assert "the task broken of" in str(error)
+    monkeypatch.setattr("legoworld.commands.list_command._cards", lambda *_: [("a",) * 4])
+    assert cli.run(["list", "tasks"]) == 1
+    assert "the task broken of" in capsys.readouterr().err
+    (finding,) = doctor_command._tasks()
+    assert (finding.good, finding.needed) == (False, False)
+    assert cli.run(["readout", "--task", "broken", "-o", "x"]) == 4
+    assert "the task broken of" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("place", "found"),
+    [
+        ("no_such_module:PAGE", "No module named"),
+        (at("NOTHING"), "has no attribute"),
+        (at("NUMBER"), "is a int"),
+        (f"{__name__}_broken:X", "No module named"),
+    ],
+)
+def test_a_part_of_a_family_that_cannot_be_used_is_named(place, found):
+    family = replace(TASKS[0].family, name="mine", page=place)
+    with pytest.raises(InstallationError, match="the page of the family mine") as refused:
+        family.load("page", PageFamily)
+    assert found in refused.value.found
+    assert "PageFamily" in refused.value.expected
+    with pytest.raises(KeyError):
+        replace(family, track=None).load("track", PageFamily)
+
+
+def test_the_named_tasks_exist():
+    assert {DEFAULT, BENCH} <= set(SHIPPED)
 
 
 def test_no_task_of_that_name(installed):
