@@ -7,13 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from legoworld.cards import load_card
 from legoworld.errors import CatalogError, UsageError, cause
 from legoworld.evaluation.detection.inputs.truth_checks import (
     check_annotations,
     check_image_values,
     check_images,
 )
-from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.detection.payloads.masks import MASKS
+from legoworld.evaluation.detection.protocols import PAYLOADS
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, read_json, to_record
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo
@@ -68,7 +70,8 @@ def annotation_source(task: str, path: Path) -> Source:
             images=images,
             wanted=images,
             category_ids=(c.id for c in categories),
-            check_shapes=detection_protocol(task).payload.check_shapes,
+            # Families of other answers may read anything of an annotation.
+            check_shapes=PAYLOADS.get(load_card(task).reads, MASKS).check_shapes,
             repairs=Counter(),
         )
     public = [{key: e[key] for key in _PUBLIC_KEYS if key in e} for e in images.values()]

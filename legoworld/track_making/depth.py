@@ -13,8 +13,9 @@ from legoworld.evaluation.depth.declaration import (
     read_declaration,
     write_declaration,
 )
-from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
+from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.truth import planar_metres
+from legoworld.evaluation.pixels.labelled import claimed_size
 from legoworld.track_making.eth3d import eth3d_source
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
@@ -46,7 +47,9 @@ def depth_source(_task: str, folder: Path, options: Mapping[str, Any]) -> Source
     arrays = Arrays(
         noun="depth",
         read=lambda path: planar_metres(read_labelled(path, declared), declared, path.name),
-        size_wh=lambda path: claimed_size(path, declared),
+        size_wh=lambda path: claimed_size(
+            path, lambda file, stop: read_labelled(file, declared, check_size=stop)
+        ),
     )
     return pixel_folder_source(folder, photos, dataset=dataset, arrays=arrays)
 

@@ -16,7 +16,8 @@ from legoworld.evaluation.depth.arrays import DepthArray, in_range
 from legoworld.evaluation.depth.declaration import Declaration, read_declaration, write_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.integer_units import is_unit, metres, per_metre
-from legoworld.evaluation.depth.labelled import claimed_size, read_labelled
+from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.pixels.labelled import claimed_size
 
 DEPTH = np.random.default_rng(0).uniform(0.5, 60, (5, 7)).astype(np.float32)
 IN_METRES = Declaration(space="depth", unit="m")
@@ -61,7 +62,10 @@ def test_both_versions_of_npy_that_numpy_writes_for_numbers(tmp_path: Path, vers
     with (tmp_path / "a.npy").open("wb") as stream:
         np.lib.format.write_array(stream, DEPTH, version=version)
     assert np.array_equal(read_labelled(tmp_path / "a.npy", IN_METRES).values, DEPTH)
-    assert claimed_size(tmp_path / "a.npy", IN_METRES) == (7, 5)
+    size_wh = claimed_size(
+        tmp_path / "a.npy", lambda path, stop: read_labelled(path, IN_METRES, check_size=stop)
+    )
+    assert size_wh == (7, 5)
     whole = (tmp_path / "a.npy").read_bytes()
     (tmp_path / "a.npy").write_bytes(whole[:-1])
     with pytest.raises(DepthFileError, match="139 bytes of numbers; expected: 140 for float32"):

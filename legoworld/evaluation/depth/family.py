@@ -109,7 +109,10 @@ PIXELS: Final = PixelFamily(
     stored=DEPTH_FILE,
     row=DepthRow,
     errors=PixelErrors(
-        prediction=DepthPredictionError, missing=DepthMissingError, unseen=DepthUnseenError
+        truth=DepthTruthError,
+        prediction=DepthPredictionError,
+        missing=DepthMissingError,
+        unseen=DepthUnseenError,
     ),
     metrics=METRICS,
     primary=PRIMARY_POLICY,

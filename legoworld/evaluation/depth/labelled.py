@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck, picture_shape
 from legoworld.depth_files.reading import (
-    Npz,
     npz_contents,
     read_npz_array,
     read_picture,
@@ -23,6 +21,13 @@ from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, checked_ar
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.integer_units import metres
 from legoworld.evaluation.pixels.family import Stored
+from legoworld.evaluation.pixels.labelled import (
+    agreed,
+    check_version,
+    fits_into_memory,
+    picture_name,
+    text_label,
+)
 from legoworld.readouts.depth import DEPTH_FILE
 
 VALUES: Final = "values"
@@ -44,39 +49,16 @@ def read_labelled(
     the image's two are dropped. check_size: called with the header's size before the array is read.
     accept_float16: convert float16 to float32.
     """
-    try:
+    with fits_into_memory(path):
         if path.suffix.lower() == ".npz":
             return _read_npz(path, declared, check_size, accept_float16)
         values, channel = read_picture(path, channel=declared.array, check_size=check_size)
         return _array(_Labels.of(declared), values, channel, declared, path, accept_float16)
-    except MemoryError as error:
-        raise DepthFileError(
-            f"{path.name} does not fit into memory",
-            found=f"a file of {path.stat().st_size} bytes",
-            expected="an array that this process can hold",
-        ) from error
 
 
 def read_prediction(path: Path, check_size: SizeCheck | None) -> DepthArray:
     """A file of a run, which declares itself. The same errors."""
     return read_labelled(path, Declaration(), check_size=check_size)
-
-
-def claimed_size(path: Path, declared: Declaration) -> tuple[int, int]:
-    """The (width, height) claimed by a depth file's header; the values are not read."""
-    told: list[tuple[int, int]] = []
-
-    def stop(size_wh: tuple[int, int]) -> None:
-        told.append(size_wh)
-        raise _SizeToldError
-
-    with suppress(_SizeToldError):
-        read_labelled(path, declared, check_size=stop)
-    return told[0]
-
-
-class _SizeToldError(Exception):
-    """Aborts reading once the size is known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,34 +76,19 @@ def _read_npz(
     path: Path, declared: Declaration, check_size: SizeCheck | None, accept_float16: bool
 ) -> DepthArray:
     contents = npz_contents(path, _LABELS)
-    name = _picture_name(path, contents, declared.array)
+    candidates = (declared.array,) if declared.array else (DEPTH_FILE.array, VALUES)
+    name = picture_name(path, contents, candidates, "depth", DECLARATION)
     own = contents.labels
-    _check_version(own, path)
-    space = _agreed("space", _text(own, "space", path), declared.space, path)
-    unit = _agreed("unit", _text(own, "unit", path), declared.unit, path)
+    check_version(own, path, DEPTH_FILE.version)
+    space = agreed("space", text_label(own, "space", path), declared.space, path)
+    unit = agreed("unit", text_label(own, "unit", path), declared.unit, path)
     if name == DEPTH_FILE.array:
-        _agreed("space", space or None, "depth" if space else None, path)
-        unit = _agreed("unit", unit, "m", path)
+        agreed("space", space or None, "depth" if space else None, path)
+        unit = agreed("unit", unit, "m", path)
     intrinsics = _intrinsics(own, path) or declared.intrinsics_px
     values = read_npz_array(path, name, check_size)
     labels = _Labels(space=space, unit=unit, intrinsics_px=intrinsics)
     return _array(labels, values, name, declared, path, accept_float16)
-
-
-def _picture_name(path: Path, contents: Npz, declared: str | None) -> str:
-    """The depth array's name: the declared one, else depth_z_m or values, else the only one."""
-    candidates = (declared,) if declared else (DEPTH_FILE.array, VALUES)
-    present = [name for name in candidates if name in contents.names]
-    if not present and not declared and len(contents.pictures) == 1:
-        return contents.pictures[0]
-    if len(present) != 1:
-        raise DepthFileError(
-            f"{path.name} does not have one depth array",
-            found=", ".join(contents.names) or "no arrays",
-            expected=" or ".join(str(c) for c in candidates),
-            next_step=f'name it in {DECLARATION}: array = "..."',
-        )
-    return present[0]
 
 
 def _array(
@@ -150,45 +117,6 @@ def _array(
         source=path.name,
         stored=stored,
     )
-
-
-def _text(arrays: Mapping[str, NDArray[Any]], name: str, path: Path) -> str | None:
-    """A text stored as a 0-d array; None when absent or empty."""
-    if name not in arrays:
-        return None
-    if arrays[name].ndim != 0 or arrays[name].dtype.kind != "U":
-        raise DepthFileError(
-            f"{path.name}: {name} is no text",
-            found=f"{arrays[name].dtype}, shape {arrays[name].shape}",
-            expected="a 0-d string array",
-        )
-    return str(arrays[name]) or None
-
-
-def _agreed(name: str, own: str | None, other: str | None, path: Path) -> str | None:
-    """A file's own declaration and the given one, which must agree."""
-    if own is not None and other is not None and own != other:
-        raise DepthFileError(
-            f"{path.name} has contradictory declarations",
-            found=f"{name} {own!r} and {other!r}",
-            expected="one",
-        )
-    return own if own is not None else other
-
-
-def _check_version(arrays: Mapping[str, NDArray[Any]], path: Path) -> None:
-    """Files without a version are of version 1 or from another program."""
-    version = arrays.get("format_version")
-    if version is None:
-        return
-    latest = DEPTH_FILE.version
-    if version.ndim != 0 or version.dtype.kind != "i" or not 1 <= int(version) <= latest:
-        raise DepthFileError(
-            f"{path.name} has an unknown format version",
-            found=f"format_version {version.tolist()!r}",
-            expected=f"1 to {latest}",
-            next_step="read it with the version of legoworld that wrote it",
-        )
 
 
 def _intrinsics(arrays: Mapping[str, NDArray[Any]], path: Path) -> Intrinsics | None:

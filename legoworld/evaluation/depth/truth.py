@@ -10,13 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.depth_files.reading import (
-    SUFFIXES,
-    check_raw_float32,
-    files_named,
-    read_raw_float32,
-    refuse_photo,
-)
+from legoworld.depth_files.reading import check_raw_float32, read_raw_float32
 from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
@@ -24,8 +18,7 @@ from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camer
 from legoworld.evaluation.depth.integer_units import per_metre
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.pixels.family import PixelTruth
-from legoworld.evaluation.pixels.predictions import photo_stem
-from legoworld.pluralize import share
+from legoworld.evaluation.pixels.truth import array_of, truth_of_all
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.colmap import Calibration, Camera, read_calibration
 
@@ -55,44 +48,19 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[DepthTruthFile,
     DepthTruthError or DepthFileError: nothing is scored against incomplete ground truth.
     """
     declared = read_declaration(truth)
-    files: list[DepthTruthFile] = []
-    absent: list[RunImage] = []
     calibrations: dict[Path, Calibration] = {}
-    for image in images:
-        file = _eth3d(truth, image, calibrations) or _array(truth, image, declared)
-        if file is None:
-            absent.append(image)
-        else:
-            files.append(file)
-    if absent:
-        raise DepthTruthError(
-            f"{truth.name or truth} lacks the depth of "
-            f"{share(len(absent), len(images), 'image', 'images')}",
-            found=f"nothing for {absent[0].file_name}",
-            expected="ETH3D's <scene>/ground_truth_depth/dslr_images/, or"
-            f" {photo_stem(absent[0].file_name)} with one of {' '.join(SUFFIXES)}",
-            next_step="point --truth at the dataset's folder, or use a track of the present images",
-        )
-    return tuple(files)
+    return truth_of_all(
+        truth,
+        images,
+        lambda image: _eth3d(truth, image, calibrations) or _array(truth, image, declared),
+        noun="depth",
+        layout="ETH3D's <scene>/ground_truth_depth/dslr_images/",
+        error=DepthTruthError,
+    )
 
 
 def load_truth(file: DepthTruthFile) -> PixelTruth:
-    """Read one ground truth as planar metres and count its invalid values.
-
-    DepthTruthError if it does not fit into memory.
-    """
-    try:
-        return _read_truth(file)
-    except MemoryError as error:
-        raise DepthTruthError(
-            f"the ground truth {file.path.name} does not fit into memory",
-            found=f"a file of {file.path.stat().st_size} bytes",
-            expected="an array that this process can hold",
-            next_step="use fewer workers",
-        ) from error
-
-
-def _read_truth(file: DepthTruthFile) -> PixelTruth:
+    """Read one ground truth as planar metres and count its invalid values."""
     if file.kind == "eth3d_raw":
         assert file.size_wh is not None
         z_m: NDArray[Any] = read_raw_float32(file.path, file.size_wh)
@@ -202,19 +170,12 @@ def _eth3d(
 
 
 def _array(truth: Path, image: RunImage, declared: Declaration) -> DepthTruthFile | None:
-    files = files_named(truth / photo_stem(image.file_name))
-    if len(files) > 1:
-        raise DepthTruthError(
-            f"{image.file_name} has more than one ground-truth file",
-            found=", ".join(p.name for p in files),
-            expected="one depth file",
-        )
-    if not files:
+    path = array_of(truth, image, noun="depth", error=DepthTruthError)
+    if path is None:
         return None
-    refuse_photo(files[0])
     return DepthTruthFile(
         kind="array",
-        path=files[0],
+        path=path,
         declared=declared,
         size_wh=None,
         size_from="file",

@@ -141,10 +141,11 @@ def metric_policies(metrics: Sequence[PixelMetric]) -> list[tuple[str, str]]:
 class PixelErrors:
     """The errors of a family, each with its own code.
 
-    prediction, missing: of a file that is unusable, or not there; unseen: of a machine that does
-    not see the same files as the command.
+    truth: of ground truth, which ends scoring; prediction, missing: of a file that is unusable, or
+    not there; unseen: of a machine that does not see the same files as the command.
     """
 
+    truth: type[LegoWorldError]
     prediction: type[LegoWorldError]
     missing: type[LegoWorldError]
     unseen: type[LegoWorldError]

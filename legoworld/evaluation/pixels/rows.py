@@ -30,7 +30,7 @@ def score_row(
     Errors of the prediction become the row's status and reason; errors of the ground truth are
     raised.
     """
-    truth = family.load_truth(file)
+    truth = _loaded(file, family)
     row = _truth_row(image, truth, family)
     protocol = family.protocol(task)
     needed = protocol.min_valid_px
@@ -64,6 +64,18 @@ def score_row(
         reason = "there is not enough memory to score it: use fewer workers"
         row = replace(row, status="invalid", code="memory", reason=reason)
     return ImageResult(row=row)
+
+
+def _loaded(file: TruthFile, family: PixelFamily) -> PixelTruth:
+    try:
+        return family.load_truth(file)
+    except MemoryError as error:
+        raise family.errors.truth(
+            f"the ground truth {file.path.name} does not fit into memory",
+            found=f"a file of {file.path.stat().st_size} bytes",
+            expected="an array that this process can hold",
+            next_step="use fewer workers",
+        ) from error
 
 
 def _truth_row(image: PixelImage, truth: PixelTruth, family: PixelFamily) -> PixelRow:

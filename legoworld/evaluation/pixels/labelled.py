@@ -1,0 +1,99 @@
+"""What an .npz says of its array, held to what is declared of it; and sizes by headers alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import SizeCheck
+from legoworld.depth_files.reading import Npz
+
+
+def claimed_size(path: Path, read: Callable[[Path, SizeCheck], object]) -> tuple[int, int]:
+    """The (width, height) that a file's header claims; `read` does not come to the values."""
+    told: list[tuple[int, int]] = []
+
+    def stop(size_wh: tuple[int, int]) -> None:
+        told.append(size_wh)
+        raise _SizeToldError
+
+    with suppress(_SizeToldError):
+        read(path, stop)
+    return told[0]
+
+
+class _SizeToldError(Exception):
+    """Aborts reading once the size is known."""
+
+
+@contextmanager
+def fits_into_memory(path: Path) -> Iterator[None]:
+    """DepthFileError for a file whose array does not fit into memory."""
+    try:
+        yield
+    except MemoryError as error:
+        raise DepthFileError(
+            f"{path.name} does not fit into memory",
+            found=f"a file of {path.stat().st_size} bytes",
+            expected="an array that this process can hold",
+        ) from error
+
+
+def picture_name(
+    path: Path, contents: Npz, candidates: Sequence[str], noun: str, declaration: str
+) -> str:
+    """The array's name: one of the candidates; without any, and with a choice, the only picture."""
+    present = [name for name in candidates if name in contents.names]
+    if not present and len(candidates) > 1 and len(contents.pictures) == 1:
+        return contents.pictures[0]
+    if len(present) != 1:
+        raise DepthFileError(
+            f"{path.name} does not have one {noun} array",
+            found=", ".join(contents.names) or "no arrays",
+            expected=" or ".join(candidates),
+            next_step=f'name it in {declaration}: array = "..."',
+        )
+    return present[0]
+
+
+def text_label(arrays: Mapping[str, NDArray[Any]], name: str, path: Path) -> str | None:
+    """A text stored as a 0-d array; None when absent or empty."""
+    if name not in arrays:
+        return None
+    if arrays[name].ndim != 0 or arrays[name].dtype.kind != "U":
+        raise DepthFileError(
+            f"{path.name}: {name} is no text",
+            found=f"{arrays[name].dtype}, shape {arrays[name].shape}",
+            expected="a 0-d string array",
+        )
+    return str(arrays[name]) or None
+
+
+def agreed(name: str, own: str | None, other: str | None, path: Path) -> str | None:
+    """A file's own declaration and the given one, which must agree."""
+    if own is not None and other is not None and own != other:
+        raise DepthFileError(
+            f"{path.name} has contradictory declarations",
+            found=f"{name} {own!r} and {other!r}",
+            expected="one",
+        )
+    return own if own is not None else other
+
+
+def check_version(arrays: Mapping[str, NDArray[Any]], path: Path, latest: int) -> None:
+    """DepthFileError for a later version; files without one are of version 1 or of others."""
+    version = arrays.get("format_version")
+    if version is None:
+        return
+    if version.ndim != 0 or version.dtype.kind != "i" or not 1 <= int(version) <= latest:
+        raise DepthFileError(
+            f"{path.name} has an unknown format version",
+            found=f"format_version {version.tolist()!r}",
+            expected=f"1 to {latest}",
+            next_step="read it with the version of legoworld that wrote it",
+        )
