@@ -47,12 +47,12 @@ class TaskChoice(Choice):
         self._serves = serves
 
     @property  # asked for with --help or a name, not when the command is defined
-    def choices(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def choices(self) -> tuple[str, ...]:
         """The names, those that ship first."""
         return tuple(task.name for task in known_tasks() if self._serves(task))
 
     @choices.setter
-    def choices(self, _unused: object) -> None:
+    def choices(self, _unused: object) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Set by click alone."""
 
     def convert(
