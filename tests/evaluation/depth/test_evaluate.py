@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -507,6 +508,6 @@ def test_numbers_that_float64_cannot_square_are_holes(
 def test_a_card_of_another_protocol_is_refused() -> None:
     card = depth_protocol(load_card("eth3d")).card
     alignment = {**card.values["alignment"], "solver": "median"}
-    other = type(card)(task=card.task, sha256="", values={**card.values, "alignment": alignment})
+    other = replace(card, values={**card.values, "alignment": alignment})
     with pytest.raises(CatalogError, match=r"alignment\.solver"):
         depth_protocol(other)
