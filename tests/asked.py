@@ -12,7 +12,11 @@ from typing import IO, Any
 
 
 class EndedError(Exception):
-    """The program ended without an answer."""
+    """The program ended without an answer. exit_code: negative for a signal."""
+
+    def __init__(self, exit_code: int) -> None:
+        self.exit_code = exit_code
+        super().__init__(f"it ended without an answer: exit code {exit_code}")
 
 
 class AskedProgram:
@@ -40,10 +44,10 @@ class AskedProgram:
             process.stdin.write(json.dumps(request) + "\n")
             process.stdin.flush()
         except BrokenPipeError as error:
-            raise EndedError("it had ended before") from error
+            raise EndedError(process.wait()) from error
         line = process.stdout.readline()
         if not line:
-            raise EndedError("it ended over this request")
+            raise EndedError(process.wait())
         return json.loads(line)
 
     def close(self) -> None:

@@ -28,10 +28,11 @@ class SceneBuilder:
         self._blender = self._blender or AskedProgram(Path(__file__), self._log)
         try:
             wrong = self._blender.ask({"program": program, "folder": str(folder)})
-        except EndedError:
+        except EndedError as ended:
             self.close()
             self._log.seek(0)
-            wrong = f"Blender ended: {self._log.read().decode('utf-8', 'replace')}"
+            said = self._log.read().decode("utf-8", "replace")
+            wrong = f"{said}\n{ended}" if ended.exit_code else None  # some programs leave by _exit
         assert wrong is None, wrong[-3000:]
 
     def close(self) -> None:
