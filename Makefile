@@ -63,6 +63,7 @@ check: $(VENV)/all-installed
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/pyright
+	$(PYTHON) -m pytest -q -n0 --fail-on-skip tests/api/test_python_page.py -k passes
 
 # The report page's scripts against the records they are given, and three.js against its source.
 # Needs node and npm, and nobody needs either to use legoworld.
