@@ -56,7 +56,7 @@ class TaskChoice(Choice):
         return tuple(task.name for task in known_tasks() if self._serves(task))
 
     @choices.setter
-    def choices(self, _unused: object) -> None:
+    def choices(self, _unused: object) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Set by click alone."""
 
     def convert(
