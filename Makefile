@@ -63,15 +63,24 @@ check: $(VENV)/all-installed
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/pyright
+	$(PYTHON) -m pytest -q -n0 --fail-on-skip tests/api/test_python_page.py -k passes
 
 # The report page's scripts against the records they are given, and three.js against its source.
 # Needs node and npm, and nobody needs either to use legoworld.
 .PHONY: check-page page-three
 check-page: $(VENV)/tests-installed
-	$(PYTHON) docs/page_types.py --check
+	$(PYTHON) docs/page_types.py
 	@if command -v npm >/dev/null 2>&1; then $(MAKE) --no-print-directory tools/page/node_modules/installed && \
 	  cd tools/page && npx --no-install tsc -p . && echo "the page's scripts check"; \
 	else echo "SKIPPED: npm is not installed, so the page's scripts are not checked"; fi
+
+# What is made from the code: docs/commands.md and docs/formats.md (committed), docs/schemas and
+# tools/page/records.d.ts (not).
+.PHONY: docs
+docs: $(VENV)/tests-installed
+	$(PYTHON) docs/commands_page.py
+	$(PYTHON) docs/formats_page.py
+	$(PYTHON) docs/page_types.py
 
 # docs/pictures of the report page anew; COMPARISON: the page of docs/real-run.md, BENCH: that of
 # `make bench-demo`, TUTORIAL: the folder of docs/tutorial.md, each where there is one.

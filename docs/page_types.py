@@ -1,12 +1,11 @@
-"""The report page's records as TypeScript: python docs/page_types.py [--check].
+"""The report page's records as TypeScript: python docs/page_types.py [FILE].
 
-Writes tools/page/records.d.ts, which `make check-page` checks the page's scripts with. The types
-come from legoworld/records; nothing of them is part of a page.
+Writes tools/page/records.d.ts, which is not committed: `make check-page` makes it and checks the
+page's scripts with it. The types come from legoworld/records; nothing of them is part of a page.
 """
 
 from __future__ import annotations
 
-import argparse
 import inspect
 import sys
 from pathlib import Path
@@ -62,21 +61,6 @@ interface Window {
 """
 
 
-def main() -> int:
-    """Write the file, or say whether it is what would be written."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; 1 where it differs")
-    check = parser.parse_args().check
-    text = declarations()
-    if not check:
-        OUTPUT.write_text(text, encoding="utf-8")
-        return 0
-    if OUTPUT.is_file() and OUTPUT.read_text(encoding="utf-8") == text:
-        return 0
-    print(f"{OUTPUT.name} is not what the records say: run docs/page_types.py", file=sys.stderr)
-    return 1
-
-
 def declarations() -> str:
     """Every record that the scripts see, as interfaces in the order of their names."""
     found: dict[str, str] = {}
@@ -122,4 +106,5 @@ def _interface(cls: type, fields: Any, found: dict[str, str]) -> str:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    output = Path(sys.argv[1]) if sys.argv[1:] else OUTPUT
+    output.write_text(declarations(), encoding="utf-8")

@@ -22,7 +22,7 @@ from io import BufferedReader
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Final, Self
 
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, Raised
 from legoworld.files import TEMPORARY_SUFFIX, atomic_path, kind_of_file, refused_by_machine
 
 _FOLDER: Final = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -58,7 +58,7 @@ class Beneath:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from legoworld.conventions import ALPHA_THRESHOLD, NO_DEPTH, NO_INSTANCE
 from legoworld.errors import CatalogError, InstallationError, cause
-from legoworld.files import sha256_of_file
+from legoworld.files import Json, sha256_of_file
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
 from legoworld.shipped import catalog
@@ -85,7 +85,7 @@ class Card:
             found = found[part]
         return found
 
-    def hold_to(self, fixed: Mapping[str, Any]) -> None:
+    def hold_to(self, fixed: Mapping[str, Json]) -> None:
         """InstallationError where the card declares another value than the code implements.
 
         fixed: those values by their dotted keys.

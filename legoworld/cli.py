@@ -42,7 +42,7 @@ _COMMANDS = {
     "evidence": "verify the hashes and numbers of an evaluation or a comparison",
     "compare": "compare two evaluations over the same images",
     "report": "write one HTML page of evaluations and comparisons",
-    "list": "list tasks, datasets and baselines, or print the authoring guide",
+    "list": "list tasks, datasets, baselines and file formats, or print the authoring guide",
     "doctor": "check that this machine has what legoworld needs",
 }
 

@@ -7,6 +7,9 @@ from typing import Final
 
 from legoworld.errors import printable
 
+#: What a cell of a table shows.
+Cell = str | int | float | None
+
 #: First characters that make a spreadsheet read a cell as a formula (OWASP, CSV injection).
 _FORMULA: Final = ("=", "+", "-", "@", "\t")
 _MARKDOWN: Final = str.maketrans(

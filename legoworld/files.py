@@ -10,12 +10,18 @@ import os
 import stat
 import threading
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+#: A value of a JSON document.
+Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
 
 TEMPORARY_SUFFIX: Final = ".tmp"
 _SHOWN: Final = 50  # characters of a file's name in its temporary one
@@ -133,12 +139,12 @@ def _encoder(between: str, after_key: str) -> json.JSONEncoder:
 _CANONICAL: Final = _encoder(",", ":")
 
 
-def canonical_json(value: Any) -> str:
+def canonical_json(value: Json) -> str:
     """One line of JSON with sorted keys: equal values give equal bytes. NaN and inf are refused."""
     return _CANONICAL.encode(value)
 
 
-def readable_json(value: Any) -> str:
+def readable_json(value: Json) -> str:
     """Indented JSON with sorted keys and a final newline, for files people open.
 
     Equal to json.dumps(indent=1), which falls back to the pure-Python encoder when it indents.
@@ -148,7 +154,7 @@ def readable_json(value: Any) -> str:
     return _indented(value, 0) + "\n"
 
 
-def _indented(value: Any, level: int) -> str:
+def _indented(value: Json, level: int) -> str:
     if not isinstance(value, dict | list | tuple) or not value:
         return _CANONICAL.encode(value)
     begin, between, end = _layout(level)
@@ -165,13 +171,11 @@ def _indented(value: Any, level: int) -> str:
     return f"{opening}{begin}{body}{end}{closing}"
 
 
-def _key(key: Any) -> str:
+def _key(key: str | float) -> str:
     """A key as JSON text, for any Python key."""
-    return _CANONICAL.encode(key if isinstance(key, str) else next(iter(_plain({key: None}))))
-
-
-def _plain(value: Any) -> Any:
-    return json.loads(_CANONICAL.encode(value))
+    if not isinstance(key, str):
+        key = next(iter(json.loads(_CANONICAL.encode({key: None}))))
+    return _CANONICAL.encode(key)
 
 
 @cache
@@ -243,7 +247,7 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_bytes(text.encode("utf-8"))
 
 
-def write_npz(path: Path, arrays: Mapping[str, Any], *, compressed: bool = False) -> None:
+def write_npz(path: Path, arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:
     """Write np.savez's bytes atomically.
 
     An interrupted np.savez leaves its archive to the garbage collector, which then prints a

@@ -29,6 +29,7 @@ ACCEPTED: Final = {
     r"models of ATIF are not installed": "Harbor's package needs Python 3.12: make test-harbor",
     r"could not import 'torch'|torch": "make test-baselines runs them in an environment of its own",
     r"could not import '(ray|s3fs|moto)": "make test-cluster runs them",
+    r"could not import '(mypy|pyright)": "make check runs them",
     r"no openat2, or a filter": "an older kernel; the other path is tested everywhere",
     r"there is no lock for|made from other versions than the lock's": "another Python",
 }

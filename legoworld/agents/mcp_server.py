@@ -11,7 +11,7 @@ from typing import Final
 from legoworld.baselines import environments
 from legoworld.endpoint.listener import HOST
 from legoworld.errors import UsageError
-from legoworld.files import readable_json, write_text
+from legoworld.files import Json, readable_json, write_text
 from legoworld.records.agents import McpFormat
 
 PLAYER: Final = Path(__file__).with_name("blender_mcp") / "play.py"
@@ -110,7 +110,7 @@ def write_configuration(path: Path, kind: McpFormat, servers: Sequence[McpServer
     if kind == "codex":  # https://developers.openai.com/codex/mcp; a JSON text is a TOML one
         text = "\n".join(_codex(server) for server in servers)
     elif kind == "opencode":  # https://opencode.ai/docs/mcp-servers/
-        local = {
+        local: dict[str, Json] = {
             s.name: {
                 "type": "local",
                 "command": [s.command, *s.arguments],
@@ -122,7 +122,7 @@ def write_configuration(path: Path, kind: McpFormat, servers: Sequence[McpServer
         }
         text = readable_json({"$schema": "https://opencode.ai/config.json", "mcp": local})
     else:  # Claude Code's, Gemini CLI's and most others'
-        started = {
+        started: dict[str, Json] = {
             s.name: {"command": s.command, "args": list(s.arguments), "env": s.variables}
             for s in servers
         }

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from legoworld.endpoint.listener import Listener
+from legoworld.errors import Raised
 
 _END_WITHIN_S: Final = 30.0
 
@@ -31,7 +32,7 @@ class PluginHost:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
     def close(self) -> None:

@@ -14,10 +14,10 @@ from legoworld.agents.trial_plugin import PLUGIN, calls_of
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import one_line
-from legoworld.files import write_text
+from legoworld.files import Json, write_text
 from legoworld.records.agents import EndedAgent, Finalisation, Outcome, ReconstructionFile
 from legoworld.records.atif import AtifTrajectory
-from legoworld.records.base import readable
+from legoworld.records.base import Storable, readable
 from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import PROVENANCE, SceneFolder
@@ -109,7 +109,7 @@ def _model(trajectory: AtifTrajectory) -> str | None:
     return name if isinstance(name, str) else None
 
 
-def _provenance(plan: TrialPlan, result: ReconstructionFile) -> dict[str, object]:
+def _provenance(plan: TrialPlan, result: ReconstructionFile) -> dict[str, Storable]:
     return {
         "agent": result.agent,
         "agent_version": result.agent_version,
@@ -128,5 +128,5 @@ def _provenance(plan: TrialPlan, result: ReconstructionFile) -> dict[str, object
     }
 
 
-def _camera_given(hfov_deg: object) -> dict[str, object] | None:
+def _camera_given(hfov_deg: Json) -> dict[str, Json] | None:
     return None if hfov_deg is None else {"hfov_deg": hfov_deg}

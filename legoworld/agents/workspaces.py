@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from legoworld.errors import UsageError
-from legoworld.files import readable_json, sha256_of_file, write_text
+from legoworld.files import Json, readable_json, sha256_of_file, write_text
 from legoworld.readouts.instructions import instructions
 from legoworld.readouts.instructions_text import instructions_text
 from legoworld.readouts.protocol import protocol
@@ -127,7 +127,7 @@ def make_workspace(
     if made is None or photo is None:
         return None
     shutil.copyfile(photo, made.image)
-    public = {
+    public: dict[str, Json] = {
         "image": {**_public(work, image), "file_name": made.image.name},
         "image_sha256": sha256_of_file(made.image),
         "task": work.task,

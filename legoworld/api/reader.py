@@ -22,7 +22,7 @@ from legoworld.api.settings import (
     snapshot_cache,
     tracks_by_task,
 )
-from legoworld.errors import LegoWorldError, UsageError
+from legoworld.errors import LegoWorldError, Raised, UsageError
 from legoworld.readouts.protocol import Protocol
 from legoworld.running.inspection import open_scene
 from legoworld.running.scene_views import SceneViews
@@ -177,7 +177,7 @@ class Reader:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
 

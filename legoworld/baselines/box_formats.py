@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final, Literal, get_args
+from typing import Final, Literal, cast, get_args
 
 import numpy as np
 
@@ -23,9 +23,10 @@ BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
 
 def with_xywh(entry: Entry, box_format: BoxFormat) -> Entry:
     """A results entry with its bbox as x, y, width, height; unchanged if it is not a box."""
-    if box_format == "xywh" or not _is_box(entry):
+    box = None if box_format == "xywh" else _box(entry)
+    if box is None:
         return entry
-    a, b, c, d = entry["bbox"]
+    a, b, c, d = box
     converted = [a, b, c - a, d - b] if box_format == "xyxy" else [a - c / 2, b - d / 2, c, d]
     return {**entry, "bbox": converted}
 
@@ -76,10 +77,11 @@ def _shares_outside(
 
     Empty if undecidable: an entry is not a box, or all are fractions of the image's size.
     """
-    if not as_given or not all(map(_is_box, as_given)):
+    boxes = [_box(entry) for entry in as_given]
+    if not boxes or None in boxes:
         return {}
-    given = np.array([e["bbox"] for e in as_given], np.float64)
-    sizes = np.array([sizes_wh[e["image_id"]] for e in as_given], np.float64)
+    given = np.array(boxes, np.float64)
+    sizes = np.array([sizes_wh[cast("int", e["image_id"])] for e in as_given], np.float64)
     if (given <= 1.0).all():
         return {}
     a, b = given[:, :2], given[:, 2:]
@@ -93,9 +95,12 @@ def _shares_outside(
     return shares
 
 
-def _is_box(entry: Entry) -> bool:
+def _box(entry: Entry) -> list[float] | None:
+    """The four numbers of an entry's box, as they are; None where it has none."""
     box = entry.get("bbox")
-    return isinstance(box, list) and len(box) == 4 and finite_floats(box) is not None
+    if isinstance(box, list) and len(box) == 4 and finite_floats(box) is not None:
+        return cast("list[float]", box)
+    return None
 
 
 def _pass(formats: Sequence[BoxFormat]) -> str:

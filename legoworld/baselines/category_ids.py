@@ -148,7 +148,7 @@ def _named(counts: Mapping[int, int], vocabulary: Vocabulary, most: int) -> str:
 
 def plain_ids(entries: Iterable[Entry]) -> Counter[int]:
     """The category ids among entries, with their counts."""
-    return Counter(e["category_id"] for e in entries if type(e.get("category_id")) is int)
+    return Counter(i for e in entries if type(i := e.get("category_id")) is int)
 
 
 def _fits_better_shifted(ids: Counter[int], vocabulary: Vocabulary) -> bool:

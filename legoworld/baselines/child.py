@@ -23,7 +23,8 @@ from legoworld.baselines.answers import Unreadable, read_line
 from legoworld.baselines.cards import BaselineCard
 from legoworld.baselines.confinement import Confined, readable, writable
 from legoworld.beneath import Beneath
-from legoworld.errors import LegoWorldError, one_line
+from legoworld.errors import LegoWorldError, Raised, one_line
+from legoworld.files import Json
 from legoworld.records.base import as_json
 from legoworld.records.baseline_messages import ChildRequest, Message
 from legoworld.records.folders.run_folder import BASELINE_SCRATCH
@@ -112,7 +113,7 @@ class BaselineProcess:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
     def begin(self) -> None:
@@ -179,7 +180,7 @@ class BaselineProcess:
                     pipe.close()
         self._home.close()
 
-    def _send(self, line: object) -> None:
+    def _send(self, line: Json) -> None:
         self._unsent.put(json.dumps(line).encode() + b"\n")
 
     def _write(self) -> None:

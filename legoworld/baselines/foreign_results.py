@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, cast
 
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
+from legoworld.files import Json
 
 #: One object of a third-party results file.
-Entry = Mapping[str, Any]
+Entry = Mapping[str, Json]
 
 RESULTS: Final = (
     'a list of {"image_id", "category_id", "bbox" or "segmentation", "score"}, JSON lines of '
@@ -46,7 +47,7 @@ def next_step_for(path: Path) -> str:
     return _CONVERTERS.get(path.suffix.lower(), "")
 
 
-def refuse_other_documents(document: object, path: Path) -> None:
+def refuse_other_documents(document: Json, path: Path) -> None:
     """Raise PredictionsInvalidError for masks without classes and for LabelMe files."""
     first = document[0] if isinstance(document, list) and document else document
     if not isinstance(first, dict):
@@ -63,19 +64,20 @@ def refuse_other_documents(document: object, path: Path) -> None:
         )  # fmt: skip
 
 
-def per_image_outputs(document: object) -> list[Entry] | None:
+def per_image_outputs(document: Json) -> list[Entry] | None:
     """torchvision outputs, one {"boxes", "labels", "scores"} per image; None for anything else.
 
     A list whose objects name their image, or an object of them by image id or file name.
     """
     if isinstance(document, dict) and document and all(map(_is_output, document.values())):
-        return [{"image_id": image, **output} for image, output in document.items()]
+        outputs = cast("dict[str, Entry]", document)
+        return [{"image_id": image, **output} for image, output in outputs.items()]
     if isinstance(document, list) and document and all(map(_is_output, document)):
-        return document
+        return cast("list[Entry]", document)
     return None
 
 
-def _is_output(value: object) -> bool:
+def _is_output(value: Json) -> bool:
     return isinstance(value, dict) and "boxes" in value and "bbox" not in value
 
 
@@ -84,9 +86,8 @@ def entries_of_outputs(outputs: list[Entry], path: Path) -> Iterator[Entry]:
     for number, output in enumerate(outputs, start=1):
         image = {k: v for k, v in output.items() if k in ("image_id", "file_name")}
         columns = {k: v for k, v in output.items() if k in ("boxes", "labels", "scores", "masks")}
-        lengths: dict[str, Any] = {
-            k: len(v) if isinstance(v, list) else None for k, v in columns.items()
-        }
+        lists = {k: v for k, v in columns.items() if isinstance(v, list)}
+        lengths = {k: len(lists[k]) if k in lists else None for k in columns}
         lacks = {"boxes", "labels", "scores"} - columns.keys()
         if not image or lacks or None in lengths.values() or len({*lengths.values()}) > 1:
             raise PredictionsInvalidError(
@@ -94,8 +95,8 @@ def entries_of_outputs(outputs: list[Entry], path: Path) -> Iterator[Entry]:
                 found=f"keys {sorted(output)[:8]}, of lengths {lengths}",
                 expected='"image_id" or "file_name"; "boxes", "labels", "scores" of one length',
             )
-        masks = columns.get("masks") or [None] * lengths["boxes"]
-        rows = zip(columns["boxes"], columns["labels"], columns["scores"], masks, strict=True)
+        masks = lists.get("masks") or [None] * len(lists["boxes"])
+        rows = zip(lists["boxes"], lists["labels"], lists["scores"], masks, strict=True)
         for box, label, score, mask in rows:
             entry = {**image, "bbox": box, "score": score}
             entry["category_name" if isinstance(label, str) else "category_id"] = label

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from legoworld.baselines.foreign_results import Entry
 from legoworld.errors import LegoWorldError
@@ -38,7 +38,7 @@ class Placed:
 
 def place(
     entries: Sequence[Entry],
-    infos: Mapping[Any, Entry],
+    infos: Mapping[Hashable, Entry],
     images: Sequence[TrackImage],
     *,
     subset: bool,
@@ -57,7 +57,7 @@ def place(
         name = _name(entry, infos)
         by_name |= name is not None
         image_id = _image_id(entry, name, places, photos, named=named)
-        if image_id is _OUTSIDE:
+        if isinstance(image_id, _Outside):
             strangers.append(entry)
         else:
             kept.append(entry if image_id is None else {**entry, "image_id": image_id})
@@ -117,12 +117,12 @@ def _agree(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     return not length or one[-length:] == other[-length:]
 
 
-def _name(entry: Entry, infos: Mapping[Any, Entry]) -> str | None:
+def _name(entry: Entry, infos: Mapping[Hashable, Entry]) -> str | None:
     """The photo name in the entry, if any."""
     if isinstance(entry.get("file_name"), str):
         return str(entry["file_name"])
     image_id = entry.get("image_id")
-    info = infos.get(image_id) if isinstance(image_id, Hashable) else None
+    info = infos.get(image_id) if isinstance(image_id, str | int | float) else None
     name = file_name(info) if info else None
     return image_id if name is None and isinstance(image_id, str) else name
 
@@ -151,7 +151,7 @@ def _image_id(
     return image_id if image_id in photos.ids and not named else _OUTSIDE
 
 
-def _places(infos: Mapping[Any, Entry], photos: _Photos) -> dict[str, int]:
+def _places(infos: Mapping[Hashable, Entry], photos: _Photos) -> dict[str, int]:
     """Maps the file's photo names to the track's images; refuses duplicates and wrong sizes."""
     ids_by_name: dict[str, int] = {}
     taken: dict[int, str] = {}
@@ -205,7 +205,7 @@ def _refuse_positions(entries: Sequence[Entry], images: Sequence[TrackImage]) ->
 def _strangers(
     strangers: Sequence[Entry],
     of: int,
-    infos: Mapping[Any, Entry],
+    infos: Mapping[Hashable, Entry],
     images: Sequence[TrackImage],
     *,
     some: bool,

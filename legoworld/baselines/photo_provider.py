@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.cards import BaselineCard, baseline_cards
@@ -187,7 +187,7 @@ def _child_request(request: ProviderRequest, image: RequestedImage, output: Path
     )
 
 
-def _record(request: ProviderRequest, hello: Message, counts: Mapping[str, Any]) -> ProviderRecord:
+def _record(request: ProviderRequest, hello: Message, counts: Mapping[str, int]) -> ProviderRecord:
     return ProviderRecord(
         name=request.card.name,
         version=request.card.about.version,

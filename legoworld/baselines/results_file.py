@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from legoworld.baselines.box_formats import BoxFormat
 from legoworld.baselines.foreign_results import (
@@ -22,7 +22,7 @@ from legoworld.baselines.labels import Matcher
 from legoworld.errors import one_line
 from legoworld.evaluation.detection.inputs.masks import compressed
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
-from legoworld.files import utf8_text
+from legoworld.files import Json, utf8_text
 from legoworld.pluralize import share, word_for
 from legoworld.readouts.masks import are_near
 from legoworld.records.base import RecordError, read_json
@@ -46,7 +46,7 @@ class ResultsFile:
 
     entries: tuple[Entry, ...]
     names: Mapping[int, str]
-    images: Mapping[Any, Entry]
+    images: Mapping[Hashable, Entry]
     box_format: BoxFormat | None = None
     n_float_ids: int = 0
 
@@ -89,7 +89,7 @@ def read_results(path: Path) -> ResultsFile:
 
 def _with_whole_ids(entry: Entry, path: Path) -> Entry:
     """An entry with integers for ids that pandas, say, has written as 139.0."""
-    ids = {key: entry[key] for key in _IDS if type(entry.get(key)) is float}
+    ids = {key: value for key in _IDS if isinstance(value := entry.get(key), float)}
     for key, value in ids.items():
         if not value.is_integer() or abs(value) >= _EXACT:  # NaN and infinity are none either
             raise PredictionsInvalidError(
@@ -126,7 +126,7 @@ def _found(path: Path) -> ResultsFile:
     )
 
 
-def _objects(values: list[Any]) -> tuple[Entry, ...]:
+def _objects(values: list[Json]) -> tuple[Entry, ...]:
     strangers = [value for value in values if not isinstance(value, dict)]
     if strangers:
         raise PredictionsInvalidError(
@@ -135,7 +135,7 @@ def _objects(values: list[Any]) -> tuple[Entry, ...]:
             found=one_line(json.dumps(strangers[0]), 60),
             expected='{"image_id", ...}',
         )
-    return tuple(values)
+    return cast("tuple[Entry, ...]", tuple(values))
 
 
 def _read(path: Path) -> Any:
@@ -158,7 +158,7 @@ def _read(path: Path) -> Any:
         ) from error
 
 
-def _listed(document: object) -> Any:
+def _listed(document: Json) -> Any:
     """A one-line file is both JSON and JSON lines: a single result becomes a list."""
     if not isinstance(document, dict) or any(isinstance(document.get(k), list) for k in _LISTS):
         return document
@@ -212,18 +212,20 @@ def with_masks(
         size = sizes_wh.get(image_id) if mask and type(image_id) is int else None
         if size is not None and _are_polygons(mask):
             rle = compressed(mask, (size[1], size[0]))
-            text = {"size": [size[1], size[0]], "counts": rle["counts"].decode("ascii")}
+            text: Entry = {"size": [size[1], size[0]], "counts": rle["counts"].decode("ascii")}
             entry, count = {**entry, "segmentation": text}, count + 1
         filled.append(entry)
     return filled, count
 
 
-def _are_polygons(mask: object) -> bool:
-    return (
-        isinstance(mask, list)
-        and all(isinstance(p, list) and len(p) >= 6 and len(p) % 2 == 0 for p in mask)
-        and all(type(v) in (int, float) for p in mask for v in p)
-        and are_near(v for p in mask for v in p)
+def _are_polygons(mask: Json) -> bool:
+    if not isinstance(mask, list):
+        return False
+    if not all(isinstance(p, list) and len(p) >= 6 and len(p) % 2 == 0 for p in mask):
+        return False
+    polygons = cast("list[list[float]]", mask)
+    return all(type(v) in (int, float) for p in polygons for v in p) and are_near(
+        v for p in polygons for v in p
     )
 
 
@@ -242,7 +244,7 @@ def _label(entry: Entry, names: Mapping[int, str], matcher: Matcher) -> str | No
 
 
 def _names(document: Entry, path: Path) -> dict[int, str]:
-    categories = document.get("categories") or []
+    categories: Any = document.get("categories") or []
     try:
         return {int(c["id"]): str(c["name"]) for c in categories}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
@@ -253,8 +255,8 @@ def _names(document: Entry, path: Path) -> dict[int, str]:
         ) from error
 
 
-def _images(document: Entry, path: Path) -> dict[Any, Entry]:
-    images = document.get("images") or []
+def _images(document: Entry, path: Path) -> dict[Hashable, Entry]:
+    images: Any = document.get("images") or []
     usable = isinstance(images, list) and all(
         isinstance(i, dict) and isinstance(i.get("id"), Hashable) for i in images
     )

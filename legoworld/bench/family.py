@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +13,7 @@ from legoworld.bench.case import CaseRefusedError, SeenCase, reference_joints, s
 from legoworld.bench.halves import Halves
 from legoworld.bench.noise import noise_floor
 from legoworld.errors import LegoWorldError
+from legoworld.files import Json
 from legoworld.readouts.joints import scene_joints
 from legoworld.readouts.surface import pose_m
 from legoworld.records.articulation import ReferenceJoint
@@ -40,6 +41,7 @@ from legoworld.scene.instances import group
 from legoworld.scene.labels import labels_in, resolve_labels
 from legoworld.scene.opened import CardRender, OpenedScene, twice
 from legoworld.scene.reading import read_hashed_side_file, read_scene
+from legoworld.scene.requests import DeclaredCases, Request
 from legoworld.scene.snapshot import Snapshot
 from legoworld.workers.engines import machine_lost
 
@@ -174,7 +176,7 @@ class _Family:
         files = hashed_dependencies(
             self._folder, answer["dependencies"], files, read_by=BLEND
         )  # fmt: skip
-        said: dict[str, Any] = answer["cases"]
+        said: DeclaredCases = answer["cases"]
         cases = [self._case(files, said, wanted) for wanted in self._wanted(said)]
         return MadeFamily(
             family=family_name(self._folder.name),
@@ -186,14 +188,14 @@ class _Family:
             reason=None,
         )
 
-    def _wanted(self, said: dict[str, Any]) -> Iterator[_Wanted]:
+    def _wanted(self, said: DeclaredCases) -> Iterator[_Wanted]:
         family = family_name(self._folder.name)
         for tier in said["tiers"]:
             for view, camera in enumerate(said["views"]):
                 words = [family, *([tier] if tier else []), f"view_{view:02d}"]
                 yield _Wanted(stem="__".join(words), tier=tier, view=view, camera=camera)
 
-    def _case(self, files: FrozenFiles, said: dict[str, Any], wanted: _Wanted) -> MadeCase:
+    def _case(self, files: FrozenFiles, said: DeclaredCases, wanted: _Wanted) -> MadeCase:
         """Save the case as a scene of its own, and read it as any submission is read."""
         options = self._options
         folder = SceneFolder(
@@ -201,10 +203,19 @@ class _Family:
         )
         folder.path.mkdir()
         try:
+            request: Request = {
+                "kind": "case",
+                "blend": self._blend,
+                "output": str(folder.path),
+                "case": {
+                    "tier": wanted.tier,
+                    "view": wanted.camera,
+                    "size_wh": options.size_wh,
+                    "glb": options.scenes is not None,
+                },
+            }
+            twice(lambda: self._blender.request(request))
             case = {"tier": wanted.tier, "view": wanted.camera, "size_wh": options.size_wh}
-            with_glb = {**case, "glb": options.scenes is not None}
-            request = {"kind": "case", "blend": self._blend, "output": str(folder.path)}
-            twice(lambda: self._blender.request({**request, "case": with_glb}))
             content = {**_content(files), "case": case}
             return self._written(folder, files, said, wanted, content)
         finally:
@@ -214,9 +225,9 @@ class _Family:
         self,
         folder: SceneFolder,
         files: FrozenFiles,
-        said: dict[str, Any],
+        said: DeclaredCases,
         wanted: _Wanted,
-        content: dict[str, Any],
+        content: Mapping[str, Json],
     ) -> MadeCase:
         options = self._options
         own = checked_artefacts(folder, require_frozen=False)
@@ -258,7 +269,7 @@ class _Family:
             self._options.notice(text)
 
     def _seen(
-        self, snapshot: Snapshot, files: FrozenFiles, said: dict[str, Any]
+        self, snapshot: Snapshot, files: FrozenFiles, said: DeclaredCases
     ) -> tuple[SeenCase, tuple[ReferenceJoint, ...]]:
         outside = labels_in(read_hashed_side_file(self._folder, LABELS, LabelsFile, files))
         grouping = group(snapshot, resolve_labels(snapshot, outside, None, None))

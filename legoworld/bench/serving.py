@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import BoundedSemaphore, Lock
 from typing import BinaryIO, Final, Self
 
-from legoworld.errors import cause
+from legoworld.errors import Raised, cause
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchDataset
@@ -200,7 +200,7 @@ class ScoreServer:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         with ExitStack() as ends:
             for worker in self._workers:
                 ends.callback(worker.close)

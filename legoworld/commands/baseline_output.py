@@ -96,7 +96,7 @@ def _print(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool)
     click.echo(f"{line} -> {output}")
 
 
-def _made(row: RunRow) -> object:
+def _made(row: RunRow) -> int | str:
     if row.status != "ok":
         return "-"
     if row.depth and row.rendered_wh:

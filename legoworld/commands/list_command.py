@@ -10,6 +10,7 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
+from legoworld.records.formats import FORMATS, schema_text
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import broken_tasks, known_tasks
 from legoworld.tasks.shipped import DEFAULT
@@ -23,7 +24,9 @@ C = TypeVar("C", bound="LicensedHead")
 
 
 @click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("kind", type=options.Choice(["tasks", "datasets", "baselines", "schema"]))
+@click.argument(
+    "kind", type=options.Choice(["tasks", "datasets", "baselines", "formats", "schema"])
+)
 @click.option(
     "--task",
     type=options.TaskChoice(options.has_track),
@@ -34,26 +37,42 @@ C = TypeVar("C", bound="LicensedHead")
     type=options.EXISTING_FILE,
     help="schema: track whose vocabulary is printed; sets the task if it records one.",
 )
+@click.option(
+    "--format",
+    "file_format",
+    metavar="NAME",
+    type=options.Choice(sorted(FORMATS)),
+    help="schema: print the JSON Schema of a file format instead; `list formats` has the names.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> int:
-    """List tasks, datasets or baselines, or print the authoring guide (schema).
+def command(
+    kind: str, task: str | None, track: Path | None, file_format: str | None, as_json: bool
+) -> int:
+    """List tasks, datasets, baselines or file formats, or print the authoring guide (schema).
 
     Exit code 1 when a task of an installed package cannot be loaded.
 
     \b
     Examples:
       legoworld list tasks
-      legoworld list datasets --json
       legoworld list baselines --task lvis
       legoworld list schema --task coco --track track.json
+      legoworld list schema --format track > track.schema.json
     """
+    if kind == "schema" and file_format is not None:
+        options.refuse_given(["task", "track"], "is for the authoring guide, not with --format")
+        click.echo(schema_text(file_format), nl=False)
+        return 0
     if kind == "schema":
         from legoworld.api.settings import protocol_of
 
         reading = protocol_of(task if task or track else DEFAULT, track)
         assert reading is not None
         return _schema(reading, as_json=as_json)
-    options.refuse_given(["track"], f"is for schema, not for {kind}")
+    options.refuse_given(["track", "file_format"], f"is for schema, not for {kind}")
+    if kind == "formats":
+        options.refuse_given(["task"], "is not for formats")
+        return _formats(as_json=as_json)
     cards = _cards(kind, task)
     broken = broken_tasks() if kind == "tasks" else []
     for error in broken:
@@ -68,6 +87,16 @@ def command(kind: str, task: str | None, track: Path | None, as_json: bool) -> i
         rows = [(*words, _cut(licence)) for *words, licence in cards]
         click.echo(options.table(header, rows))
     return exit_codes.INCOMPLETE if broken else exit_codes.DONE
+
+
+def _formats(*, as_json: bool) -> int:
+    """The names of the file formats, and which file each is of."""
+    rows = [(name, one.file) for name, one in sorted(FORMATS.items())]
+    if as_json:
+        options.print_json({"formats": [{"name": name, "file": file} for name, file in rows]})
+    else:
+        click.echo(options.table(("name", "file"), rows))
+    return 0
 
 
 def _cut(text: str, limit: int = 60) -> str:

@@ -10,6 +10,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.remote import PlaceType
 from legoworld.pluralize import counted, share
+from legoworld.records.base import Storable
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
@@ -74,7 +75,9 @@ def command(
                 parts, folder, images_per_file=per_file, overwrite=overwrite
             ).summary
     if as_json:
-        merged = [{"run": str(place), "summary": one} for place, one in results.items()]
+        merged: list[dict[str, Storable]] = [
+            {"run": str(place), "summary": one} for place, one in results.items()
+        ]
         options.print_json({"runs": merged} if tasks else merged[0])
     else:
         given = counted(len(shards), "run", "shards")

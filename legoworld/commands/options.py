@@ -8,15 +8,19 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import escaped, name_on_line
+from legoworld.escaping import Cell
 from legoworld.pluralize import did_you_mean
 from legoworld.tasks.registry import known_tasks, task_named, task_names
 from legoworld.tasks.task import Task
+
+if TYPE_CHECKING:
+    from legoworld.records.base import Storable
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -206,7 +210,7 @@ def refuse_given(names: Sequence[str], why: str) -> None:
             raise click.UsageError(f"{parameter.opts[0]} {why}")
 
 
-def print_json(document: Mapping[str, object]) -> None:
+def print_json(document: Mapping[str, Storable]) -> None:
     """Print one JSON document with schema_version on standard output; records are converted."""
     from legoworld.records.base import as_json
 
@@ -220,7 +224,7 @@ TABLE_WIDTH = 100
 _NARROWEST = 16
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+def table(header: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
     """A text table with columns as narrow as possible; numeric columns are right-aligned.
 
     The widest column is wrapped where the table would exceed TABLE_WIDTH.
@@ -271,7 +275,7 @@ def within_width(text: str) -> str:
     )
 
 
-def report_hint(folder: object, *, photos: bool) -> str:
+def report_hint(folder: Path, *, photos: bool) -> str:
     """The last line of what evaluate and compare print: how to look at the result.
 
     photos: whether the page has to be told where they are; a bench's are found without.

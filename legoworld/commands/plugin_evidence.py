@@ -47,7 +47,7 @@ _OF_PROVIDER = (
 )  # fmt: skip
 @click.option(
     "--camera", type=options.EXISTING_FILE,
-    help="A provider's camera (docs/schemas/plugin-camera.schema.json), in place of --fov.",
+    help="A provider's camera (format plugin-camera of `legoworld list schema`) instead of --fov.",
 )  # fmt: skip
 @click.option(
     "--fov", type=click.FloatRange(min=1.0, max=170.0),

@@ -193,7 +193,7 @@ def _exports(task: str) -> str:
     return load_card(task).reads
 
 
-def _exported(row: RunRow) -> tuple[object, object]:
+def _exported(row: RunRow) -> tuple[int | str, int | str]:
     if row.status != "ok":
         return "-", "-"
     if row.surface:

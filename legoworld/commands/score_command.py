@@ -15,6 +15,7 @@ from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
     from legoworld.api.one_photo import PhotoScore
+    from legoworld.records.base import Storable
 
 #: Maximum number of findings without -v; the costliest come first.
 _SHORT = 5
@@ -125,7 +126,7 @@ def _kept_overlay(overlay: Path, photo: Path, task: str) -> Path:
     return kept
 
 
-def _document(found: PhotoScore, overlay: Path | None) -> dict[str, object]:
+def _document(found: PhotoScore, overlay: Path | None) -> dict[str, Storable]:
     return {
         "row": found.row,
         "summary": found.summary,

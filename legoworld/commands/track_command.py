@@ -10,6 +10,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.track_making import make_command
 from legoworld.pluralize import share, word_for
+from legoworld.records.base import Storable
 
 _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
@@ -53,7 +54,7 @@ def check_command(track: Path, photos: Path, as_json: bool, quiet: bool, verbose
     images = load_track(track).images
     problems = check_photos(images, photos, size_of)
     if as_json:
-        rows = [
+        rows: list[dict[str, Storable]] = [
             {
                 "image_id": p.image.id,
                 "file_name": p.image.file_name,

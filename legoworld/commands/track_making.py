@@ -12,6 +12,7 @@ import click
 from legoworld.commands import options
 from legoworld.files import EncodingError, utf8_text
 from legoworld.pluralize import counted, share
+from legoworld.records.base import Storable
 
 if TYPE_CHECKING:
     from legoworld.records.track import MadeTrack
@@ -219,7 +220,9 @@ def _make(
 
 def _show(tracks: Mapping[Path, MadeTrack], output: Path, seed: int, *, as_json: bool) -> int:
     if as_json:
-        infos = {path.stem: {"track": str(path), "info": t.info} for path, t in tracks.items()}
+        infos: dict[str, dict[str, Storable]] = {
+            path.stem: {"track": str(path), "info": t.info} for path, t in tracks.items()
+        }
         alone = next(iter(infos.values()))
         options.print_json(alone if len(infos) == 1 else {"tracks": str(output), "tasks": infos})
         return 0

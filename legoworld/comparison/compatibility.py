@@ -8,7 +8,7 @@ from typing import Any
 from legoworld.comparison.family import comparison_of_task
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.stored import Evaluated
-from legoworld.records.base import as_json
+from legoworld.records.base import UnsetType, as_json
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
 #: The fields of per_image rows that depend only on the ground truth.
@@ -101,6 +101,6 @@ def _image_differences(first: Evaluated, other: Evaluated) -> list[str]:
     return [f"the ground truth of image {unlike[0]}"] if unlike else []
 
 
-def _short(sha256: object) -> str:
+def _short(sha256: str | UnsetType | None) -> str:
     """The first digits of a hash; what was left out and what is null were not recorded alike."""
     return str(sha256)[:12] if sha256 else "not recorded"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from legoworld.evaluation.stored import Evaluated
-from legoworld.files import canonical_json
+from legoworld.files import Json, canonical_json
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import ByField, MadeBy
 
@@ -77,7 +77,7 @@ def _values(groups: Sequence[MadeBy], field: str) -> dict[str, int]:
     return dict(sorted(counts.items()))
 
 
-def _shown(provenance: object, field: str) -> str:
+def _shown(provenance: Json, field: str) -> str:
     if not isinstance(provenance, dict):
         return NOT_RECORDED if provenance == NOT_RECORDED else "unreadable"
     if field not in provenance:

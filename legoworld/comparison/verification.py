@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,8 @@ from legoworld.evaluation.checks import (
     until_damage,
 )
 from legoworld.evaluation.detection.scoring import AGREEMENT
-from legoworld.records.base import as_json, to_record
+from legoworld.files import Json
+from legoworld.records.base import Record, as_json, to_record
 from legoworld.records.comparison import Comparison, JoinedComparison
 from legoworld.records.evidence import AnyEvidence, ComparisonSettings
 from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
@@ -91,14 +92,14 @@ def _inputs_named(folder: Path, evidence: AnyEvidence, name: str, root: Path | N
     return [path for path in paths if path is not None]
 
 
-def _agrees(what: str, computed: object, recorded: object) -> Check:
+def _agrees(what: str, computed: Record | Sequence[Record], recorded: Json) -> Check:
     """Equality up to summation order, which may differ between machines' NumPy builds."""
     worst, where = _largest_difference(json.loads(json.dumps(as_json(computed))), recorded, "")
     status = "ok" if worst <= AGREEMENT else "DIFFERS"
     return Check(status, what, f"largest difference {worst:.1e}{where and ' at ' + where}")
 
 
-def _largest_difference(value: object, recorded: object, where: str) -> tuple[float, str]:
+def _largest_difference(value: Json, recorded: Json, where: str) -> tuple[float, str]:
     """The largest difference of two numbers; infinite if anything else differs."""
     numbers = type(value) in (int, float) and type(recorded) in (int, float)
     if numbers and isinstance(value, int | float) and isinstance(recorded, int | float):
@@ -106,7 +107,7 @@ def _largest_difference(value: object, recorded: object, where: str) -> tuple[fl
         if math.isnan(difference):  # which no comparison below would find the largest
             return float("inf"), where
         return difference, where if value != recorded else ""
-    pairs: list[tuple[object, object, str]] = []
+    pairs: list[tuple[Json, Json, str]] = []
     if isinstance(value, dict) and isinstance(recorded, dict) and value.keys() == recorded.keys():
         pairs = [(value[k], recorded[k], f"{where}.{k}") for k in value]
     elif isinstance(value, list) and isinstance(recorded, list) and len(value) == len(recorded):

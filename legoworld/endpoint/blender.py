@@ -11,13 +11,14 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, Self
 
-from legoworld.errors import LegoWorldError, one_line
+from legoworld.errors import LegoWorldError, Raised, one_line
+from legoworld.files import Json
 from legoworld.records.base import RecordError, canonical, decode
-from legoworld.records.endpoint import BlenderReply, BlenderRequest, Parameters
+from legoworld.records.endpoint import BlenderReply, BlenderRequest
 from legoworld.scene.folder import BLEND
 from legoworld.scene.programs.verdicts import signal_name
 from legoworld.workers.protections import Protections
@@ -83,7 +84,7 @@ class LiveBlender:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
     @property
@@ -100,9 +101,9 @@ class LiveBlender:
         """The same file as Blender sees it."""
         return str(self._sandbox.seen("output") / name)
 
-    def ask(self, kind: str, params: Parameters, time_s: float) -> BlenderReply:
+    def ask(self, kind: str, params: Mapping[str, Json], time_s: float) -> BlenderReply:
         """Blender's reply. BlenderEndedError if there is none; this Blender has then ended."""
-        request = BlenderRequest(kind=kind, params=params, time_s=time_s)
+        request = BlenderRequest(kind=kind, params=dict(params), time_s=time_s)
         data = canonical(request).encode("utf-8", "surrogatepass")
         assert self._line is not None
         try:

@@ -11,7 +11,7 @@ from typing import Final, Self
 from legoworld.endpoint.framing import FramingError, MessageSplitter
 from legoworld.endpoint.listener import Listener
 from legoworld.endpoint.session import Session
-from legoworld.errors import one_line
+from legoworld.errors import Raised, one_line
 from legoworld.records.base import RecordError, canonical, decode
 from legoworld.records.endpoint import Answer, Caller, Command, Failure
 
@@ -42,7 +42,7 @@ class EndpointServer:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
     def close(self) -> None:

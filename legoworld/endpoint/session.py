@@ -6,7 +6,7 @@ import secrets
 import stat
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Final, Literal
@@ -16,6 +16,7 @@ from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
 from legoworld.endpoint.screenshots import MOST_BYTES, NotShownError, deliver_picture
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import LegoWorldError, one_line
+from legoworld.files import Json
 from legoworld.records.endpoint import (
     Answer,
     BlenderReply,
@@ -24,7 +25,6 @@ from legoworld.records.endpoint import (
     Checkpoint,
     Command,
     Failure,
-    Parameters,
     Success,
 )
 from legoworld.scene.folder import BLEND
@@ -169,7 +169,7 @@ class Session:
         )
         return answer
 
-    def _asked(self, kind: str, params: Parameters) -> BlenderReply:
+    def _asked(self, kind: str, params: Mapping[str, Json]) -> BlenderReply:
         limit = min(self._trial.call_time_s, max(self._left_s(), 0.1))
         self._blender()
         if self._passed_over:
@@ -187,7 +187,7 @@ class Session:
                 )
         return self._blender().ask(kind, params, limit)
 
-    def _screenshot(self, params: Parameters, limit: float) -> BlenderReply:
+    def _screenshot(self, params: Mapping[str, Json], limit: float) -> BlenderReply:
         """Render inside, and put the picture where the client will look for it."""
         wanted = str(params.get("filepath") or "")
         live = self._blender()

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from typing import Final
 
 from legoworld.evaluation.checks import Check
+from legoworld.files import Json
 
 #: Logarithms differ in the last bits between machines.
 _RELATIVE: Final = 1e-9
 _LISTS: Final = (tuple, list)
 
 
-def agreement(what: str, found: object, recorded: object) -> Check:
+def agreement(what: str, found: Json, recorded: Json) -> Check:
     """A check that two JSON values are the same."""
     place = _first_difference(found, recorded, "")
     if place is None:
@@ -21,7 +22,7 @@ def agreement(what: str, found: object, recorded: object) -> Check:
     return Check("DIFFERS", what, place[:100])
 
 
-def _first_difference(found: object, recorded: object, place: str) -> str | None:
+def _first_difference(found: Json, recorded: Json, place: str) -> str | None:
     """Where two JSON values differ by more than rounding, with both; None where they do not."""
     if isinstance(found, Mapping) and isinstance(recorded, Mapping):
         if found.keys() != recorded.keys():

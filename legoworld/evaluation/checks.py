@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from legoworld.errors import LegoWorldError, one_line
+from legoworld.files import Json
 from legoworld.records.evidence import AnyEvidence
 from legoworld.records.folders.evaluation_reading import EVIDENCE
 from legoworld.records.folders.input_hash import hash_and_size, without_of
@@ -79,7 +80,7 @@ def _hashed(what: str, path: Path | None, sha256: str, without: Sequence[str] = 
     return Check("ok", what, found[:12])
 
 
-def check_equal(what: str, found: object, recorded: object) -> Check:
+def check_equal(what: str, found: Json, recorded: Json) -> Check:
     """What was found against what is on record."""
     if found == recorded:
         return Check("ok", what, str(found)[:60])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from legoworld.escaping import Cell
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.opening import HERE, Origins
 from legoworld.records.evaluation_rows import EvaluationRow
@@ -16,7 +17,7 @@ from legoworld.tasks.registry import family_of
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 #: Header and rows to a text table.
-TextTable = Callable[[Sequence[str], Sequence[Sequence[object]]], str]
+TextTable = Callable[[Sequence[str], Sequence[Sequence[Cell]]], str]
 
 
 def _ignore(_what: object) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from legoworld.endpoint.framing import FramingError, MessageSplitter
 from legoworld.errors import LegoWorldError, cause
+from legoworld.files import Json
 from legoworld.records.base import Record, RecordError, canonical, decode
 from legoworld.records.endpoint import Answer, Command, Failure, Success
 
@@ -76,9 +78,9 @@ class BlenderConnection:
         except (BlenderRefusedError, LookupError, TypeError):
             return None
 
-    def command(self, kind: str, parameters: dict[str, Any]) -> Any:
+    def command(self, kind: str, parameters: Mapping[str, Json]) -> Any:
         """The result of one command."""
-        message = canonical(Command(type=kind, params=parameters))
+        message = canonical(Command(type=kind, params=dict(parameters)))
         answer = self._answer(message.encode())
         if isinstance(answer, Failure):
             raise BlenderRefusedError(

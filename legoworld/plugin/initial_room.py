@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from legoworld.errors import LegoWorldError
@@ -50,7 +51,7 @@ def install_room(case: Case, found: Initialisation) -> dict[str, str]:
     return kept
 
 
-def _keep(case: Case, files: dict[str, bytes]) -> dict[str, str]:
+def _keep(case: Case, files: Mapping[str, bytes]) -> dict[str, str]:
     """Write files for people into the case's folder, and keep them by hash."""
     kept = {}
     for name, data in files.items():

@@ -10,13 +10,13 @@ import json
 import shlex
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, cast
 
 from legoworld.errors import LegoWorldError, cause
-from legoworld.files import write_text
+from legoworld.files import Json, write_text
 from legoworld.plugin.hooks import EDITING, EDITING_STARTS, MOST_BLOCKS, Dialect
 from legoworld.plugin.json_text import added, removed
 from legoworld.records.base import RecordError, decode, readable
@@ -34,7 +34,7 @@ _SKILL: Final[dict[Dialect, str]] = {
 _TIMEOUT_S: Final = 30
 _NAME: Final = "legoworld"
 #: Keys from the root of a file, and what is added there.
-_Addition = tuple[tuple[str, ...], Any]
+_Addition = tuple[tuple[str, ...], Json]
 
 
 class SettingsError(LegoWorldError):
@@ -142,14 +142,14 @@ def _contents(wanted: Wanted) -> Iterator[tuple[str, str, list[_Addition]]]:
 def _matched_hooks(wanted: Wanted) -> Iterator[_Addition]:
     """Claude Code's form, which Codex shares."""
     names = "|".join([*EDITING, *(f"{start}.*" for start in EDITING_STARTS)])
-    run = {"type": "command", "command": hook_command(wanted), "timeout": _TIMEOUT_S}
+    run: Json = {"type": "command", "command": hook_command(wanted), "timeout": _TIMEOUT_S}
     for event in ("PreToolUse", "PostToolUse"):
         yield ("hooks", event), [{"matcher": f"mcp__.*__({names})", "hooks": [run]}]
     yield ("hooks", "Stop"), [{"hooks": [run]}]
 
 
 def _cursor_hooks(wanted: Wanted) -> Iterator[_Addition]:
-    run = {"command": hook_command(wanted)}
+    run: dict[str, Json] = {"command": hook_command(wanted)}
     yield ("hooks", "beforeMCPExecution"), [{**run, "failClosed": True}]
     yield ("hooks", "afterMCPExecution"), [run]
     yield ("hooks", "stop"), [{**run, "loop_limit": MOST_BLOCKS}]
@@ -167,7 +167,7 @@ def hook_command(wanted: Wanted) -> str:
     return f"{shlex.join(words)} || exit 2"
 
 
-def _added(path: str, text: str, where: tuple[str, ...], value: Any) -> tuple[str, list[str]]:
+def _added(path: str, text: str, where: tuple[str, ...], value: Json) -> tuple[str, list[str]]:
     if path.endswith(".json"):
         try:
             document = json.loads(text)
@@ -181,13 +181,13 @@ def _added(path: str, text: str, where: tuple[str, ...], value: Any) -> tuple[st
         except ValueError as error:
             raise _broken(path, str(error)) from error
     if path.endswith(".toml"):
-        return _added_table(path, text, value)
+        return _added_table(path, text, cast("Mapping[str, Json]", value))
     if text and text != value:
         raise _broken(path, "another file of that name")
-    return value, [] if text else [value]
+    return str(value), [] if text else [str(value)]
 
 
-def _added_table(path: str, text: str, server: dict[str, Any]) -> tuple[str, list[str]]:
+def _added_table(path: str, text: str, server: Mapping[str, Json]) -> tuple[str, list[str]]:
     try:
         servers = tomllib.loads(text).get("mcp_servers", {})
     except tomllib.TOMLDecodeError as error:

@@ -6,12 +6,14 @@ import json
 from collections.abc import Iterator
 from typing import Any, Final
 
+from legoworld.files import Json
+
 _SPACE: Final = " \t\n\r"
 _DECODER: Final = json.JSONDecoder()
 _INDENT: Final = 2
 
 
-def added(text: str, path: tuple[str, ...], value: Any) -> tuple[str, list[str]]:
+def added(text: str, path: tuple[str, ...], value: Json) -> tuple[str, list[str]]:
     """A JSON text with one more value, and the fragments that were put in, one after the other.
 
     path: keys of objects from the root; missing ones are added. A list is appended to the list
@@ -91,7 +93,7 @@ def _put(text: str, at: int, ends: list[int], item: str, depth: int, fragments: 
     return text[:place] + fragment + text[place:]
 
 
-def _written(value: Any, depth: int) -> str:
+def _written(value: Json, depth: int) -> str:
     pad = "\n" + " " * (_INDENT * depth)
     return json.dumps(value, indent=_INDENT).replace("\n", pad)
 

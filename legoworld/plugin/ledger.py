@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
 from legoworld.errors import LegoWorldError, NotAssessedError, UsageError
-from legoworld.files import sha256_of_text
+from legoworld.files import Json, sha256_of_text
 from legoworld.records.base import RecordError, canonical, decode
 from legoworld.records.plugin_ledger import Entry, Phase
 
@@ -42,8 +43,8 @@ class Ledger:
         self,
         *,
         tool: str,
-        request: dict[str, Any],
-        answer: Any,
+        request: Mapping[str, Json],
+        answer: Json,
         error: str | None,
         phase: Phase,
         transaction: int | None,
@@ -65,7 +66,7 @@ class Ledger:
             seq=len(self.entries) + 1,
             previous=self.entries[-1].sha256 if self.entries else _FIRST,
             tool=tool,
-            request=request,
+            request=dict(request),
             answer=answer,
             error=error,
             phase=phase,

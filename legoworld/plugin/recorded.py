@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from threading import Lock
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from legoworld.errors import LegoWorldError, cause
+from legoworld.files import Json
 from legoworld.plugin.ledger import Ledger, LedgerBrokenError
 from legoworld.plugin.state import LiveScene, signature_of
-from legoworld.records.base import RecordError, as_json, decode, readable
+from legoworld.records.base import RecordError, Storable, as_json, decode, readable
 from legoworld.records.plugin_ledger import Entry, Phase
 from legoworld.records.plugin_state import SceneState
 
-_T = TypeVar("_T")
+_T = TypeVar("_T", bound=Storable)
 
 
 class TransactionError(LegoWorldError):
@@ -119,7 +120,7 @@ class Recorded:
     def record(
         self,
         tool: str,
-        request: dict[str, Any],
+        request: Mapping[str, Json],
         call: Callable[[], _T],
         *,
         opens: bool = False,
@@ -147,8 +148,8 @@ class Recorded:
     def _append(
         self,
         tool: str,
-        request: dict[str, Any],
-        answer: Any,
+        request: Mapping[str, Json],
+        answer: Json,
         error: str | None,
         phase: Phase,
         transaction: int | None,

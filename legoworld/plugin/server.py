@@ -10,7 +10,7 @@ from legoworld.errors import UsageError
 from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.modules import MODULES, tools_off
-from legoworld.plugin.server_answers import Json, answer, one_at_a_time, typed
+from legoworld.plugin.server_answers import JsonObject, answer, one_at_a_time, typed
 from legoworld.plugin.server_finishing import add_finishing, kept_pictures
 from legoworld.plugin.server_initialisation import add_initialisation
 from legoworld.records.base import as_json
@@ -46,7 +46,7 @@ def plugin_server(
 
     @server.tool()
     @one_at_a_time(case)
-    def reference_evidence() -> Json:
+    def reference_evidence() -> JsonObject:
         """What the photo says: image regions, relative depth, camera; without pixels of masks."""
         if evidence is None:
             return answer(case, evidence=None)
@@ -57,7 +57,7 @@ def plugin_server(
 
     @server.tool()
     @one_at_a_time(case)
-    def measure(requirements: list[Json], pictures: bool = False) -> Json:
+    def measure(requirements: list[JsonObject], pictures: bool = False) -> JsonObject:
         """Measure requirements on the scene as it is now: pass, fail or unknown, with residuals.
 
         pictures: also a small picture of each, as the resource legoworld://renders/SHA256.
@@ -72,8 +72,8 @@ def plugin_server(
         editable: list[str],
         kinds: list[str],
         protected: list[str] | None = None,
-        requirements: list[Json] | None = None,
-    ) -> Json:
+        requirements: list[JsonObject] | None = None,
+    ) -> JsonObject:
         """Declare an edit: what it may change, how, what stays, what has to hold after it.
 
         unguarded: changes since the last transaction ended, which were made without one.
@@ -98,7 +98,7 @@ def plugin_server(
 
     @server.tool()
     @one_at_a_time(case)
-    def status() -> Json:
+    def status() -> JsonObject:
         """Where the case stands: whether a transaction is open, its number, and if it was resumed.
 
         Resumed: an earlier server of this ledger ended, or was killed, with the transaction open.
@@ -110,13 +110,13 @@ def plugin_server(
 
     @server.tool()
     @one_at_a_time(case)
-    def diff() -> Json:
+    def diff() -> JsonObject:
         """Every change since the open transaction began."""
         return answer(case, changes=as_json(case.diff()))
 
     @server.tool()
     @one_at_a_time(case)
-    def commit(transaction: int | None = None) -> Json:
+    def commit(transaction: int | None = None) -> JsonObject:
         """Judge the edit; accepted with an allowed change, no violation and no blocking verdict.
 
         transaction: the number that begin gave; another one than the open transaction is refused.
@@ -126,7 +126,7 @@ def plugin_server(
 
     @server.tool()
     @one_at_a_time(case)
-    def rollback(transaction: int | None = None) -> Json:
+    def rollback(transaction: int | None = None) -> JsonObject:
         """Return to the scene as it was when the transaction began, proven by its signature.
 
         transaction: the number that begin gave; another one than the open transaction is refused.
@@ -135,7 +135,7 @@ def plugin_server(
 
     @server.tool()
     @one_at_a_time(case)
-    def history(last: int = 20) -> Json:
+    def history(last: int = 20) -> JsonObject:
         """The last entries of the ledger, without requests and answers."""
         shown = [
             {"seq": e.seq, "tool": e.tool, "error": e.error, "phase": e.phase,
@@ -152,6 +152,6 @@ def plugin_server(
     return server
 
 
-def _requirements(given: list[Json]) -> tuple[Requirement, ...]:
+def _requirements(given: list[JsonObject]) -> tuple[Requirement, ...]:
     made: tuple[Requirement, ...] = typed(tuple[Requirement, ...], given)
     return made

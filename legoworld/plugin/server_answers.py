@@ -8,10 +8,12 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
 from legoworld.errors import LegoWorldError, UsageError, cause
+from legoworld.files import Json
 from legoworld.plugin.case import Case
 from legoworld.records.base import RecordError, canonical, to_record
 
-Json = dict[str, Any]
+#: Arguments and answers of a tool, as its client sees them.
+JsonObject = dict[str, Any]
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
@@ -43,7 +45,7 @@ def one_at_a_time(case: Case) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
     return decorate
 
 
-def answer(case: Case, **shown: Any) -> Json:
+def answer(case: Case, **shown: Json) -> JsonObject:
     """An answer with the signature of the last state that was read, and the ledger's last line."""
     entries = case.ledger.entries
     recovered = case.live and case.live.recovered
@@ -59,12 +61,12 @@ def answer(case: Case, **shown: Any) -> Json:
     }
 
 
-def answer_text(case: Case, **shown: Any) -> str:
+def answer_text(case: Case, **shown: Json) -> str:
     """`answer` as JSON text, for answers that have a picture beside it."""
     return canonical(answer(case, **shown))
 
 
-def typed(kind: Any, given: Any) -> Any:
+def typed(kind: type[_T], given: Json) -> _T:
     """Arguments as a record. UsageError names the place of what does not fit."""
     if (place := _no_number(given)) is not None:
         raise UsageError("the arguments cannot be used", found=place, expected="finite numbers")
@@ -74,11 +76,11 @@ def typed(kind: Any, given: Any) -> Any:
         raise UsageError("the arguments cannot be used", found=str(error)) from error
 
 
-def _no_number(value: Any, place: str = "$") -> str | None:
+def _no_number(value: Json, place: str = "$") -> str | None:
     """Path of a NaN or infinity in a JSON value; a ledger cannot store them."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"{value} at {place}"
-    inside: list[tuple[Any, Any]] = []
+    inside: list[tuple[str | int, Json]] = []
     if isinstance(value, dict):
         inside = list(value.items())
     elif isinstance(value, list):

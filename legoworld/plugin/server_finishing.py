@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from legoworld.plugin.case import Case
 from legoworld.plugin.finishing import export, note_review, render_for_review, validate
 from legoworld.plugin.result_pictures import result_pictures
-from legoworld.plugin.server_answers import Json, answer, answer_text, one_at_a_time, typed
+from legoworld.plugin.server_answers import JsonObject, answer, answer_text, one_at_a_time, typed
 from legoworld.readouts.pictures import png_bytes
 from legoworld.records.base import as_json, readable
 from legoworld.records.plugin_requirements import Report, Requirement
@@ -22,7 +22,9 @@ def add_finishing(server: MCPServer[Any], case: Case) -> None:
 
     @server.tool(name="validate")
     @one_at_a_time(case)
-    def validate_tool(requirements: list[Json] | None = None, pictures: bool = False) -> Json:
+    def validate_tool(
+        requirements: list[JsonObject] | None = None, pictures: bool = False
+    ) -> JsonObject:
         """Measure what all committed transactions required, and more, on the scene as it is now.
 
         The report is kept as the resource legoworld://reports/REPORT_SHA256. pictures: also a small
@@ -36,7 +38,7 @@ def add_finishing(server: MCPServer[Any], case: Case) -> None:
 
     @server.tool(name="export")
     @one_at_a_time(case)
-    def export_tool() -> Json:
+    def export_tool() -> JsonObject:
         """Write scene.blend, scene.glb, final.png and a 1920 x 1080 render into the case's folder.
 
         The exported scene is read again: its geometry is the live scene's. Not while a transaction

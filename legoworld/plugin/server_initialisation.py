@@ -11,7 +11,7 @@ from legoworld.plugin.initial_room import install_room
 from legoworld.plugin.initialisation import recover
 from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.room import structures_of
-from legoworld.plugin.server_answers import Json, answer, one_at_a_time, typed
+from legoworld.plugin.server_answers import JsonObject, answer, one_at_a_time, typed
 from legoworld.records.base import as_json
 from legoworld.records.plugin_room import Structure
 
@@ -24,7 +24,9 @@ def add_initialisation(server: MCPServer[Any], case: Case, evidence: Evidence | 
 
     @server.tool()
     @one_at_a_time(case)
-    def initialize(structures: dict[str, str] | None = None, camera_height_m: float = 1.5) -> Json:
+    def initialize(
+        structures: dict[str, str] | None = None, camera_height_m: float = 1.5
+    ) -> JsonObject:
         """Recover the room and the camera from the photo, and install both as one transaction.
 
         structures: by region name, which of floor, ceiling, left, right, far, near or wall it
@@ -43,7 +45,7 @@ def add_initialisation(server: MCPServer[Any], case: Case, evidence: Evidence | 
 
     @server.tool()
     @one_at_a_time(case)
-    def plan(structures: dict[str, str] | None = None) -> Json:
+    def plan(structures: dict[str, str] | None = None) -> JsonObject:
         """The construction plan: each object's place, extent and relative depth in the photo."""
         known = _needed(evidence)
         made = construction_plan(known, structures_of(known, _structures(structures)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.opened import CardRender
+from legoworld.scene.opened import CardRender, card_request
 from legoworld.scene.pictures import decoded_picture
 
 #: Cycles, few samples, no denoising: noise averages out over a region.
@@ -45,8 +45,14 @@ def render_copy(
     output = blender.workspace("legoworld-live-") / "render.png"
     output.unlink(missing_ok=True)
     card = CardRender(size_wh=size_wh, samples=samples, seed=0, denoise=denoise)
-    request = {"kind": "card_render", "blend": str(blend.resolve()), "output": str(output)}
-    blender.request({**request, "card": vars(card)})
+    blender.request(
+        {
+            "kind": "card_render",
+            "blend": str(blend.resolve()),
+            "output": str(output),
+            "card": card_request(card),
+        }
+    )
     return without_metadata(output.read_bytes())
 
 

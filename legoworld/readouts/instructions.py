@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from legoworld.cards import Card
 from legoworld.errors import InstallationError
+from legoworld.files import Json
 from legoworld.readouts.protocol import Protocol
 from legoworld.readouts.protocol import protocol as protocol_of_task
 from legoworld.scene.blender_process import Limits
@@ -42,7 +43,7 @@ class Instructions:
 
     protocol: Protocol
     sections: tuple[Section, ...]
-    labels_file: Mapping[str, Any] | None
+    labels_file: Mapping[str, Json] | None
 
 
 def instructions(protocol: Protocol) -> Instructions:
@@ -55,7 +56,7 @@ def instructions(protocol: Protocol) -> Instructions:
         wording = tomllib.load(stream)
     example = _example(protocol, wording["examples"])
     labels_file = _labels_file(protocol, example)
-    render = _Renderer(protocol, wording, example, labels_file)
+    render = _Renderer(protocol, wording["rules"], example, labels_file)
     return Instructions(
         protocol=protocol,
         sections=tuple(
@@ -89,15 +90,15 @@ class _Renderer:
     def __init__(
         self,
         protocol: Protocol,
-        wording: Mapping[str, Any],
+        rules: Mapping[str, Mapping[str, str]],
         example: Mapping[str, str] | None,
-        labels_file: Mapping[str, Any] | None,
+        labels_file: Mapping[str, Json] | None,
     ) -> None:
         from jinja2 import Environment, StrictUndefined
 
         self._environment = Environment(undefined=StrictUndefined, autoescape=False)
         self._card: Card = protocol.card
-        self._rules = wording["rules"]
+        self._rules = rules
         limits = Limits()
         self._facts = {
             "task": protocol.task.name,

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from typing import Any, Final, cast
+from typing import Any, Final, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.files import as_unicode
+from legoworld.files import Json, as_unicode
 from legoworld.records.articulation import JOINT_TYPES, JointType, SceneJoint, Vector
 from legoworld.scene.affine import cam_from_mesh, transformed, unit
 from legoworld.scene.folder import SceneFolder
+from legoworld.scene.requests import JointFact
 from legoworld.scene.side_files import bytes_beside
 from legoworld.scene.snapshot import Snapshot
 from legoworld.scene.urdf import LARGEST_BYTES, MOST_FILES, UrdfRobot, parse_urdf
@@ -38,7 +39,7 @@ class JointInvalidError(LegoWorldError):
 
 
 def scene_joints(
-    folder: SceneFolder, snapshot: Snapshot, facts: Sequence[dict[str, Any]]
+    folder: SceneFolder, snapshot: Snapshot, facts: Sequence[JointFact]
 ) -> tuple[tuple[SceneJoint, ...], list[str]]:
     """The joints of a scene by their part's name, and what was left out, in words.
 
@@ -106,22 +107,26 @@ def _invalid(name: str, found: str) -> JointInvalidError:
     )
 
 
-def _vector(name: str, value: Any, what: str) -> Vector:
+def _vector(name: str, value: Json, what: str) -> Vector:
     if isinstance(value, (list, tuple)) and len(value) == 3 and all(map(_is_number, value)):
-        x, y, z = (float(v) for v in value)
+        x, y, z = (float(cast("float", v)) for v in value)
         return x, y, z
     raise _invalid(name, f"{what} {str(value)[:60]}")
 
 
-def _limit(name: str, value: Any) -> float | None:
+def _limit(name: str, value: Json) -> float | None:
     if value is None or _is_number(value):
         return None if value is None else float(value)
     raise _invalid(name, f"limit {str(value)[:60]}")
 
 
-def _is_number(value: Any) -> bool:
-    plain = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return plain and abs(value) <= _LARGEST and math.isfinite(value)
+def _is_number(value: Json) -> TypeGuard[float]:
+    return (
+        isinstance(value, (int, float))
+        and not isinstance(value, bool)
+        and abs(value) <= _LARGEST
+        and math.isfinite(value)
+    )
 
 
 class _Scene:
@@ -139,7 +144,7 @@ class _Scene:
         self._metres = snapshot.render.unit_scale
         self._holder: NDArray[np.int64] | None = None
 
-    def of_property(self, fact: dict[str, Any]) -> SceneJoint:
+    def of_property(self, fact: JointFact) -> SceneJoint:
         """The joint of one fact. JointInvalidError."""
         name = fact["object"]
         values = parsed_property(name, fact["text"])

@@ -7,12 +7,13 @@ import json
 import math
 import re
 import threading
-from typing import Any, Final, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeAlias, TypeVar
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from legoworld.files import canonical_json, readable_json, utf8_text
+from legoworld.files import Json, canonical_json, readable_json, utf8_text
 
 __all__ = [
     "UNSET",
@@ -32,6 +33,9 @@ __all__ = [
 ]
 
 _T = TypeVar("_T")
+#: What can be written as JSON.
+Storable: TypeAlias = "_Plain | Struct | Sequence[Storable] | Mapping[str, Storable]"
+_Plain = bool | int | float | str | UnsetType | None
 #: Made once for each type: making one takes as long as reading a small file.
 _DECODERS: Final[dict[Any, msgspec.json.Decoder[Any]]] = {}
 _FILLING: Final = threading.Lock()
@@ -126,7 +130,7 @@ def decode_lines(kind: type[_T], data: bytes, *, first: int = 1) -> list[_T]:
         raise
 
 
-def _nested_beyond(levels: int, value: object) -> bool:
+def _nested_beyond(levels: int, value: Json) -> bool:
     """Whether lists and objects of a JSON value are nested more than `levels` deep."""
     level: list[Any] = [value] if type(value) in _CONTAINERS else []
     for _ in range(levels):
@@ -139,7 +143,7 @@ def _nested_beyond(levels: int, value: object) -> bool:
     return bool(level)
 
 
-def to_record(kind: type[_T], value: Any) -> _T:
+def to_record(kind: type[_T], value: Json) -> _T:
     """A JSON value that is in memory already (of TOML, say) as a value of a type. RecordError."""
     _decoder(kind)
     try:
@@ -150,17 +154,17 @@ def to_record(kind: type[_T], value: Any) -> _T:
         raise RecordError("lists or objects are nested too deeply") from error
 
 
-def as_json(record: Any) -> Any:
+def as_json(record: Storable) -> Any:
     """A record as dicts, lists, texts and numbers: what `json.dumps` takes."""
     return msgspec.to_builtins(record)
 
 
-def canonical(record: Any) -> str:
+def canonical(record: Storable) -> str:
     """One line of JSON with sorted keys: equal records give equal bytes. NaN is refused."""
     return canonical_json(as_json(record))
 
 
-def readable(record: Any) -> str:
+def readable(record: Storable) -> str:
     """Indented JSON with sorted keys and a final newline, for files people open."""
     return readable_json(as_json(record))
 
@@ -170,7 +174,7 @@ def number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def short_json(value: object) -> str:
+def short_json(value: Json) -> str:
     """A JSON value in at most 40 characters, for messages."""
     text = json.dumps(value)
     return text if len(text) <= 40 else text[:37] + "..."

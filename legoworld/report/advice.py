@@ -328,5 +328,5 @@ def _words(name: str) -> list[str]:
     return [w.removesuffix("s") if len(w) > 3 else w for w in words]
 
 
-def _quoted(names: Sequence[object]) -> str:
+def _quoted(names: Sequence[str]) -> str:
     return ", ".join(repr(n) for n in names[:3])

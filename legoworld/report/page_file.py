@@ -13,7 +13,7 @@ import jinja2
 from markupsafe import Markup
 
 from legoworld.files import write_text
-from legoworld.records.base import canonical
+from legoworld.records.base import Storable, canonical
 from legoworld.records.report_tables import PageSection
 from legoworld.report.beside import refuse_others, write_beside
 from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
@@ -159,7 +159,7 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def script_json(value: object) -> str:
+def script_json(value: Storable) -> str:
     """JSON that neither ends a script element nor opens a comment in one."""
     text = canonical(value)
     for sign in "<>&\u2028\u2029":

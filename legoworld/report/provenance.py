@@ -7,12 +7,13 @@ import shlex
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
-from typing import Any, Final
+from typing import Final, NotRequired, TypedDict, cast
 
 from msgspec.structs import asdict
 
 from legoworld.evaluation.family import evaluation_of
 from legoworld.evaluation.stored import Evaluated
+from legoworld.files import Json
 from legoworld.records.base import as_json, canonical
 from legoworld.records.comparison import Comparison
 from legoworld.records.report_page import Facts
@@ -59,6 +60,23 @@ def provenance(side: Evaluated) -> SideOrigin:
     )
 
 
+class CardFile(TypedDict):
+    """A file that a dataset's card lists."""
+
+    pattern: str
+    sha256: NotRequired[str]
+    shipped: NotRequired[bool]
+
+
+class DatasetCard(TypedDict):
+    """A dataset's card.toml, as far as a page tells of it."""
+
+    name: str
+    title: str
+    licence: str
+    files: NotRequired[Sequence[CardFile]]
+
+
 def compare_command(comparison: Comparison, sides: Sequence[Evaluated]) -> str:
     """The command that made a comparison of these evaluations."""
     bootstrap = comparison.bootstrap
@@ -68,7 +86,7 @@ def compare_command(comparison: Comparison, sides: Sequence[Evaluated]) -> str:
     return shlex.join([*words, "-o", "COMPARISON"])
 
 
-def _made_run(side: Evaluated, cards: list[dict[str, Any]]) -> str:
+def _made_run(side: Evaluated, cards: Sequence[DatasetCard]) -> str:
     configuration = side.run.configuration
     run = _run_name(side)
     track = _known(cards, configuration.track_sha256 or "") or "TRACK.json"
@@ -110,7 +128,7 @@ def _run_name(side: Evaluated) -> str:
     return PurePosixPath(path).parent.name
 
 
-def _data_licence(side: Evaluated, cards: list[dict[str, Any]]) -> list[UsedData]:
+def _data_licence(side: Evaluated, cards: Sequence[DatasetCard]) -> list[UsedData]:
     """The dataset cards that know the truth by its hash, else the task's usual one."""
     truths = {i.sha256 for i in side.evidence.inputs if i.role == "truth"}
     known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
@@ -132,12 +150,12 @@ def _model_licence(side: Evaluated) -> list[UsedData]:
     return [UsedData(name=name, title=title, licence=baseline.licence, said="the specialist")]
 
 
-def _cards() -> list[dict[str, Any]]:
+def _cards() -> list[DatasetCard]:
     paths = sorted(catalog.folder("datasets").glob("*/card.toml"))
-    return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths]
+    return [cast("DatasetCard", tomllib.loads(path.read_text(encoding="utf-8"))) for path in paths]
 
 
-def _known(cards: list[dict[str, Any]], sha256: str) -> str | None:
+def _known(cards: Sequence[DatasetCard], sha256: str) -> str | None:
     """Where a shipped file of this hash lies, as datasets/<card>/<file>."""
     for card in cards:
         for file in card.get("files", ()):
@@ -146,13 +164,13 @@ def _known(cards: list[dict[str, Any]], sha256: str) -> str | None:
     return None
 
 
-def _flat(values: Mapping[str, object]) -> Facts:
+def _flat(values: Mapping[str, Json]) -> Facts:
     return tuple((key, _text(value)) for key, value in sorted(values.items()))
 
 
-def _text(value: object) -> str:
+def _text(value: Json) -> str:
     return "-" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _word(value: object) -> str:
+def _word(value: Json) -> str:
     return shlex.quote(str(value))

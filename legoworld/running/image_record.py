@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -9,13 +10,12 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
-from legoworld.files import as_unicode
+from legoworld.files import Json, as_unicode
 from legoworld.readouts.family import AnsweredImage
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import UNSET
 from legoworld.records.folders.prediction_files import predictions_sha256
 from legoworld.records.predictions import Prediction
-from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import (
     CameraOfScene,
     ImageRecord,
@@ -85,7 +85,7 @@ class SceneOfImage:
     folder: SceneFolder
     scene: ReadScene
     labels: Labels
-    provenance: ProvenanceFile | None
+    provenance: Mapping[str, Json] | None
     views: SceneViews
 
 
@@ -279,7 +279,7 @@ def source_of(
     folder: SceneFolder,
     scene: ReadScene,
     projection: Projection,
-    provenance: ProvenanceFile | None,
+    provenance: Mapping[str, Json] | None,
 ) -> ImageSource:
     """A scene's entry in run.json. projection: that of its buffers."""
     snapshot = scene.snapshot
@@ -292,7 +292,7 @@ def source_of(
         camera=CameraOfScene(**vars(snapshot.camera)),
         projection=ProjectionOfView(**vars(projection)),
         render=RenderOfScene(**vars(snapshot.render)),
-        provenance="not recorded" if provenance is None else provenance,
+        provenance="not recorded" if provenance is None else dict(provenance),
     )
 
 

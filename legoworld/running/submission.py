@@ -311,7 +311,7 @@ def _sum_up(summary: RunSummary, rows: Sequence[RunRow], _ok: Sequence[RunRow]) 
     return replace(summary, validity=validity_counts(rows))
 
 
-def _rules(card: Card, track: Track, source: str, given: Mapping[str, Any]) -> BenchRules:
+def _rules(card: Card, track: Track, source: str, given: Mapping[str, bool]) -> BenchRules:
     _refuse_what_a_bench_lacks(track, source)
     render, noise = given.get("render", True), given.get("render_noise", False)
     return bench_rules(card, render=render, noise=noise)

@@ -64,7 +64,7 @@ def judged(error: Exception, written: Iterable[Path]) -> LegoWorldError:
     return unforeseen
 
 
-def _is_below(filename: object, folders: Iterable[Path]) -> bool:
+def _is_below(filename: str | bytes | int | None, folders: Iterable[Path]) -> bool:
     if not isinstance(filename, str):
         return False
     return any(Path(filename).is_relative_to(folder) for folder in folders)

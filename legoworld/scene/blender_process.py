@@ -13,12 +13,14 @@ from typing import Any, Final, Self
 
 from legoworld.errors import (
     LegoWorldError,
+    Raised,
     WorkerCrashedError,
     WorkerMemoryError,
     WorkerTimeoutError,
     from_reason,
     one_line,
 )
+from legoworld.scene.requests import Request
 from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.descendants import resident_bytes
 from legoworld.workers.environment import blender_environment
@@ -56,14 +58,14 @@ class BlenderProcess:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
     def start(self) -> None:
         """Start the process now; the first request then finds bpy imported."""
         self._started()
 
-    def request(self, message: dict[str, Any]) -> dict[str, Any]:
+    def request(self, message: Request) -> dict[str, Any]:
         """The worker's answer.
 
         Raises the error the worker reports, or WorkerCrashedError, WorkerTimeoutError or
@@ -138,7 +140,7 @@ class BlenderProcess:
             self._home.close()
             self._home = None
 
-    def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
+    def _ask(self, message: Request) -> dict[str, Any]:
         process = self._started()
         deadline = time.monotonic() + self._limits.time_s
         try:
@@ -159,7 +161,8 @@ class BlenderProcess:
         if answer["reason"]["code"] == DISK:
             # No verdict on the scene: every other one would meet it, too.
             number = answer["reason"]["errno"]
-            place = next(p for p in Path(message["output"]).parents if not p.name.startswith("."))
+            output = Path(message.get("output", "."))
+            place = next((p for p in output.parents if not p.name.startswith(".")), output)
             raise OSError(number, os.strerror(number), str(place))
         reported = from_reason(answer["reason"])
         reported.trace = answer.get("trace", "")

@@ -9,10 +9,11 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from legoworld.conventions import CATEGORY_KEY
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError, one_line
+from legoworld.files import Json
 from legoworld.pluralize import did_you_mean
 from legoworld.records.labels import LabelsFile
 from legoworld.scene.folder import LABELS
@@ -157,7 +158,7 @@ def _matched(
     return labels
 
 
-def _outside_label(entry: Mapping[str, Any], place: int) -> OutsideLabel:
+def _outside_label(entry: Mapping[str, Json], place: int) -> OutsideLabel:
     if ("object" in entry) == ("collection" in entry):
         raise _invalid(f"entry {place} is {one_line(json.dumps(entry), 80)}")
     kind: Kind = "object" if "object" in entry else "collection"
@@ -170,7 +171,12 @@ def _outside_label(entry: Mapping[str, Any], place: int) -> OutsideLabel:
     if not categories or not all(isinstance(t, str) and t.strip() for t in texts):
         raise _invalid(f"entry {place} is {one_line(json.dumps(entry), 80)}")
     unread = tuple(key for key in entry if key != kind and key not in categories)
-    return OutsideLabel(kind=kind, name=entry[kind], categories=categories, unread=unread)
+    return OutsideLabel(
+        kind=kind,
+        name=str(entry[kind]),
+        categories={key: str(value) for key, value in categories.items()},
+        unread=unread,
+    )
 
 
 def _invalid(found: str) -> LabelsInvalidError | SideFileInvalidError:

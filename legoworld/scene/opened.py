@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import WorkerCrashedError, WorkerMemoryError
-from legoworld.files import atomic_path, canonical_json, sha256_of_text, write_npz
+from legoworld.files import Json, atomic_path, canonical_json, sha256_of_text, write_npz
 from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, SceneFolder
 from legoworld.scene.freeze import FrozenFiles
+from legoworld.scene.requests import CardRequest, Request
 
 T = TypeVar("T")
 #: Raised whenever what `facts` answers changes.
@@ -60,12 +61,12 @@ class OpenedScene:
         blender: BlenderProcess,
         cache: SnapshotCache | None,
         *,
-        content: dict[str, Any] | None = None,
+        content: Mapping[str, Json] | None = None,
     ) -> None:
         self.folder = folder
         self._blend = str(folder.path.resolve() / BLEND)
         hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
-        own = {name: found and found.sha256 for name, found in hashes.items()}
+        own = {name: found.sha256 if found else None for name, found in hashes.items()}
         self._content = own if content is None else content
         self._blender = blender
         self._cache = cache
@@ -75,13 +76,13 @@ class OpenedScene:
 
         Raises the verdicts of `errors`.
         """
-        card = {**vars(wanted), "threads": 0}
-        stored = self._entry("render", card, ".png")
+        card = card_request(wanted)
+        stored = self._entry("render", vars(replace(wanted, threads=0)), ".png")
         if stored is not None and stored.is_file():
             return stored.read_bytes()
         output = self._blender.workspace("legoworld-render-") / "render.png"
         output.unlink(missing_ok=True)
-        self._ask({"kind": "card_render", "output": str(output), "card": vars(wanted)})
+        self._ask({"kind": "card_render", "output": str(output), "card": card})
         png = without_metadata(output.read_bytes())
         if stored is not None:
             with atomic_path(stored) as temporary:
@@ -90,15 +91,16 @@ class OpenedScene:
 
     def facts(self, thumbnail_wh: tuple[int, int]) -> SceneFacts:
         """What the .blend holds besides geometry. Raises the verdicts of `errors`."""
-        question = {"thumbnail_wh": thumbnail_wh, "version": _FACTS}
+        question: dict[str, Json] = {"thumbnail_wh": thumbnail_wh, "version": _FACTS}
         stored = self._entry("facts", question, ".npz")
         if stored is not None and stored.is_file():
             with np.load(stored) as arrays:
                 values = json.loads(arrays["facts"].tobytes().decode("utf-8"))
                 return SceneFacts(values=values, textures=arrays["textures"])
         output = self._blender.workspace("legoworld-render-") / "facts.npz"
-        message = {"kind": "facts", "output": str(output), "thumbnail_wh": thumbnail_wh}
-        values = self._ask(message)["facts"]
+        values = self._ask({"kind": "facts", "output": str(output), "thumbnail_wh": thumbnail_wh})[
+            "facts"
+        ]
         with np.load(output) as arrays:
             textures = arrays["textures"]
         if stored is not None:
@@ -106,15 +108,20 @@ class OpenedScene:
             write_npz(stored, {"facts": text, "textures": textures})
         return SceneFacts(values=values, textures=textures)
 
-    def _entry(self, kind: str, question: dict[str, Any], suffix: str) -> Path | None:
+    def _entry(self, kind: str, question: Mapping[str, Json], suffix: str) -> Path | None:
         """Where the answer to a question about this content is, or belongs."""
         if self._cache is None:
             return None
         key = sha256_of_text(canonical_json([kind, self._content, question]))
         return self._cache.entry_of(key, suffix)
 
-    def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
+    def _ask(self, message: Request) -> dict[str, Any]:
         return twice(lambda: self._blender.request({**message, "blend": self._blend}))
+
+
+def card_request(wanted: CardRender) -> CardRequest:
+    """A card as the Blender process is given it."""
+    return cast("CardRequest", vars(wanted))
 
 
 def twice(ask: Callable[[], T]) -> T:

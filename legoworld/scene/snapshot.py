@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -247,7 +248,7 @@ def load(path: Path, *, passing: bool = False) -> tuple[Snapshot, str]:
         ) from error
 
 
-def _from_parts(description: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Snapshot:
+def _from_parts(description: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Snapshot:
     camera = description["camera"]
     cutouts = tuple(Cutout(**c) for c in description["cutouts"])
     optional: dict[str, Any] = {}

@@ -205,7 +205,7 @@ def _robot(reader: _Reader) -> UrdfRobot:
     return UrdfRobot(root=roots[0], joints=tuple(found))
 
 
-def _frames(root: str, moved: dict[str, _Joint]) -> dict[str, Rows]:
+def _frames(root: str, moved: Mapping[str, _Joint]) -> dict[str, Rows]:
     """root_from_link of every link, parents first: a link that is never reached is in a ring."""
     below: dict[str, list[_Joint]] = {}
     for joint in moved.values():

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.errors import CatalogError
-from legoworld.files import canonical_json, sha256_of_text
+from legoworld.files import Json, canonical_json, sha256_of_text
 from legoworld.records.base import RecordError, read_json, to_record
 from legoworld.records.repeats import repeated
 from legoworld.records.track import CategoryInfo
@@ -167,12 +167,12 @@ def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
     return Vocabulary(tuple(categories))
 
 
-def from_json(entries: object, source: str) -> Vocabulary:
+def from_json(entries: Json, source: str) -> Vocabulary:
     """A vocabulary from COCO-style category entries. Raises CatalogError for unusable ones."""
     return vocabulary_of(categories_in(entries, source), source)
 
 
-def categories_in(entries: object, source: str) -> tuple[CategoryInfo, ...]:
+def categories_in(entries: Json, source: str) -> tuple[CategoryInfo, ...]:
     """COCO-style category entries. Raises CatalogError for unusable ones."""
     try:
         return to_record(tuple[CategoryInfo, ...], entries)

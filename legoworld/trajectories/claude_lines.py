@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall
-from legoworld.records.base import UNSET
+from legoworld.records.base import UNSET, UnsetType
 from legoworld.trajectories.steps import Read, Reading, arguments_of, content_of, rest_of
 
 
@@ -117,7 +117,7 @@ def _came_back(
         reading.steps.append(Read(source="user", extra={"event": event}))
 
 
-def _metrics(usage: dict[str, Any]) -> AtifMetrics:
+def _metrics(usage: Mapping[str, Any]) -> AtifMetrics:
     cached = int(usage.get("cache_read_input_tokens") or 0)
     fresh = int(usage.get("input_tokens") or 0)
     made = int(usage.get("cache_creation_input_tokens") or 0)
@@ -145,7 +145,7 @@ def _result(reading: Reading, event: dict[str, Any]) -> None:
     reading.odd(event)
 
 
-def _drop_placeholders(reading: Reading, completion_tokens: Any) -> None:
+def _drop_placeholders(reading: Reading, completion_tokens: int | UnsetType | None) -> None:
     """Leave a step's output tokens out where they do not sum to the session's.
 
     Without partial messages a line has the usage that its message began with: an output of 1.

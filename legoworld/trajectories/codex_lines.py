@@ -5,9 +5,11 @@ https://developers.openai.com/codex/noninteractive
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
-from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall
+from legoworld.files import Json
+from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall, Content
 from legoworld.trajectories.steps import Read, Reading, arguments_of, content_of, rest_of
 
 #: The parts of an item that say what was asked for, of items that are calls in all but name.
@@ -83,7 +85,7 @@ def _step(item: dict[str, Any]) -> Read:
     return Read(source="system", message=kind, extra={"item": item})
 
 
-def _called(call: AtifToolCall, content: Any, more: dict[str, Any]) -> Read:
+def _called(call: AtifToolCall, content: Content | None, more: Mapping[str, Json]) -> Read:
     step = Read(source="agent", calls=[call])
     more = rest_of(more, "aggregated_output", "id")
     if content is not None or more.get("status") in ("completed", "failed"):
@@ -97,7 +99,7 @@ def _called(call: AtifToolCall, content: Any, more: dict[str, Any]) -> Read:
     return step
 
 
-def _mcp_result(item: dict[str, Any]) -> Any:
+def _mcp_result(item: dict[str, Any]) -> Content | None:
     result, error = item.get("result"), item.get("error")
     if isinstance(error, dict) and "message" in error:
         return str(error["message"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from typing import Final
 
 from msgspec.structs import replace
@@ -26,7 +26,7 @@ def with_calls(trajectory: AtifTrajectory, calls: Sequence[Call]) -> AtifTraject
     step.
     """
     waiting = [call for call in calls if call.by == "agent"]
-    made: dict[int, list[Call]] = {}
+    made: MutableMapping[int, list[Call]] = {}
     looks: list[int] = []
     at = 0
     for number, code in _asked(trajectory):
@@ -60,7 +60,9 @@ def _asked(trajectory: AtifTrajectory) -> list[tuple[int, str | None]]:
     return found
 
 
-def _share_looks(looks: Sequence[int], calls: Sequence[Call], made: dict[int, list[Call]]) -> None:
+def _share_looks(
+    looks: Sequence[int], calls: Sequence[Call], made: MutableMapping[int, list[Call]]
+) -> None:
     """Give the calls between two of an agent's to the looks between them."""
     calls = [call for call in calls if call.command in ("execute_code", *_LOOKS)]
     if len(looks) == 1:

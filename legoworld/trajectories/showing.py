@@ -6,17 +6,19 @@ import base64
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from legoworld.errors import LegoWorldError
+from legoworld.escaping import Cell
 from legoworld.files import write_text
 from legoworld.readouts.pictures import read_photo
-from legoworld.records.base import decode
+from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_summary import Interval
+from legoworld.records.trajectory_page import PageStep, PageTable, PageTrial
 from legoworld.records.trajectory_scores import (
     AgentTable,
     ScoredScene,
@@ -34,7 +36,7 @@ _LONGEST_PX: Final = 480
 _CODE_CHARACTERS: Final = 6000
 
 
-def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[object]]:
+def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[Cell]]:
     """One row per call: number, seconds, command, status, checkpoint, Q, message."""
     q = _scene_of(score)
     return [
@@ -81,7 +83,7 @@ def write_page(
         loader=FileSystemLoader(_PAGE), autoescape=select_autoescape(default=True)
     )
     page = environment.get_template("page.html").render(
-        data=json.dumps(shown).replace("<", "\\u003c"),
+        data=json.dumps(as_json(shown)).replace("<", "\\u003c"),
         tables=_tables(document),
     )
     write_text(path, page)
@@ -89,11 +91,12 @@ def write_page(
 
 def _trial(
     trial: RecordedTrial, score: TrajectoryScore | None, photos: Path | None, scores: Path | None
-) -> dict[str, Any]:
+) -> PageTrial:
     about = trial.about
     lowered = {edit.call: edit for edit in (drops(score) if score else ())}
     scenes = _scene_of(score)
-    steps, render, shown = [], None, None
+    steps: list[PageStep] = []
+    render, shown = None, None
     numbers = {checkpoint.call: n for n, checkpoint in enumerate(trial.live)}
     whens = moments(
         [call.at_s + call.seconds for call in trial.calls],
@@ -109,37 +112,37 @@ def _trial(
             shown = call.number
         scene, edit = scenes.get(call.number), lowered.get(call.number)
         steps.append(
-            {
-                "number": call.number,
-                "at_s": call.at_s,
-                "command": call.command,
-                "status": call.status,
-                "code": (call.code or "")[:_CODE_CHARACTERS],
-                "said": call.said,
-                "Q": scene.Q if scene else None,
-                "R": scene.R if scene else None,
-                "A": scene.A if scene else None,
-                "reason": scene.reason if scene else "",
-                "drop": _worst(edit.cause) if edit else None,
-                "lost": edit.d_q if edit else None,
-                "shares": [when.calls_share, when.wall_share, when.tokens_share],
-                "render": render,
-                "shown": shown,
-            }
+            PageStep(
+                number=call.number,
+                at_s=call.at_s,
+                command=call.command,
+                status=call.status,
+                code=(call.code or "")[:_CODE_CHARACTERS],
+                said=call.said,
+                Q=scene.Q if scene else None,
+                R=scene.R if scene else None,
+                A=scene.A if scene else None,
+                reason=scene.reason if scene else "",
+                drop=_worst(edit.cause) if edit else None,
+                lost=edit.d_q if edit else None,
+                shares=(when.calls_share, when.wall_share, when.tokens_share),
+                render=render,
+                shown=shown,
+            )
         )
     photo = None if photos is None else _picture(photos / about.file_name, MOST_PHOTO_PX)
-    return {
-        "scene": about.scene,
-        "agent": about.agent,
-        "status": about.status,
-        "ended": about.ended,
-        "seconds": about.agent_seconds,
-        "photo": photo,
-        "final": _picture(trial.folder / PICTURE),
-        "final_q": score.final_q if score else None,
-        "regret": score.regret if score else None,
-        "steps": steps,
-    }
+    return PageTrial(
+        scene=about.scene,
+        agent=about.agent,
+        status=about.status,
+        ended=about.ended,
+        seconds=about.agent_seconds,
+        photo=photo,
+        final=_picture(trial.folder / PICTURE),
+        final_q=score.final_q if score else None,
+        regret=score.regret if score else None,
+        steps=tuple(steps),
+    )
 
 
 def _scene_of(score: TrajectoryScore | None) -> dict[int, ScoredScene]:
@@ -151,17 +154,20 @@ def _worst(cause: Mapping[str, float]) -> str:
     return min(cause, key=lambda name: cause[name])
 
 
-def _tables(document: TrajectoryFile | None) -> list[dict[str, Any]]:
-    tables: list[dict[str, Any]] = []
+def _tables(document: TrajectoryFile | None) -> list[PageTable]:
     if document is None:
-        return tables
+        return []
     named = [("All images", document.agents)]
     if document.common is not None:
         named.append((f"The {len(document.common_images)} common images", document.common))
-    for title, agents in named:
-        rows = table_rows(agents)
-        tables.append({"title": title, "head": ["", *(a.agent for a in agents)], "rows": rows})
-    return tables
+    return [
+        PageTable(
+            title=title,
+            head=("", *(a.agent for a in agents)),
+            rows=tuple(tuple(row) for row in table_rows(agents)),
+        )
+        for title, agents in named
+    ]
 
 
 def _cell(value: float | None, interval: Interval | None) -> str:
@@ -188,7 +194,7 @@ def _picture(path: Path, most_px: int = MOST_PX) -> str | None:
     return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode() if done else None
 
 
-def table_rows(agents: Sequence[AgentTable]) -> list[list[object]]:
+def table_rows(agents: Sequence[AgentTable]) -> list[list[Cell]]:
     """The means of agents side by side, one row a measure."""
     names = list(agents[0].means) if agents else []
     return [

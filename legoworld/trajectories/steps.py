@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from legoworld.files import Json
 from legoworld.records.atif import (
     AtifFinalMetrics,
     AtifMetrics,
@@ -58,7 +60,7 @@ class Reading:
     notes: str | None = None
     total: AtifFinalMetrics | None = None
 
-    def odd(self, event: Any) -> None:
+    def odd(self, event: Json) -> None:
         """Keep an event without a matching field, or a line that is not an event."""
         if isinstance(event, dict):
             kind = str(event.get("type", "event"))
@@ -67,19 +69,19 @@ class Reading:
             self.steps.append(Read(source="system", message=str(event)))
 
 
-def arguments_of(value: Any) -> dict[str, Any]:
+def arguments_of(value: Json) -> dict[str, Any]:
     """A call's arguments as an object; any other value is stored under one key."""
     if isinstance(value, dict):
         return value
     return {} if value is None else {"value": value}
 
 
-def rest_of(event: dict[str, Any], *lifted: str) -> dict[str, Any]:
+def rest_of(event: Mapping[str, Json], *lifted: str) -> dict[str, Any]:
     """An event without the named keys."""
     return {key: value for key, value in event.items() if key not in lifted}
 
 
-def content_of(value: Any) -> Content | None:
+def content_of(value: Json) -> Content | None:
     """Text, or a list of parts, as ATIF has it. Pictures stay in the transcript itself.
 
     A part of MCP or of a model's API is turned into ATIF's: {"type": "text", "text": ...}.
@@ -99,7 +101,7 @@ def content_of(value: Any) -> Content | None:
     ]
 
 
-def _as_text(value: Any) -> str:
+def _as_text(value: Json) -> str:
     import json
 
     return json.dumps(value, ensure_ascii=False, sort_keys=True)

@@ -16,6 +16,7 @@ from typing import Any, Final
 import msgspec
 from msgspec.structs import replace
 
+from legoworld.files import Json
 from legoworld.records.agents import TranscriptFormat, Usage
 from legoworld.records.atif import (
     ATIF_VERSION,
@@ -65,7 +66,7 @@ def read_transcript(
     return _document(agent, version, prompt, reading)
 
 
-def without_pictures(value: Any) -> Any:
+def without_pictures(value: Json) -> Json:
     """A JSON value with every picture in base64, in text or as a data URL, as its size and hash.
 
     The transcript itself keeps the bytes.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from legoworld.errors import ShapeError
 
@@ -149,7 +149,9 @@ def _check_cutouts(cutouts: Cutouts, triangles: int) -> None:
             raise ShapeError(f"alphas[{i}] is empty", found=str(alpha.shape))
 
 
-def _array(name: str, array: Any, dtype: DTypeLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
+def _array(
+    name: str, array: ArrayLike, dtype: DTypeLike, shape: tuple[int | None, ...]
+) -> NDArray[Any]:
     if not isinstance(array, np.ndarray):
         raise ShapeError(
             f"{name} is not an array",
@@ -175,7 +177,7 @@ def _described(dtype: DTypeLike, shape: tuple[int | None, ...]) -> str:
     return f"{np.dtype(dtype).name} of shape ({sides})"
 
 
-def _starts(name: str, starts: Any, meshes: int, total: int) -> None:
+def _starts(name: str, starts: ArrayLike, meshes: int, total: int) -> None:
     array = _array(name, starts, np.int64, (meshes + 1,))
     sizes = array[1:] - array[:-1]
     if array[0] != 0 or array[-1] != total or (sizes < 0).any():

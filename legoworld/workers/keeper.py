@@ -16,7 +16,7 @@ import select
 import signal
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, TypedDict
 
 sys.path.append(str(Path(__file__).parents[2]))
 
@@ -31,14 +31,28 @@ _LINE: Final = 0
 _ENDING: Final = 3  # witness.py's word for it: that file is run, not imported
 
 
-def main() -> int:
-    """Run sys.argv[1], a JSON object: argv, cwd, file_bytes, scratch.
+class Order(TypedDict):
+    """What is run.
 
     input, output, errors: descriptors for the program's own; input null: it has nothing to read.
     group: the folder of the control group that the program joins, or null. witnessed: whether argv
     is bubblewrap with a witness, which says on a pipe how its program ended.
     """
-    order = json.loads(sys.argv[1])
+
+    argv: list[str]
+    cwd: str
+    file_bytes: int
+    scratch: str
+    input: int | None
+    output: int
+    errors: int
+    group: str | None
+    witnessed: bool
+
+
+def main() -> int:
+    """Run sys.argv[1], an `Order` as JSON."""
+    order: Order = json.loads(sys.argv[1])
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     waking, woken = os.pipe()
     os.set_blocking(woken, False)
@@ -49,8 +63,9 @@ def main() -> int:
     child = os.fork()
     if child == 0:
         _become(order, keeper, write_ending if order["witnessed"] else None)
-    for given in {order["input"], order["output"], order["errors"]} - {None}:
-        os.close(given)
+    for given in {order["input"], order["output"], order["errors"]}:
+        if given is not None:
+            os.close(given)
     os.close(write_ending)
     code = _wait(child, waking)
     with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -61,7 +76,7 @@ def main() -> int:
             pass  # what is ended and not waited for keeps its group
         remove_group(Path(order["group"]))
     if code is not None:
-        _say({"code": _witnessed(read_ending, code) if order["witnessed"] else code})
+        _say(_witnessed(read_ending, code) if order["witnessed"] else code)
     # The folder is guarded until legoworld has taken what it needs from it.
     if os.read(_LINE, 1) != b"e":  # legoworld was killed
         remove_folder(Path(order["scratch"]))
@@ -98,7 +113,7 @@ def _witnessed(ending: int, code: int) -> int:
     return 128 - code if code - 128 in signal.valid_signals() else code
 
 
-def _become(order: dict[str, Any], keeper: int, ending: int | None) -> None:
+def _become(order: Order, keeper: int, ending: int | None) -> None:
     """Become the program: in a new session, with its limits and only its three descriptors.
 
     ending: the pipe its witness gets as well.
@@ -142,9 +157,9 @@ def _prctl(option: int, value: int) -> None:
         ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
 
 
-def _say(message: dict[str, Any]) -> None:
+def _say(code: int) -> None:
     with contextlib.suppress(OSError):  # legoworld was killed
-        os.write(1, json.dumps(message).encode() + b"\n")
+        os.write(1, json.dumps({"code": code}).encode() + b"\n")
 
 
 if __name__ == "__main__":

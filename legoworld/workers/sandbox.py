@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, Literal, Self
 
+from legoworld.errors import Raised
 from legoworld.workers.bubblewrap import (
     INSIDE,
     TEMPORARY_INSIDE,
@@ -116,7 +117,7 @@ class Sandbox:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error: Raised) -> None:
         self.close()
 
     def seen(self, name: str) -> Path:

@@ -134,7 +134,7 @@ class _Numbered(Sequence[tuple[int, Item]]):
     def __getitem__(self, index: int) -> tuple[int, Item]: ...
     @overload
     def __getitem__(self, index: slice) -> Sequence[tuple[int, Item]]: ...
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: int | slice) -> Any:
         """An item and its place."""
         assert isinstance(index, int)
         return index, self._items[index]

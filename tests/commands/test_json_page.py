@@ -58,7 +58,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any
     track, run, evaluation = here / "track.json", here / "run", here / "eval"
     imported = ["--task", "coco", "--track", track]
     calls: dict[str, list[Any]] = {
-        **{f"list {kind}": [] for kind in ("tasks", "datasets", "baselines", "schema")},
+        **{f"list {kind}": [] for kind in ("tasks", "datasets", "baselines", "formats", "schema")},
         "track make": ["--task", "coco", "--truth", annotations, "-o", track],
         "track check": [track, "--photos", here / "photos"],
         "inspect": [SCENE, "--source", "glb", "--size", "60x40"],
@@ -126,7 +126,7 @@ def commands_with_json(group: click.Command, words: tuple[str, ...] = ()) -> Ite
 
 def test_every_command_with_json_is_on_the_page():
     expected = {*commands_with_json(cli.main)} - {"list"}
-    expected |= {f"list {kind}" for kind in ("tasks", "datasets", "baselines", "schema")}
+    expected |= {f"list {kind}" for kind in ("tasks", "datasets", "baselines", "formats", "schema")}
     assert set(ROWS) == expected
 
 

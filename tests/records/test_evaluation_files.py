@@ -21,6 +21,7 @@ from legoworld.records.folders.evaluation_reading import (
     read_image_rows,
     read_summary,
 )
+from legoworld.records.formats import schema_text
 
 
 @pytest.fixture(scope="module", params=["coco", "coco-masks", "lvis", "eth3d"])
@@ -136,5 +137,4 @@ def valid(path: Path, name: str) -> None:
 
 
 def schema(name: str) -> dict[str, object]:
-    path = Path(__file__).parents[2] / "docs" / "schemas" / f"{name}.schema.json"
-    return json.loads(path.read_text())
+    return json.loads(schema_text(name))

@@ -14,10 +14,10 @@ import importlib
 import json
 import os
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 
 def main() -> int:
@@ -32,6 +32,30 @@ def main() -> int:
     servers = json.loads(given.mcp_config.read_text(encoding="utf-8"))["mcpServers"]
     transcript = Transcript(given.transcript, given.prompt.read_text(encoding="utf-8"))
     return asyncio.run(_play(servers, [json.loads(line) for line in lines if line], transcript))
+
+
+class _Command(TypedDict):
+    command: str
+
+
+class Server(_Command, total=False):
+    """How an MCP server is started."""
+
+    args: list[str]
+    env: dict[str, str]
+
+
+class _Call(TypedDict):
+    tool: str
+    arguments: dict[str, Any]
+
+
+class Step(_Call, total=False):
+    """One call of the program."""
+
+    server: str
+    message: str
+    must_succeed: bool
 
 
 class Transcript:
@@ -49,7 +73,7 @@ class Transcript:
             {"type": "function", "function": {"name": name}} for name in tools
         ]
 
-    def played(self, call: dict[str, Any], said: str, *, failed: bool, images: int) -> None:
+    def played(self, call: Step, said: str, *, failed: bool, images: int) -> None:
         """Record one call and its reply."""
         number = f"call_{len(self._steps)}"
         arguments = {"tool_call_id": number, "function_name": call["tool"]}
@@ -81,7 +105,9 @@ class Transcript:
         unfinished.replace(self._path)
 
 
-async def _play(servers: dict[str, Any], steps: list[Any], transcript: Transcript) -> int:
+async def _play(
+    servers: Mapping[str, Server], steps: Sequence[Step], transcript: Transcript
+) -> int:
     async with contextlib.AsyncExitStack() as stack:
         sessions, tools = {}, []
         for name, server in sorted(servers.items()):
@@ -103,7 +129,7 @@ async def _play(servers: dict[str, Any], steps: list[Any], transcript: Transcrip
 
 
 @contextlib.asynccontextmanager
-async def _session(server: dict[str, Any]) -> AsyncIterator[Any]:
+async def _session(server: Server) -> AsyncIterator[Any]:
     """A client's session with a server that is started for it."""
     mcp = importlib.import_module("mcp")
     stdio = importlib.import_module("mcp.client.stdio")

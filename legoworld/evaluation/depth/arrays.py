@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored
+from legoworld.files import Json
 
 Space = Literal["depth", "disparity", "ray_distance"]
 SPACES: Final[tuple[Space, ...]] = get_args(Space)
@@ -90,7 +91,7 @@ def ray_lengths(intrinsics_px: Intrinsics, rows: Index, cols: Index) -> F64:
 def checked_array(
     values: NDArray[Any],
     *,
-    space: object,
+    space: Json,
     unit: str | None,
     intrinsics_px: Intrinsics | None,
     source: str,

@@ -11,7 +11,7 @@ from typing import Final
 from legoworld.errors import cause
 from legoworld.evaluation.depth.arrays import SPACES, Intrinsics
 from legoworld.evaluation.depth.errors import DepthTruthError
-from legoworld.files import utf8_text, write_text
+from legoworld.files import Json, utf8_text, write_text
 
 DECLARATION: Final = "depth.toml"
 
@@ -68,7 +68,7 @@ def write_declaration(folder: Path, declared: Declaration) -> str:
     return text
 
 
-def _fits(key: str, value: object) -> bool:
+def _fits(key: str, value: Json) -> bool:
     if key == "space":
         return value in SPACES
     if key in ("unit", "array"):
@@ -80,7 +80,7 @@ def _fits(key: str, value: object) -> bool:
     return _is_number(value)
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: Json) -> bool:
     try:
         return isinstance(value, int | float) and type(value) is not bool and math.isfinite(value)
     except OverflowError:  # an integer that no float holds

@@ -13,14 +13,16 @@ import logging
 import sys
 import types
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
+from legoworld.files import Json
 
 HOW_TO_INSTALL = "pip install --no-deps lvis==0.5.3"
 
@@ -37,7 +39,7 @@ def installed() -> bool:
     return importlib.util.find_spec("lvis") is not None
 
 
-def load() -> Any:
+def load() -> ModuleType:
     """The lvis package, ready to score. LvisMissingError if it is not installed."""
     if not installed():
         raise LvisMissingError(
@@ -53,13 +55,13 @@ def load() -> Any:
     return package
 
 
-def dataset(package: Any, document: dict[str, Any]) -> Any:
+def dataset(package: ModuleType, document: Mapping[str, Json]) -> Any:
     """An lvis.LVIS of a document; its own constructor only takes a path."""
     made = package.LVIS.__new__(package.LVIS)
     return _filled(made, document)
 
 
-def results(package: Any, truth: Any, entries: list[dict[str, Any]]) -> Any:
+def results(package: ModuleType, truth: Any, entries: Sequence[Mapping[str, Json]]) -> Any:
     """An lvis.LVISResults; also of an empty list, which its own constructor cannot read."""
     if entries:
         return package.LVISResults(truth, entries)
@@ -90,14 +92,14 @@ class _NumpyWithFloat:
         return getattr(np, name)
 
 
-def _filled(made: Any, document: dict[str, Any]) -> Any:
+def _filled(made: Any, document: Mapping[str, Json]) -> Any:
     made.logger = logging.getLogger("lvis.lvis")
     made.dataset = document
     made._create_index()
     return made
 
 
-def _import() -> Any:
+def _import() -> ModuleType:
     """Import lvis with a stand-in for its drawing module and without its logging set-up."""
     stub = types.ModuleType("lvis.vis")
     stub.LVISVis = type("LVISVis", (), {})  # type: ignore[attr-defined]

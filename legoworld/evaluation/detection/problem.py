@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from legoworld.evaluation.detection.inputs.caps import rank_in_group
 from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns
@@ -177,6 +176,6 @@ def _cells(truth: Truth, key: str, category_ids: Ints) -> Ints:
     return cells
 
 
-def _positions(sorted_ids: Ints, ids: Any) -> Ints:
+def _positions(sorted_ids: Ints, ids: ArrayLike) -> Ints:
     positions: Ints = np.searchsorted(sorted_ids, np.asarray(ids, np.int64)).astype(np.int64)
     return positions

@@ -25,6 +25,7 @@ from legoworld.records.articulation import (
     Outcome,
     ReferenceJoint,
     SceneJoint,
+    Vector,
 )
 
 _LETTER: Final[dict[Outcome, str]] = {
@@ -138,7 +139,7 @@ def _iou(reference: SceneJoint, submitted: SceneJoint, pad: float) -> float:
     return shared / either if either > 0 and math.isfinite(either) else 0.0
 
 
-def _grown(box: object, by: float) -> F64:
+def _grown(box: tuple[Vector, Vector] | None, by: float) -> F64:
     corners = np.array(box, np.float64)
     return np.stack([corners[0] - by, corners[1] + by])
 

@@ -107,7 +107,7 @@ def read_dataset(private: Path) -> BenchDataset:
     return BenchDataset(folders=folders, truth=truth, track_sha256=found, cases=cases)
 
 
-def check_run(dataset: BenchDataset, name: str, track_sha256: object, ids: list[int]) -> None:
+def check_run(dataset: BenchDataset, name: str, track_sha256: str | None, ids: list[int]) -> None:
     """BenchTruthError when a run is of another track than the dataset's."""
     strangers = [i for i in ids if i not in dataset.cases]
     if track_sha256 == dataset.track_sha256 and not strangers:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from legoworld.errors import ConfigurationMismatchError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
+    Json,
     atomic_path,
     sha256_of_file,
     write_npz,
@@ -238,7 +239,7 @@ def _delete_earlier(folder: Path) -> None:
         path.rmdir() if path.is_dir() else path.unlink()
 
 
-def _write_json(path: Path, value: object) -> None:
+def _write_json(path: Path, value: Json) -> None:
     """Canonical JSON and a newline, whole or not at all; a list's text is never all in memory."""
     items = value if isinstance(value, list) else None
     with atomic_path(path) as temporary, temporary.open("wb") as stream:

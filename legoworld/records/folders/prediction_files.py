@@ -14,7 +14,7 @@ from typing import IO, Final, TypeVar
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import atomic_path, canonical_json, sha256_of_file, sha256_of_text
-from legoworld.records.base import RecordError, as_json, decode, decode_lines
+from legoworld.records.base import RecordError, UnsetType, as_json, decode, decode_lines
 from legoworld.records.predictions import Prediction, Scored
 from legoworld.records.run_file import ImageRecord
 
@@ -104,7 +104,7 @@ def has_its_results(record: ImageRecord, folder: Path) -> bool:
     return all(_is_there(folder / file.file, file.sha256) for file in record.row.files)
 
 
-def _is_there(path: Path, sha256: object) -> bool:
+def _is_there(path: Path, sha256: str | UnsetType | None) -> bool:
     return path.is_file() and sha256_of_file(path) == sha256
 
 

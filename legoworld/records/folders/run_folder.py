@@ -14,6 +14,7 @@ from msgspec import structs
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.files import (
     TEMPORARY_SUFFIX,
+    Json,
     sync_file,
     sync_folder,
     write_text,
@@ -189,9 +190,9 @@ def _refuse_changes(
         )
 
 
-def _flat(values: Mapping[str, object], prefix: str = "") -> Mapping[str, object]:
+def _flat(values: Mapping[str, Json], prefix: str = "") -> Mapping[str, Json]:
     """Nested objects as one, under dotted keys; an empty object stays itself."""
-    flat: dict[str, object] = {}
+    flat: dict[str, Json] = {}
     for key, value in values.items():
         if isinstance(value, dict) and value:
             flat |= _flat(value, f"{prefix}{key}.")

@@ -11,6 +11,7 @@ from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender.cameras import refuse_missing_camera
 from legoworld.scene.blender.opening import open_blend
 from legoworld.scene.blender.render_state import render_scene, rendered_view_layer
+from legoworld.scene.requests import CardRequest
 
 #: Render settings that are not part of the scene; they override the file.
 _RENDER: Final[dict[str, Any]] = {
@@ -51,7 +52,7 @@ _CYCLES: Final[dict[str, Any]] = {
 }
 
 
-def render_by_card(blend: Path, output: Path, wanted: dict[str, Any]) -> None:
+def render_by_card(blend: Path, output: Path, wanted: CardRequest) -> None:
     """Render a .blend's active camera to an 8-bit RGB PNG.
 
     wanted: "size_wh", "samples", "seed", "denoise" and "threads" (0: all). What makes the picture

@@ -12,6 +12,7 @@ from legoworld.scene.blender.joints import joint_facts
 from legoworld.scene.blender.objects import ancestors
 from legoworld.scene.blender.opening import open_blend
 from legoworld.scene.blender.programs import export_glb, pack_images
+from legoworld.scene.requests import CaseRequest
 
 _TIERS: Final = ("easy", "medium", "hard")
 #: Light and camera stay as they are in every tier.
@@ -37,7 +38,7 @@ def cases_of(blend: Path) -> dict[str, Any]:
     }
 
 
-def write_case(blend: Path, output: Path, wanted: dict[str, Any]) -> None:
+def write_case(blend: Path, output: Path, wanted: CaseRequest) -> None:
     """Save the scene of one case as scene.blend in `output`; with "glb" scene.glb beside it.
 
     wanted: "tier", "view" (a camera's name), "size_wh" and "glb". Objects of later tiers are hidden

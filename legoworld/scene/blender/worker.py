@@ -12,11 +12,12 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from legoworld.errors import LegoWorldError, NoCameraError, NoMeshError
+from legoworld.scene.requests import Request
 
 #: The disk that results go to is full or read-only: no scene's fault.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
@@ -55,7 +56,7 @@ def _leave_no_core() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _answer(request: Mapping[str, Any]) -> dict[str, Any]:
+def _answer(request: Request) -> dict[str, Any]:
     try:
         return {"ok": True, **_REQUESTS[request["kind"]](request)}
     except LegoWorldError as error:
@@ -83,7 +84,7 @@ def _surprise(error: Exception) -> dict[str, Any]:
     return {"ok": False, "reason": surprise.reason(), "trace": trace}
 
 
-def _snapshot(request: Mapping[str, Any]) -> dict[str, Any]:
+def _snapshot(request: Request) -> dict[str, Any]:
     from legoworld.scene.blender.dependencies import dependencies, watched_folders
     from legoworld.scene.blender.extract import snapshot_of_blend
     from legoworld.scene.snapshot import save
@@ -96,7 +97,7 @@ def _snapshot(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"content_sha256": content, "dependencies": depends, "watched": watched}
 
 
-def _state(request: Mapping[str, Any]) -> dict[str, Any]:
+def _state(request: Request) -> dict[str, Any]:
     """The states of all objects beside the snapshot: what a transaction compares.
 
     unseen: why there is no snapshot, of a scene without a camera or a surface; null with one.
@@ -123,7 +124,7 @@ def _state(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"unseen": None, **states}
 
 
-def _check(request: Mapping[str, Any]) -> dict[str, Any]:
+def _check(request: Request) -> dict[str, Any]:
     """Open a .blend that a program left; refused where it does not open or shows nothing."""
     from legoworld.scene.blender.cameras import refuse_missing_camera
     from legoworld.scene.blender.opening import open_blend
@@ -132,13 +133,13 @@ def _check(request: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _picture(request: Mapping[str, Any]) -> dict[str, Any]:
+def _picture(request: Request) -> dict[str, Any]:
     from legoworld.scene.blender.programs import render_picture
 
     return render_picture(Path(request["output"]))
 
 
-def _card_render(request: Mapping[str, Any]) -> dict[str, Any]:
+def _card_render(request: Request) -> dict[str, Any]:
     """Render a .blend by a card; see `card_render`."""
     from legoworld.scene.blender.card_render import render_by_card
 
@@ -146,17 +147,18 @@ def _card_render(request: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _facts(request: Mapping[str, Any]) -> dict[str, Any]:
+def _facts(request: Request) -> dict[str, Any]:
     """What a .blend holds besides geometry; its images' thumbnails go into the output."""
     from legoworld.files import write_npz
     from legoworld.scene.blender.integrity import scene_facts
 
-    facts, thumbnails = scene_facts(Path(request["blend"]), tuple(request["thumbnail_wh"]))
+    width, height = request["thumbnail_wh"]
+    facts, thumbnails = scene_facts(Path(request["blend"]), (width, height))
     write_npz(Path(request["output"]), {"textures": thumbnails}, compressed=True)
     return {"facts": facts}
 
 
-def _cases(request: Mapping[str, Any]) -> dict[str, Any]:
+def _cases(request: Request) -> dict[str, Any]:
     """The cases of a reference scene."""
     from legoworld.scene.blender.dependencies import dependencies
     from legoworld.scene.blender.reference_cases import cases_of
@@ -165,7 +167,7 @@ def _cases(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"cases": cases_of(blend), "dependencies": dependencies(blend)}
 
 
-def _case(request: Mapping[str, Any]) -> dict[str, Any]:
+def _case(request: Request) -> dict[str, Any]:
     """The scene of one case, saved in the output folder."""
     from legoworld.scene.blender.reference_cases import write_case
 
@@ -173,13 +175,13 @@ def _case(request: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _version(_request: Mapping[str, Any]) -> dict[str, Any]:
+def _version(_request: Request) -> dict[str, Any]:
     import bpy
 
     return {"blender": bpy.app.version_string}
 
 
-_REQUESTS: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+_REQUESTS: dict[str, Callable[[Request], dict[str, Any]]] = {
     "version": _version,
     "snapshot": _snapshot,
     "state": _state,

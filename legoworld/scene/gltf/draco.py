@@ -98,7 +98,10 @@ def _environment() -> dict[str, str]:
 
 
 def _answers(
-    payloads: Sequence[DracoPayload], answers: list[Any], body: memoryview, budget: Budget
+    payloads: Sequence[DracoPayload],
+    answers: Sequence[str | Sequence[tuple[str, tuple[int, int]]]],
+    body: memoryview,
+    budget: Budget,
 ) -> list[DracoMesh]:
     budget.take(len(body), "Draco data")
     meshes, offset = [], 0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from legoworld.errors import one_line
+from legoworld.files import Json
 from legoworld.scene.gltf.verdicts import UnreadableGltfError, unreadable
 
 _LARGEST: Final = 2**53  # integers JSON readers agree on
@@ -122,7 +123,7 @@ class Fields:
         return extensions.child(name) if name in extensions else None
 
 
-def _shown(value: Any) -> str:
+def _shown(value: Json) -> str:
     """A value as text, truncated while it is built: a list may be as long as the file."""
     try:
         return reprlib.repr(value)

@@ -7,13 +7,14 @@ turns them into Blender's, (x, y, z) -> (x, -z, y), as Blender's importer does.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import CATEGORY_KEY
 from legoworld.errors import NonFiniteGeometryError
+from legoworld.files import Json
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.verdicts import UnreadableGltfError, unreadable
 
@@ -216,7 +217,7 @@ def _count(document: Fields, name: str) -> int:
     return len(value) if isinstance(value, list) else 0
 
 
-def _labels(extras: Any) -> dict[str, str]:
+def _labels(extras: Json) -> dict[str, str]:
     """The extras that are labels, as `scene.blender.tree` reads custom properties."""
     if not isinstance(extras, dict):
         return {}

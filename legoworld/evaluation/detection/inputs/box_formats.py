@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final
+from typing import Final, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
+from legoworld.files import Json
 
 #: A box may leave its image by this much, and by this share of its side, as those of detectors
 #: that do not clip do, before its format is doubted.
@@ -33,7 +34,7 @@ class BoxFormatError(LegoWorldError):
 
 
 def check_box_values(
-    image_ids: Sequence[int], boxes: Sequence[object], sizes_wh: Sizes
+    image_ids: Sequence[int], boxes: Sequence[Json], sizes_wh: Sizes
 ) -> Mapping[str, int]:
     """BoxFormatError for a box no format explains: not four numbers, or of negative extent.
 
@@ -44,7 +45,7 @@ def check_box_values(
 
 
 def check_box_format(
-    image_ids: Sequence[int], boxes: Sequence[object], sizes_wh: Sizes
+    image_ids: Sequence[int], boxes: Sequence[Json], sizes_wh: Sizes
 ) -> Mapping[str, int]:
     """Counted anomalies of scorable boxes. BoxFormatError for boxes that cannot be scored."""
     if not boxes:
@@ -76,7 +77,7 @@ def check_box_format(
 
 
 def _checked(
-    image_ids: Sequence[int], boxes: Sequence[object], sizes_wh: Sizes
+    image_ids: Sequence[int], boxes: Sequence[Json], sizes_wh: Sizes
 ) -> NDArray[np.float64]:
     """(n, 4) boxes of four finite numbers and no negative extent."""
     for image_id, box in zip(image_ids, boxes, strict=True):
@@ -84,7 +85,7 @@ def _checked(
             raise _error(_shown(image_id, box), "four finite numbers")
     numbers = finite_floats(itertools.chain.from_iterable(boxes))  # type: ignore[arg-type]
     if numbers is None:
-        bad = next(k for k, box in enumerate(boxes) if not all(map(is_finite, box)))  # type: ignore[call-overload]
+        bad = next(k for k, box in enumerate(boxes) if not all(map(is_finite, box)))  # type: ignore[arg-type]
         raise _error(_shown(image_ids[bad], boxes[bad]), "four finite numbers")
     boxes_xywh = numbers.reshape(-1, 4)
     negative = np.flatnonzero((boxes_xywh[:, 2:] < 0).any(axis=1))
@@ -134,18 +135,18 @@ def _error(found: str, expected: str, hint: str = _XYWH) -> BoxFormatError:
     )
 
 
-def _shown(image_id: int, box: object) -> str:
+def _shown(image_id: int, box: Json) -> str:
     return f"image {image_id}: bbox {[*box] if isinstance(box, tuple) else box!r}"
 
 
-def is_finite(value: object) -> bool:
+def is_finite(value: Json) -> TypeGuard[float]:
     """Whether a JSON value is a number that a float can hold."""
     if not isinstance(value, int | float) or isinstance(value, bool):
         return False
     return abs(value) <= sys.float_info.max  # math.isfinite raises for an integer of 400 digits
 
 
-def finite_floats(values: Iterable[object]) -> NDArray[np.float64] | None:
+def finite_floats(values: Iterable[Json]) -> NDArray[np.float64] | None:
     """(n,) JSON values as float64; None where any is of another type, or none a float can hold."""
     floats = list(values)
     if not set(map(type, floats)) <= {int, float}:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import Any, Final, TypedDict
+from typing import Any, Final, TypedDict, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from pycocotools import mask as _mask
 
 from legoworld.evaluation.detection.inputs.texts import Texts, texts_of
 from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.files import Json
 
 _API: Any = _mask  # its stubs know neither lists of RLE nor text counts
 
@@ -63,7 +64,7 @@ def compressed(mask: Any, size_hw: tuple[int, int]) -> EncodedMask:
     return made
 
 
-def rle_problem(mask: object, size_wh: tuple[int, int]) -> str | None:
+def rle_problem(mask: Json, size_wh: tuple[int, int]) -> str | None:
     """The fault of a results mask for an image of this size; None if there is none.
 
     Of compressed counts only the form is checked: `measured` decodes many at once.
@@ -80,7 +81,8 @@ def rle_problem(mask: object, size_wh: tuple[int, int]) -> str | None:
         return None
     if not isinstance(counts, list) or not all(type(c) is int for c in counts):
         return f"counts of type {type(counts).__name__}"
-    pixels = sum(counts) if min(counts, default=-1) >= 0 else -1
+    lengths = cast("list[int]", counts)
+    pixels = sum(lengths) if min(lengths, default=-1) >= 0 else -1
     return None if pixels == width * height else covers(pixels, size_wh)
 
 

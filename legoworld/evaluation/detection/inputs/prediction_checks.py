@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
 from legoworld.evaluation.detection.inputs.masks import compressed, rle_problem
+from legoworld.files import Json
 from legoworld.pluralize import counted, share, word_for
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.folders.prediction_files import LIKE
@@ -33,7 +34,7 @@ class PredictionsInvalidError(LegoWorldError):
     code = "predictions_invalid"
 
 
-def as_predictions(entries: Sequence[Mapping[str, object]], kind: type[_P]) -> list[_P]:
+def as_predictions(entries: Sequence[Mapping[str, Json]], kind: type[_P]) -> list[_P]:
     """External results as a kind of prediction.
 
     PredictionsInvalidError names the place of the first that is none.
@@ -56,7 +57,7 @@ def as_predictions(entries: Sequence[Mapping[str, object]], kind: type[_P]) -> l
         ) from error
 
 
-def _keys(entry: Mapping[str, object]) -> str:
+def _keys(entry: Mapping[str, Json]) -> str:
     """The keys of an entry as text."""
     *others, last = map(str, entry) if entry else ("no keys",)
     return one_line(f"{', '.join(others)} and {last}" if others else last, 120)

@@ -16,7 +16,7 @@ from legoworld.evaluation.detection.inputs.prediction_checks import (
     compressed_counts,
 )
 from legoworld.evaluation.detection.inputs.texts import TextBuilder, Texts
-from legoworld.files import canonical_json
+from legoworld.files import Json, canonical_json
 from legoworld.records.base import UNSET
 from legoworld.records.predictions import (
     Box,
@@ -61,7 +61,7 @@ class PredictionColumns(Sequence[Prediction]):
             sizes_wh=self.sizes_wh,
         )
 
-    def documents(self) -> Iterator[dict[str, object]]:
+    def documents(self) -> Iterator[dict[str, Json]]:
         """Every prediction as JSON has it."""
         ids = self.image_id.tolist(), self.category_id.tolist()
         for image_id, category_id, shape, score in zip(
@@ -93,7 +93,7 @@ class PredictionColumns(Sequence[Prediction]):
                 f'"segmentation":{{"counts":{canonical_json(counts)},"size":[{height},{width}]}}}}'
             )
 
-    def results(self) -> list[dict[str, object]]:
+    def results(self) -> list[dict[str, Json]]:
         """All predictions as an evaluator takes them: it may write into them.
 
         The garbage collector rests meanwhile: it would look through the millions of dicts again

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.detection.inputs.truth_checks import (
+    Foreign,
     TruthInvalidError,
     check_annotations,
     check_image_values,
@@ -73,7 +74,7 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
         str(path),
         document["annotations"],
         images=all_images,
-        wanted=(image["id"] for image in images),
+        wanted=(image.image_id for image in run.images),
         category_ids=(c.id for c in vocabulary.categories),
         check_shapes=protocol.payload.check_shapes,
         repairs=repairs,
@@ -125,7 +126,7 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
     )
 
 
-def _images_of_run(path: Path, by_id: dict[int, dict[str, Any]], run: Run) -> list[dict[str, Any]]:
+def _images_of_run(path: Path, by_id: Mapping[int, Foreign], run: Run) -> list[Foreign]:
     """The ground truth's entries of the run's images, by ascending id."""
     unknown = [i for i in run.images if i.image_id not in by_id]
     if unknown:
@@ -141,7 +142,7 @@ def _images_of_run(path: Path, by_id: dict[int, dict[str, Any]], run: Run) -> li
     return [by_id[image.image_id] for image in run.images]
 
 
-def _check_same_photo(path: Path, image: RunImage, entry: dict[str, Any]) -> None:
+def _check_same_photo(path: Path, image: RunImage, entry: Foreign) -> None:
     names = {PurePosixPath(str(entry[k])).name for k in ("file_name", "coco_url") if entry.get(k)}
     size_wh = (entry.get("width"), entry.get("height"))
     if PurePosixPath(image.file_name).name not in names:
@@ -160,8 +161,8 @@ def _check_same_photo(path: Path, image: RunImage, entry: dict[str, Any]) -> Non
 
 
 def _numbered(
-    annotations: Sequence[dict[str, Any]], protocol: DetectionProtocol, repairs: Counter[str]
-) -> list[dict[str, Any]]:
+    annotations: Sequence[Foreign], protocol: DetectionProtocol, repairs: Counter[str]
+) -> list[Foreign]:
     """Annotations numbered from 1 in file order: the official evaluator takes 0 for unmatched."""
     numbered = []
     for number, entry in enumerate(annotations, start=1):
@@ -175,7 +176,7 @@ def _numbered(
     return numbered
 
 
-def _check_frequencies(path: Path, categories: list[dict[str, Any]]) -> None:
+def _check_frequencies(path: Path, categories: Sequence[Foreign]) -> None:
     bad = [c for c in categories if c.get("frequency") not in ("r", "c", "f")]
     if bad:
         raise TruthInvalidError(

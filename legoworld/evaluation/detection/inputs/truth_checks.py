@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -24,12 +24,14 @@ from legoworld.evaluation.detection.inputs.masks import (
     measured,
     rle_problem,
 )
+from legoworld.files import Json
 from legoworld.pluralize import counted, share
 from legoworld.readouts.masks import MOST_COORDINATE_PX
 from legoworld.records.track import LARGEST_ID
 
-Foreign = dict[str, Any]
+Foreign = dict[str, Json]
 Fault = Callable[[Foreign], str | None]
+_E = TypeVar("_E", Json, Foreign)
 #: Checks the shapes of annotations of a file's name, whose images are by id.
 CheckShapes = Callable[[str, Sequence[Foreign], Mapping[int, Foreign]], None]
 
@@ -45,18 +47,18 @@ class TruthInvalidError(LegoWorldError):
     code = "truth_invalid"
 
 
-def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> dict[int, Foreign]:
+def check_images(name: str, entries: Sequence[Json], repairs: Counter[str]) -> dict[int, Foreign]:
     """Copies of a truth's image entries by id, in the file's order.
 
     name: the file's, for messages. TruthInvalidError for an entry without a usable id, and for ids
     that repeat.
     """
-    _refuse(name, "images", entries, _object_fault)
-    _refuse(name, "images", entries, _key_fault("id"), "an integer id")
-    _refuse(name, "images", entries, _name_fault, "a file name without control characters")
+    objects = _objects(name, "images", entries)
+    _refuse(name, "images", objects, _key_fault("id"), "an integer id")
+    _refuse(name, "images", objects, _name_fault, "a file name without control characters")
     by_id: dict[int, Foreign] = {}
     twice: list[int] = []
-    for entry in entries:
+    for entry in objects:
         image_id = _whole(entry["id"], "image ids", repairs)
         if not 0 <= image_id <= LARGEST_ID:
             raise TruthInvalidError(
@@ -71,7 +73,7 @@ def check_images(name: str, entries: Sequence[Any], repairs: Counter[str]) -> di
     if twice:
         raise TruthInvalidError(
             f"image ids repeat in {name}",
-            found=f"{len(twice)} of {len(entries)} images, such as image {twice[0]}",
+            found=f"{len(twice)} of {len(objects)} images, such as image {twice[0]}",
             expected="distinct ids",
             next_step=_CORRECT,
         )
@@ -86,7 +88,8 @@ def check_image_values(name: str, images: Sequence[Foreign], *, federated: bool)
     """
     _refuse(name, "images", images, _size_fault, "a width and height of at least 1 pixel")
     for entry in images:
-        entry |= {"width": int(entry["width"]), "height": int(entry["height"])}
+        width, height = _size_wh(entry)
+        entry |= {"width": width, "height": height}
     if federated:
         lists = " and ".join(_FEDERATED_KEYS)
         expected = f"LVIS's verified categories: {lists}, lists of ids"
@@ -95,7 +98,7 @@ def check_image_values(name: str, images: Sequence[Foreign], *, federated: bool)
 
 def check_annotations(
     name: str,
-    entries: Sequence[Any],
+    entries: Sequence[Json],
     *,
     images: Mapping[int, Foreign],
     wanted: Iterable[int],
@@ -109,14 +112,14 @@ def check_annotations(
     refused, one of an image that is not wanted is left out. check_shapes: the payload's. repairs
     counts what was taken in spite of its form. TruthInvalidError otherwise.
     """
-    _refuse(name, "annotations", entries, _object_fault)
-    _refuse(name, "annotations", entries, _key_fault("id"), "an integer id")
-    _refuse_repeats(name, entries)
-    _refuse(name, "annotations", entries, _key_fault("image_id"), "the integer id of its image")
+    objects = _objects(name, "annotations", entries)
+    _refuse(name, "annotations", objects, _key_fault("id"), "an integer id")
+    _refuse_repeats(name, objects)
+    _refuse(name, "annotations", objects, _key_fault("image_id"), "the integer id of its image")
     _refuse(
         name,
         "annotations",
-        entries,
+        objects,
         lambda a: None if a["image_id"] in images else "no such image",
         f"the id of one of the file's {counted(len(images), 'image', 'images')}",
         "correct the image_id; where images were cut out of the file, cut their annotations, too",
@@ -124,7 +127,7 @@ def check_annotations(
     ids = frozenset(wanted)
     own = [
         {**a, "image_id": _whole(a["image_id"], "image ids", repairs)}
-        for a in entries
+        for a in objects
         if a["image_id"] in ids
     ]
     _check_values(name, own, frozenset(category_ids))
@@ -138,12 +141,10 @@ def check_boxes(
     name: str, annotations: Sequence[Foreign], images: Mapping[int, Foreign], repairs: Counter[str]
 ) -> None:
     """Hold checked boxes to their images, as a results list's. TruthInvalidError names a format."""
-    ids = {a["image_id"] for a in annotations}
-    sizes_wh = {i: (images[i]["width"], images[i]["height"]) for i in ids}
+    ids = [_int(a["image_id"]) for a in annotations]
+    sizes_wh = {i: _size_wh(images[i]) for i in set(ids)}
     try:
-        odd = check_box_format(
-            [a["image_id"] for a in annotations], [a["bbox"] for a in annotations], sizes_wh
-        )
+        odd = check_box_format(ids, [a["bbox"] for a in annotations], sizes_wh)
     except BoxFormatError as error:
         raise TruthInvalidError(
             f"the boxes of {name} are not x, y, width, height in pixels",
@@ -169,7 +170,7 @@ def _check_values(name: str, own: Sequence[Foreign], category_ids: frozenset[int
             _CORRECT,
         ),
         (
-            lambda a: None if is_finite(a.get("area")) and a["area"] >= 0 else _shown(a, "area"),
+            _area_fault,
             "a finite number of at least 0",
             "write the area in pixels of the mask, or width x height where there is none",
         ),
@@ -183,36 +184,44 @@ def check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]
     """Polygons of three points and more, or RLE that covers its image."""
 
     def fault(entry: Foreign) -> str | None:
-        mask, image = entry.get("segmentation"), images[entry["image_id"]]
+        mask = entry.get("segmentation")
         if isinstance(mask, list) and mask:
             return _polygon_fault(mask)
         if not isinstance(mask, dict):
             return "no segmentation" if not mask else f"segmentation {mask!r}"[:80]
-        problem = rle_problem(mask, (image["width"], image["height"]))
+        problem = rle_problem(mask, _size_wh(images[_int(entry["image_id"])]))
         return f"RLE {problem}" if problem else None
 
     expected = "polygons [x, y, ...] of at least 3 points, or RLE of the image's [height, width]"
     _refuse(name, "annotations", own, fault, expected)
+    texts: list[tuple[Foreign, str, tuple[int, int]]] = []
     for entry in own:
-        if isinstance(entry["segmentation"], dict):  # a size of whole floats becomes integers
-            size = [images[entry["image_id"]][key] for key in ("height", "width")]
-            entry["segmentation"] = {**entry["segmentation"], "size": size}
-    texts = [a for a in own if isinstance(a["segmentation"], dict)]
-    texts = [a for a in texts if isinstance(a["segmentation"]["counts"], str)]
-    covered, _ = measured([a["segmentation"]["counts"] for a in texts])
-    sizes = [(images[a["image_id"]]["width"], images[a["image_id"]]["height"]) for a in texts]
+        mask = entry["segmentation"]
+        if isinstance(mask, dict):
+            width, height = _size_wh(images[_int(entry["image_id"])])
+            # a size of whole floats becomes integers
+            entry["segmentation"] = {**mask, "size": [height, width]}
+            if isinstance(mask["counts"], str):
+                texts.append((entry, mask["counts"], (width, height)))
+    covered, _ = measured([counts for _, counts, _ in texts])
     wrong = {
-        id(texts[k]): f"RLE {covers(int(covered[k]), sizes[k])}"
-        for k in np.flatnonzero(covered != [w * h for w, h in sizes])
+        id(texts[k][0]): f"RLE {covers(int(covered[k]), texts[k][2])}"
+        for k in np.flatnonzero(covered != [w * h for _, _, (w, h) in texts])
     }
     _refuse(name, "annotations", own, lambda a: wrong.get(id(a)), expected)
+
+
+def _objects(name: str, kind: str, entries: Sequence[Json]) -> Sequence[Foreign]:
+    """The entries, all of which are objects."""
+    _refuse(name, kind, entries, _object_fault)
+    return cast("Sequence[Foreign]", entries)
 
 
 def _refuse(
     name: str,
     kind: str,
-    entries: Iterable[Foreign],
-    fault: Fault,
+    entries: Iterable[_E],
+    fault: Callable[[_E], str | None],
     expected: str = "an object",
     next_step: str = _CORRECT,
 ) -> None:
@@ -232,7 +241,7 @@ def _refuse(
         )
 
 
-def _named(kind: str, entry: Any, number: int, found: str) -> str:
+def _named(kind: str, entry: Json, number: int, found: str) -> str:
     """The first offender: by its id where it has one, else by its place in the file."""
     what = kind.removesuffix("s")
     if not isinstance(entry, dict) or not _is_whole(entry.get("id")):
@@ -254,7 +263,7 @@ def _refuse_repeats(name: str, entries: Sequence[Foreign]) -> None:
     )
 
 
-def _object_fault(entry: object) -> str | None:
+def _object_fault(entry: Json) -> str | None:
     return None if isinstance(entry, dict) else repr(entry)[:60]
 
 
@@ -273,14 +282,23 @@ def _shown(entry: Foreign, key: str) -> str:
     return f"{key} {entry[key]!r}"[:100] if key in entry else f"no {key}"
 
 
-def _is_whole(value: object) -> bool:
+def _is_whole(value: Json) -> bool:
     return type(value) is int or (type(value) is float and value.is_integer())
 
 
-def _whole(value: float, what: str, repairs: Counter[str]) -> int:
+def _whole(value: Json, what: str, repairs: Counter[str]) -> int:
     if type(value) is float:
         repairs[f"{what} written as decimals, taken as integers"] += 1
-    return int(value)
+    return _int(value)
+
+
+def _int(value: Json) -> int:
+    """A value that was found whole."""
+    return int(cast("float", value))
+
+
+def _size_wh(image: Foreign) -> tuple[int, int]:
+    return _int(image["width"]), _int(image["height"])
 
 
 def _name_fault(entry: Foreign) -> str | None:
@@ -308,12 +326,17 @@ def _box_fault(entry: Foreign) -> str | None:
     return None if fine and min(box[2:]) >= 0 else _shown(entry, "bbox")
 
 
-def _polygon_fault(polygons: list[object]) -> str | None:
+def _area_fault(entry: Foreign) -> str | None:
+    area = entry.get("area")
+    return None if is_finite(area) and area >= 0 else _shown(entry, "area")
+
+
+def _polygon_fault(polygons: list[Json]) -> str | None:
     for polygon in polygons:
         if not isinstance(polygon, list) or len(polygon) < _POLYGON_NUMBERS or len(polygon) % 2:
             size = f" of {len(polygon)} numbers" if isinstance(polygon, list) else ""
             return f"a polygon{size}: {polygon!r}"[:80]
-        if not _are_coordinates(polygon):
+        if not _are_coordinates(cast("list[float]", polygon)):
             return "a polygon with a value that is no finite number"
     return None
 

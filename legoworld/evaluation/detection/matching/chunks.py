@@ -75,7 +75,7 @@ class Chunks(Sequence[Chunk]):
     def __getitem__(self, index: int) -> Chunk: ...
     @overload
     def __getitem__(self, index: slice) -> Sequence[Chunk]: ...
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: int | slice) -> Any:
         """The chunk of that number."""
         assert isinstance(index, int)
         first, end = (int(e) for e in self._edges[index : index + 2])

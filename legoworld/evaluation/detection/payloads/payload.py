@@ -17,6 +17,7 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
 )
 from legoworld.evaluation.detection.inputs.prediction_order import PredictionOrder
 from legoworld.evaluation.detection.inputs.truth_checks import CheckShapes, Foreign
+from legoworld.files import Json
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
 from legoworld.records.predictions import BoxPrediction, MaskPrediction
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from legoworld.evaluation.detection.protocols import DetectionProtocol
 
 IouType = Literal["bbox", "segm"]
-CheckBoxes = Callable[[Sequence[int], Sequence[object], Sizes], Mapping[str, int]]
+CheckBoxes = Callable[[Sequence[int], Sequence[Json], Sizes], Mapping[str, int]]
 #: A row of view/: an annotation or a prediction.
 Row = TrueAnnotation | ShownPrediction
 

@@ -1,0 +1,65 @@
+"""What the Blender process is asked: one JSON object a line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, Required, TypedDict
+
+if TYPE_CHECKING:
+    from legoworld.records.bench_dataset import Tier
+
+
+class CardRequest(TypedDict):
+    """How a picture is rendered, apart from the scene. threads: 0 for all."""
+
+    size_wh: Sequence[int]
+    samples: int
+    seed: int
+    denoise: bool
+    threads: int
+
+
+class CaseRequest(TypedDict):
+    """One case of a reference scene. view: a camera's name; glb: whether scene.glb is wanted."""
+
+    tier: Tier | None
+    view: str
+    size_wh: Sequence[int]
+    glb: bool
+
+
+class JointFact(TypedDict):
+    """A `joint` property. world_from_object: 12 numbers, null for an object at no finite place."""
+
+    object: str
+    text: str
+    world_from_object: Sequence[float] | None
+
+
+class DeclaredCases(TypedDict):
+    """What a reference scene declares; see `scene.blender.reference_cases`."""
+
+    environment: str | None
+    theme: str | None
+    split: str | None
+    views: Sequence[str]
+    tiers: Sequence[Tier | None]
+    unscored: Sequence[str]
+    joints: Sequence[JointFact]
+
+
+class Request(TypedDict, total=False):
+    """A request; each kind has the keys that its function in `worker` reads."""
+
+    kind: Required[
+        Literal[
+            "version", "snapshot", "state", "check", "picture", "card_render", "facts", "cases",
+            "case",
+        ]
+    ]  # fmt: skip
+    blend: str
+    output: str
+    passing: bool
+    card: CardRequest
+    thumbnail_wh: tuple[int, int]
+    case: CaseRequest
