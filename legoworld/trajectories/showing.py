@@ -11,6 +11,7 @@ from typing import Any, Final
 import cv2
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
+from markupsafe import Markup
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import write_text
@@ -25,6 +26,8 @@ from legoworld.records.trajectory_scores import (
 )
 from legoworld.scene.folder import PICTURE
 from legoworld.scene.pictures import MOST_PHOTO_PX, MOST_PX
+from legoworld.tables.html import html
+from legoworld.tables.table import Cell, Number, Table, table
 from legoworld.trajectories.curves import drops, moments
 from legoworld.trajectories.folder import RecordedTrial
 from legoworld.trajectories.scoring import TRAJECTORIES, slot_folder, tokens_until
@@ -34,21 +37,22 @@ _LONGEST_PX: Final = 480
 _CODE_CHARACTERS: Final = 6000
 
 
-def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[object]]:
-    """One row per call: number, seconds, command, status, checkpoint, Q, message."""
+def calls_table(trial: RecordedTrial, score: TrajectoryScore | None) -> Table:
+    """One row a call: number, seconds, command, status, checkpoint, Q, and what it said."""
     q = _scene_of(score)
-    return [
-        [
+    rows = [
+        (
             call.number,
-            f"{call.at_s:.1f}",
+            Number(value=call.at_s, digits=1),
             call.command,
             call.status,
             call.checkpoint or "",
-            "" if (scene := q.get(call.number)) is None or scene.Q is None else f"{scene.Q:.4f}",
+            Number(value=q[call.number].Q) if call.number in q else "",
             call.said[:60],
-        ]
+        )
         for call in trial.calls
-    ]  # fmt: skip
+    ]
+    return table(["call", "s", "command", "status", "checkpoint", "Q", "said"], rows)
 
 
 def read_scores(folder: Path | None) -> TrajectoryFile | None:
@@ -82,7 +86,7 @@ def write_page(
     )
     page = environment.get_template("page.html").render(
         data=json.dumps(shown).replace("<", "\\u003c"),
-        tables=_tables(document),
+        tables=[Markup(html(table)) for table in _tables(document)],
     )
     write_text(path, page)
 
@@ -151,25 +155,14 @@ def _worst(cause: Mapping[str, float]) -> str:
     return min(cause, key=lambda name: cause[name])
 
 
-def _tables(document: TrajectoryFile | None) -> list[dict[str, Any]]:
-    tables: list[dict[str, Any]] = []
+def _tables(document: TrajectoryFile | None) -> list[Table]:
     if document is None:
-        return tables
-    named = [("All images", document.agents)]
+        return []
+    named = [agents_table(document.agents, title="All images")]
     if document.common is not None:
-        named.append((f"The {len(document.common_images)} common images", document.common))
-    for title, agents in named:
-        rows = table_rows(agents)
-        tables.append({"title": title, "head": ["", *(a.agent for a in agents)], "rows": rows})
-    return tables
-
-
-def _cell(value: float | None, interval: Interval | None) -> str:
-    if value is None:
-        return "-"
-    if interval is None or interval.low is None:
-        return f"{value:.3f}"
-    return f"{value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+        title = f"The {len(document.common_images)} common images"
+        named.append(agents_table(document.common, title=title))
+    return named
 
 
 def _picture(path: Path, most_px: int = MOST_PX) -> str | None:
@@ -188,13 +181,17 @@ def _picture(path: Path, most_px: int = MOST_PX) -> str | None:
     return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode() if done else None
 
 
-def table_rows(agents: Sequence[AgentTable]) -> list[list[object]]:
+def agents_table(agents: Sequence[AgentTable], *, title: str = "") -> Table:
     """The means of agents side by side, one row a measure."""
-    names = list(agents[0].means) if agents else []
-    return [
-        [name, *(_cell(agent.means[name].value, agent.means[name].interval) for agent in agents)]
-        for name in names
+    rows: list[list[Cell]] = [
+        [name, *(_number(agent.means[name].value, agent.means[name].interval) for agent in agents)]
+        for name in (agents[0].means if agents else ())
     ]
+    return table(["mean over trials", *(agent.agent for agent in agents)], rows, title=title)
+
+
+def _number(value: float | None, interval: Interval | None) -> Number:
+    return Number(value=value, ends=interval.ends if interval else None, digits=3)
 
 
 def q_of_scores(document: TrajectoryFile) -> Callable[[str, int | None], float | None]:

@@ -94,7 +94,6 @@ interface BenchRaster {
 interface BenchTables {
   board: Leaderboard;
   losses: Array<SideLosses>;
-  flags: Array<FlaggedCase>;
   tiers: Array<TierBar>;
   outcomes: Array<Outcome>;
   errors: Array<Outcome>;
@@ -301,17 +300,6 @@ interface FirstScreen {
   coverage: Array<CoverageBar>;
 }
 
-/** An integrity flag of a side's case. */
-interface FlaggedCase {
-  label: string;
-  image_id: number;
-  file_name: string;
-  kind: "appearance_without_geometry" | "camera_facing_planes" | "compositor_nodes" | "drivers" | "picture_in_scene" | "picture_in_world" | "text_blocks" | "view_drop";
-  what: string;
-  measured: number;
-  threshold: number;
-}
-
 /** A metric: a span of each side, and of the difference to each other side. */
 interface ForestRow {
   name: string;
@@ -480,9 +468,10 @@ interface SideCosts {
   most: Array<Cost>;
 }
 
-/** One side. used_truth: whether its prompts came from the truth. */
+/** One side. scored: images; used_truth: whether its prompts came from the truth. */
 interface SideHead {
   label: string;
+  scored: number;
   scene: boolean;
   used_truth: boolean;
 }
