@@ -254,7 +254,7 @@ def test_scoring_boxes_loads_nothing_of_other_families():
         "import sys\n"
         "from legoworld.tasks.registry import family_of\n"
         "for storey in ('records', 'evaluation', 'comparison'):\n"
-        "    family_of('coco').load(storey)\n"
+        "    family_of('coco').load(storey, object)\n"
         "print(*sorted(m for m in sys.modules if m.startswith('legoworld.')))\n"
     )
     ran = subprocess.run(
