@@ -21,11 +21,6 @@ def share(part: int, total: int, one: str, many: str) -> str:
     return f"{part:,} of {counted(total, one, many)}"
 
 
-def range_text(ends: tuple[float, float] | None, sign: str = "") -> str:
-    """A range in a table, "0.9158 to 1.0000"; "-" for none. sign: "+" shows that of both ends."""
-    return "-" if ends is None else " to ".join(f"{end:{sign}.4f}" for end in ends)
-
-
 def did_you_mean(word: str, known: Sequence[str]) -> str:
     """A sentence that suggests the nearest known word, after a space; empty without one."""
     import difflib  # only needed for a message

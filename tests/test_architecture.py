@@ -35,6 +35,7 @@ ROOMS = [
     ),
     ("shipped",),
     ("tasks",),
+    ("tables",),
     ("records",),
     ("cards", "tracks", "depth_files"),
     ("workers",),

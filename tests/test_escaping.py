@@ -7,8 +7,9 @@ import io
 
 import pytest
 
-from legoworld.comparison.formats import Table, comma_separated, latex, markdown
 from legoworld.escaping import csv_cell, latex_cell, markdown_cell
+from legoworld.tables.files import comma_separated, latex, markdown
+from legoworld.tables.table import table
 
 FORMULAS = ["=HYPERLINK(1)", "+cmd|' /C calc'!A0", "-2+3", "@SUM(1)", "\t=1", "--", "+nan"]
 
@@ -16,7 +17,7 @@ FORMULAS = ["=HYPERLINK(1)", "+cmd|' /C calc'!A0", "-2+3", "@SUM(1)", "\t=1", "-
 @pytest.mark.parametrize("text", FORMULAS)
 def test_a_cell_that_a_spreadsheet_would_evaluate_begins_with_an_apostrophe(text):
     assert csv_cell(text).startswith("'")
-    rows = list(csv.reader(io.StringIO(comma_separated(Table(header=[text], rows=[[text]])))))
+    rows = list(csv.reader(io.StringIO(comma_separated(table([text], [[text]])))))
     assert all(cell.startswith("'") for row in rows for cell in row)
 
 
@@ -39,10 +40,10 @@ def test_numbers_and_plain_names_stay(text):
 )
 def test_markdown_cells_hold_no_markup(text, shown):
     assert markdown_cell(text) == shown
-    assert shown in markdown(Table(header=["a"], rows=[[text]], notes=[text]))
+    assert shown in markdown(table(["a"], [[text]], notes=[text]))
 
 
 @pytest.mark.parametrize("text", ["[2cm] name", "*name"])
 def test_a_latex_line_does_not_begin_with_an_argument_of_the_line_above(text):
     assert latex_cell(text) == "{}" + text
-    assert f"\n{{}}{text} \\\\" in latex(Table(header=["a"], rows=[[text]]))
+    assert f"\n{{}}{text} \\\\" in latex(table(["a"], [[text]]))

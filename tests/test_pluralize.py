@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import legoworld
-from legoworld.pluralize import counted, in_another_folder, range_text, share, word_for
+from legoworld.pluralize import counted, in_another_folder, share, word_for
 
 PACKAGE = Path(legoworld.__file__).parent
 #: A number in an f-string with a plural right behind it: wrong for 1.
@@ -62,9 +62,3 @@ def test_the_same_name_in_another_folder():
     assert in_another_folder("b.jpg", known) == "val2017/b.jpg"
     assert in_another_folder("val2017/b.jpg", known) is None
     assert in_another_folder("d.jpg", known) is None
-
-
-def test_a_range_says_both_ends_and_none_is_a_dash():
-    assert range_text((0.91584, 1.0)) == "0.9158 to 1.0000"
-    assert range_text((-0.01, 0.02), "+") == "-0.0100 to +0.0200"
-    assert range_text(None) == "-"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from legoworld.readouts.protocol import Protocol
     from legoworld.records.run_rows import RunRow
     from legoworld.running.readout_run import RunResult
+    from legoworld.tables.table import Cell
     from legoworld.tracks.track import Track
 
 sandbox_option = click.option(
@@ -96,7 +97,7 @@ def _print(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool)
     click.echo(f"{line} -> {output}")
 
 
-def _made(row: RunRow) -> int | str:
+def _made(row: RunRow) -> Cell:
     if row.status != "ok":
         return "-"
     if row.depth and row.rendered_wh:

@@ -57,15 +57,15 @@ def table_command(
         write_leaderboard,
     )
     from legoworld.records.base import as_json as plain
+    from legoworld.tables.terminal import terminal
 
     board = leaderboard(read_entries(evaluations), draws=draws, seed=seed)
     write_leaderboard(output, board, overwrite=overwrite)
     if as_json:
         options.print_json({"folder": str(output), "leaderboard": plain(board)})
         return 0
-    table = wide_table(board)
-    rows = [row for row in table.rows if verbose or row[3] == "all"]
-    click.echo(options.table(table.header, rows))
+    table = wide_table(board, every_group=verbose)
+    click.echo(terminal(table))
     click.echo("\n".join(["", *table.notes, f"-> {output}"]))
     return 0
 

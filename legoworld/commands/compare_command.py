@@ -9,7 +9,6 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
-from legoworld.commands.comparison_text import coverage_text, headline_text, notes_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from legoworld.api.by_task import ByTask
     from legoworld.api.comparison import Comparison
     from legoworld.api.evaluation import Evaluation
-    from legoworld.comparison.tables import Document
 
 
 @click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
@@ -143,15 +141,7 @@ def _evaluated(folder: Path) -> Path | ByTask[Evaluation]:
 
 
 def _print(found: Comparison, *, verbose: bool) -> None:
-    from legoworld.commands.comparison_short import short_comparison
+    from legoworld.commands.comparison_text import short_comparison, whole_comparison
 
-    click.echo(_tables(found.document) if verbose else short_comparison(found.document))
-    click.echo(f"\n-> {found.folder}")
-
-
-def _tables(document: Document) -> str:
-    from legoworld.comparison.tables import coverage_table, headline_table
-
-    headline = headline_table(document)
-    parts = (headline_text(headline), coverage_text(coverage_table(document)))
-    return "\n\n".join((*parts, notes_text(headline.notes)))
+    shown = whole_comparison if verbose else short_comparison
+    click.echo(f"{shown(found.document)}\n\n-> {found.folder}")

@@ -1,85 +1,83 @@
-"""A comparison's two tables for a terminal: complete, at most 100 columns wide."""
+"""The output of `legoworld compare`: verdicts and headline metrics, or every table with -v."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from itertools import groupby, zip_longest
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from legoworld.commands import options
+from legoworld.comparison.tables import (
+    comparisons_of,
+    coverage_table,
+    cut,
+    headline_blocks,
+    notes_of,
+    number,
+)
+from legoworld.comparison.verdict import headline_rows, standing, verdict_sentence
+from legoworld.pluralize import counted
+from legoworld.tables.table import Cell, Table, table
+from legoworld.tables.terminal import WIDTH, filled, terminal
 
 if TYPE_CHECKING:
-    from legoworld.comparison.formats import Table
-
-_WIDTH: Final = 100
-_NAME_WIDTH: Final = 18  # as wide as the interval of a difference
+    from legoworld.comparison.tables import Document
+    from legoworld.records.comparison import ComparisonRow, Pair
 
 
-def headline_text(table: Table) -> str:
-    """Metric by method, in one block per task, pair of methods and set of images.
-
-    The interval is below its value; below a metric is its denominator besides the images.
-    """
-    rows = [_Row(table.header, cells) for cells in table.rows]
-    return "\n\n".join(_block(list(rows)) for _, rows in groupby(rows, key=lambda row: row.title))
-
-
-def coverage_text(table: Table) -> str:
-    """The coverage table, followed by the reasons why images were not paired."""
-    rows = [[*row[:3], _cut(row[3]), row[4], _cut(row[5]), *row[6:-1]] for row in table.rows]
-    lines = [options.table(table.header[:-1], rows)]
-    for row in table.rows:
-        if row[-1] != "-":
-            lines += _wrapped(f"not paired in {row[0]}, {row[3]} and {row[5]}: ", row[-1])
-    return "\n".join(lines)
+def short_comparison(document: Document) -> str:
+    """The verdict of every pair, its coverage, and its headline metrics with their differences."""
+    pairs = [(one.task, pair) for one in comparisons_of(document) for pair in one.pairs]
+    verdicts = [f"{verdict_sentence(task, pair)}." for task, pair in pairs]
+    count = counted(len(notes_of(document)), "note", "notes")
+    ends = [f"{start}{reasons}" for start, reasons in _not_paired(document)]
+    ends.append(f"{count} on interpretation, and all tables: -v")
+    blocks = (terminal(_headline(task, pair)) for task, pair in pairs)
+    return "\n\n".join([_notes(verdicts), *blocks, _notes(ends)])
 
 
-def notes_text(notes: Sequence[str]) -> str:
-    """Sentences, wrapped."""
-    return "\n".join(textwrap.fill(note, _WIDTH, break_on_hyphens=False) for note in notes)
+def whole_comparison(document: Document) -> str:
+    """Every table, at most 100 columns wide: intervals and denominators below their numbers."""
+    coverage = coverage_table(document)
+    rows = [[*row[:3], cut(str(row[3])), row[4], cut(str(row[5])), *row[6:-1]]
+            for row in coverage.rows]  # fmt: skip
+    reasons = [text for pair in _not_paired(document) for text in filled(*pair)]
+    return "\n\n".join(
+        [
+            *(terminal(block, stacked=True) for block in headline_blocks(document)),
+            "\n".join([terminal(table(coverage.header[:-1], rows)), *reasons]),
+            _notes(notes_of(document)),
+        ]
+    )
 
 
-class _Row:
-    """One row of the headline table: two methods get a column each, further ones are named."""
+def _headline(task: str, pair: Pair) -> Table:
+    coverage = pair.coverage
+    title = (
+        f"{task}: {pair.scene} against {pair.baseline}, "
+        f"{coverage.paired} paired of {coverage.attempted} attempted images"
+    )
+    rows: list[list[Cell]] = [
+        [row.metric, number(row.scene, digits=3), number(row.baseline, digits=3),
+         number(row.difference, signed=True, digits=3), _word(row)]
+        for row in headline_rows(pair)
+    ]  # fmt: skip
+    return table(["metric", "scene", "against", "difference", ""], rows, title=title)
 
-    def __init__(self, header: Sequence[str], cells: Sequence[str]) -> None:
-        task, self.metric, *middle, self.difference, over = cells
-        if len(middle) == 2:
-            self.methods, self.values = (header[2], header[3]), (middle[0], middle[1])
-        else:
-            self.methods, self.values = (middle[0], middle[2]), (middle[1], middle[3])
-        images, _, self.denominators = over.partition(", ")
-        self.title = f"{task}, {images}: {self.methods[0]} and {self.methods[1]}"
+
+def _word(row: ComparisonRow) -> str:
+    """The side that the interval of the difference favours, in a word that fits the table."""
+    verdict = standing(row)
+    return "undecided" if verdict == "not told apart" else verdict
 
 
-def _block(rows: Sequence[_Row]) -> str:
-    numbers = [[cell.split(" ", 1) for cell in (*row.values, row.difference)] for row in rows]
-    header = [_cut(name) for name in rows[0].methods] + ["difference"]
-    widths = [
-        max(len(name), *(len(part) for row in numbers for part in row[i]))
-        for i, name in enumerate(header)
+def _not_paired(document: Document) -> list[tuple[str, str]]:
+    """For each pair that lacks images: which it is, and the reasons with their counts."""
+    return [
+        (f"not paired in {row[0]}, {row[3]} and {row[5]}: ", str(row[-1]))
+        for row in coverage_table(document).rows
+        if row[-1] != "-"
     ]
-    left = _WIDTH - sum(widths) - 2 * len(widths)
-    lines: list[tuple[str, ...]] = []
-    for row, cells in zip(rows, numbers, strict=True):
-        over = _wrapped("  ", row.denominators, width=left) if row.denominators else []
-        lines += zip_longest([row.metric, *over], *cells, fillvalue="")
-    title = "\n".join(textwrap.wrap(rows[0].title, _WIDTH))
-    return f"{title}\n{options.table(['metric', *header], lines)}"
 
 
-def _cut(name: str) -> str:
-    return name if len(name) <= _NAME_WIDTH else name[: _NAME_WIDTH - 1] + "…"
-
-
-def _wrapped(start: str, text: str, *, width: int = _WIDTH) -> list[str]:
-    """Comma-separated parts, filled into lines; a part too long for a line is wrapped by word."""
-    lines = [start]
-    *parts, last = text.split(", ")
-    for part in (*(f"{part}, " for part in parts), last):
-        if len(lines[-1] + part.rstrip()) > width and lines[-1].strip():
-            lines.append("  ")
-        lines[-1] += part
-    whole = (textwrap.wrap(line, width, subsequent_indent="  ") for line in lines)
-    return [line for part in whole for line in part]
+def _notes(notes: Sequence[str]) -> str:
+    return "\n".join(textwrap.fill(note, WIDTH, break_on_hyphens=False) for note in notes)

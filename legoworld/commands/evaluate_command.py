@@ -142,14 +142,12 @@ def command(
 
 
 def _print(found: Evaluation, *, verbose: bool) -> None:
-    from legoworld.evaluation.family import evaluation_of
+    from legoworld.evaluation.family import evaluation_of, evaluation_text
 
-    family = evaluation_of(found.task)
     if verbose:
-        text = options.within_width(family.text(found.summary, options.table))
-        click.echo(f"{text}\n\n-> {found.folder}")
+        click.echo(f"{evaluation_text(found.summary)}\n\n-> {found.folder}")
     else:
-        click.echo(f"{family.short(found.summary)}\n-> {found.folder}")
+        click.echo(f"{evaluation_of(found.task).short(found.summary)}\n-> {found.folder}")
 
 
 @contextmanager

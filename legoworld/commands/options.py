@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import escaped, name_on_line
-from legoworld.escaping import Cell
+from legoworld.errors import escaped
 from legoworld.pluralize import did_you_mean
+from legoworld.tables.table import Cell
+from legoworld.tables.table import table as of_cells
+from legoworld.tables.terminal import terminal
 from legoworld.tasks.registry import known_tasks, task_named, task_names
 from legoworld.tasks.task import Task
 
@@ -219,60 +220,9 @@ def print_json(document: Mapping[str, Storable]) -> None:
     click.echo(escaped(text))
 
 
-#: No table is wider, as far as wrapping one column can do that.
-TABLE_WIDTH = 100
-_NARROWEST = 16
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
-    """A text table with columns as narrow as possible; numeric columns are right-aligned.
-
-    The widest column is wrapped where the table would exceed TABLE_WIDTH.
-    """
-    cells = _wrapped(header, [[name_on_line(str(c)) for c in row] for row in rows])
-    widths = [
-        max(len(header[i]), *(len(row[i]) for row in cells)) if cells else len(header[i])
-        for i in range(len(header))
-    ]
-    numeric = [
-        bool(rows) and all(isinstance(row[i], int | float) or row[i] in ("", "-") for row in rows)
-        for i in range(len(header))
-    ]
-
-    def line(row: Sequence[str]) -> str:
-        parts = (
-            c.rjust(w) if n else c.ljust(w) for c, w, n in zip(row, widths, numeric, strict=True)
-        )
-        return "  ".join(parts).rstrip()
-
-    rule = "  ".join("-" * w for w in widths)
-    return "\n".join([line(header), rule, *(line(row) for row in cells)])
-
-
-def _wrapped(header: Sequence[str], cells: list[list[str]]) -> list[list[str]]:
-    """The cells with their widest column broken into lines, a row of cells for each."""
-    widths = [max([len(h), *(len(row[i]) for row in cells)]) for i, h in enumerate(header)]
-    beyond = sum(widths) + 2 * (len(widths) - 1) - TABLE_WIDTH
-    widest = max(range(len(widths)), key=widths.__getitem__, default=0)
-    if beyond <= 0 or widths[widest] - beyond < max(_NARROWEST, len(header[widest])):
-        return cells
-    lines: list[list[str]] = []
-    for row in cells:
-        parts = textwrap.wrap(row[widest], widths[widest] - beyond, break_on_hyphens=False) or [""]
-        for k, part in enumerate(parts):
-            line = row if k == 0 else [""] * len(row)
-            lines.append([*line[:widest], part, *line[widest + 1 :]])
-    return lines
-
-
-def within_width(text: str) -> str:
-    """Lines that are wider than a table may be, wrapped."""
-    return "\n".join(
-        textwrap.fill(line, TABLE_WIDTH, subsequent_indent="  ", break_on_hyphens=False)
-        if len(line) > TABLE_WIDTH
-        else line
-        for line in text.split("\n")
-    )
+def table(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
+    """A text table of words and numbers."""
+    return terminal(of_cells(header, rows))
 
 
 def report_hint(folder: Path, *, photos: bool) -> str:

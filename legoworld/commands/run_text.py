@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from legoworld.api.readout import Run
     from legoworld.records.run_file import RunSummary
     from legoworld.records.run_rows import RunRow
+    from legoworld.tables.table import Cell
 
 #: Maximum number of lines of one kind without -v.
 _SHORT: Final = 3
@@ -193,7 +194,7 @@ def _exports(task: str) -> str:
     return load_card(task).reads
 
 
-def _exported(row: RunRow) -> tuple[int | str, int | str]:
+def _exported(row: RunRow) -> tuple[Cell, Cell]:
     if row.status != "ok":
         return "-", "-"
     if row.surface:

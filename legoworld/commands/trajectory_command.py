@@ -45,16 +45,16 @@ def show(scene: Path, scores: Path | None, as_json: bool, quiet: bool, verbose: 
       legoworld trajectory show scenes/coffee
       legoworld trajectory show scenes/room0 --scores scores
     """
+    from legoworld.tables.terminal import terminal
     from legoworld.trajectories.folder import read_trial
-    from legoworld.trajectories.showing import read_scores, rows_of, score_of
+    from legoworld.trajectories.showing import calls_table, read_scores, score_of
 
     trial = read_trial(scene)
     score = score_of(read_scores(scores), trial)
     if as_json:
         options.print_json({"trial": trial.about, "calls": trial.calls, "score": score})
         return 0
-    head = ["call", "s", "command", "status", "checkpoint", "Q", "said"]
-    click.echo(options.table(head, rows_of(trial, score)))
+    click.echo(terminal(calls_table(trial, score)))
     about = trial.about
     source = about.finalisation.source
     submitted = "nothing was submitted" if source == "none" else f"submitted: its {source} scene"
@@ -99,8 +99,9 @@ def score(
       legoworld trajectory score scenes --truth bench/private -o scores
       legoworld trajectory score codex claude --truth bench/private -o scores --workers 4
     """
+    from legoworld.tables.terminal import terminal
     from legoworld.trajectories.scoring import ScoringPlan, score_trajectories
-    from legoworld.trajectories.showing import table_rows
+    from legoworld.trajectories.showing import agents_table
     from legoworld.workers.protections import protections
     from legoworld.workers.sandbox import SandboxLimits
 
@@ -118,12 +119,11 @@ def score(
     if as_json:
         options.print_json({"agents": document.agents, "common": document.common})
         return 0
-    head = ["mean over trials", *(agent.agent for agent in document.agents)]
-    click.echo(options.table(head, table_rows(document.agents)))
+    click.echo(terminal(agents_table(document.agents)))
     if document.common is not None:
         shared = counted(len(document.common_images), "image", "images")
         click.echo(f"\nOver {shared} that all agents have:")
-        click.echo(options.table(head, table_rows(document.common)))
+        click.echo(terminal(agents_table(document.common)))
     return 0
 
 

@@ -9,7 +9,6 @@ from typing import Any, Final, TypeVar
 
 from msgspec.structs import replace
 
-from legoworld.comparison.formats import FORMATS
 from legoworld.comparison.tables import coverage_table, csv_table, headline_table
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError, cause
 from legoworld.evaluation.stored import READ, Evaluated
@@ -34,6 +33,7 @@ from legoworld.records.evidence import (
 from legoworld.records.families import records_of
 from legoworld.records.folders.evaluation_folder import input_file, installed_versions
 from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
+from legoworld.tables.files import FORMATS
 
 COMPARISON: Final = "comparison.json"
 KINDS: Final = (KIND, JOINED)

@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from legoworld.comparison.compatibility import check_comparable
-from legoworld.comparison.formats import FORMATS, Table
 from legoworld.comparison.provenance import NOT_RECORDED, recorded_provenance
 from legoworld.comparison.sides import distinct_names
 from legoworld.errors import ConfigurationMismatchError, UsageError
@@ -28,6 +27,8 @@ from legoworld.records.reconstruction_leaderboard import (
     Repeated,
 )
 from legoworld.records.reconstruction_summary import Means
+from legoworld.tables.files import FORMATS
+from legoworld.tables.table import Cell, Number, Table, table
 from legoworld.tasks.shipped import BENCH
 
 DOCUMENT: Final = "leaderboard.json"
@@ -93,30 +94,31 @@ def write_leaderboard(folder: Path, board: Leaderboard, *, overwrite: bool) -> N
         write_text(folder / f"leaderboard.{suffix}", render(shown))
 
 
-def wide_table(board: Leaderboard) -> Table:
+def wide_table(board: Leaderboard, *, every_group: bool = True) -> Table:
     """A line for each agent, model and group, in percent: mean (sd) over runs."""
-    rows = [
-        (row.agent, row.model, str(len(row.evaluations)), _group_name(group), str(group.cases),
+    rows: list[tuple[Cell, ...]] = [
+        (row.agent, row.model, len(row.evaluations), _group_name(group), group.cases,
          *(_percent(group.metrics[name]) for name in _SHOWN))
         for row in board.rows
-        for group in row.groups
+        for group in (row.groups if every_group else row.groups[:1])
     ]  # fmt: skip
     header = ("agent", "model", "runs", "group", "cases", *(n.replace("_", " ") for n in _SHOWN))
-    return Table(header=header, rows=rows, notes=_notes(board))
+    return table(header, rows, notes=_notes(board))
 
 
 def long_table(board: Leaderboard) -> Table:
     """A line for each number, unrounded, for programs."""
-    rows = [
-        (row.agent, row.model, str(len(row.evaluations)), group.kind, group.name, name, found.over,
-         _number(found.mean), _number(found.sd), *_ends(found), " ".join(map(str, found.n)))
+    rows: list[tuple[Cell, ...]] = [
+        (row.agent, row.model, len(row.evaluations), group.kind, group.name, name, found.over,
+         Number(value=found.mean), Number(value=found.sd), *_ends(found),
+         " ".join(map(str, found.n)))
         for row in board.rows
         for group in row.groups
         for name, found in group.metrics.items()
     ]  # fmt: skip
     header = ("agent", "model", "runs", "group_kind", "group", "metric", "over", "mean", "sd",
               "low", "high", "denominators")  # fmt: skip
-    return Table(header=header, rows=rows)
+    return table(header, rows)
 
 
 def _notes(board: Leaderboard) -> list[str]:
@@ -226,16 +228,11 @@ def _group_name(group: LeaderboardGroup) -> str:
     return group.name if group.kind == "all" else f"{group.kind} {group.name}"
 
 
-def _percent(found: Repeated) -> str:
-    if found.mean is None:
-        return "-"
-    return f"{100 * found.mean:.1f}" + ("" if found.sd is None else f" ({100 * found.sd:.1f})")
+def _percent(found: Repeated) -> Cell:
+    mean = Number(value=None if found.mean is None else 100 * found.mean, digits=1)
+    return mean if found.sd is None else f"{mean} ({100 * found.sd:.1f})"
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else repr(value)
-
-
-def _ends(found: Repeated) -> tuple[str, str]:
-    ends = found.interval.ends if found.interval else None
-    return (repr(ends[0]), repr(ends[1])) if ends else ("", "")
+def _ends(found: Repeated) -> tuple[Number, Number]:
+    low, high = (found.interval.ends if found.interval else None) or (None, None)
+    return Number(value=low), Number(value=high)

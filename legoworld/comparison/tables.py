@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Final
 
-from legoworld.comparison.formats import Table
 from legoworld.comparison.measures import HEADLINE, TABLE
 from legoworld.records.comparison import (
     Comparison,
@@ -14,7 +14,9 @@ from legoworld.records.comparison import (
     Difference,
     JoinedComparison,
     Measured,
+    Pair,
 )
+from legoworld.tables.table import Cell, Number, Table, Text, table
 
 Document = Comparison | JoinedComparison
 
@@ -32,11 +34,24 @@ _OVER: Final = {
 _OF_BENCH: Final = "not valid"
 _SIDES: Final = ("scene", "baseline", "difference")
 _CSV_SIDE: Final = ("value", "low", "high")
+_NAME_WIDTH: Final = 18
 
 
 def comparisons_of(document: Document) -> tuple[Comparison, ...]:
     """The comparisons in a document: itself, or the joined ones."""
     return (document,) if isinstance(document, Comparison) else document.comparisons
+
+
+def number(side: Difference, *, signed: bool = False, digits: int = 4) -> Number:
+    """A side's value with its interval; an expected AP has its spread over tie orders instead."""
+    sd = side.sd if isinstance(side, Measured) and isinstance(side.sd, float) else None
+    return Number(value=side.value, ends=side.ends, sd=sd, signed=signed, digits=digits)
+
+
+def over_text(side: Measured) -> str:
+    """One side's denominators, images first."""
+    counts = sorted(side.over.items(), key=lambda count: (count[0] != "images", count[0]))
+    return ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counts)
 
 
 def headline_table(document: Document) -> Table:
@@ -45,45 +60,78 @@ def headline_table(document: Document) -> Table:
     Of joined comparisons the first metrics of each task; of one, all but the details. Two methods
     alone have a column each; more are rows.
     """
-    level = TABLE if isinstance(document, Comparison) else HEADLINE
-    pairs = [(one.task, pair) for one in comparisons_of(document) for pair in one.pairs]
+    pairs = _pairs(document)
     named = {(pair.scene, pair.baseline) for _, pair in pairs}
-    rows = []
+    rows: list[list[Cell]] = []
     for task, pair in pairs:
-        for row in pair.rows:
-            if row.level <= level:
-                cells = [_cell(row.scene), _cell(row.baseline)]
-                if len(named) > 1:
-                    cells = [pair.scene, cells[0], pair.baseline, cells[1]]
-                difference = _cell(row.difference, signed=True)
-                rows.append([task, _name(row), *cells, difference, _denominators(row)])
+        for row in _shown(document, pair):
+            cells: list[Cell] = [number(row.scene), number(row.baseline)]
+            if len(named) > 1:
+                cells = [pair.scene, cells[0], pair.baseline, cells[1]]
+            over = ", ".join(_denominators(row))
+            rows.append([task, _name(row), *cells, number(row.difference, signed=True), over])
     methods = [*named.pop()] if len(named) == 1 else ["method", "value", "against", "its value"]
-    header = ["task", "metric", *methods, "difference", "over"]
-    return Table(header=header, rows=rows, notes=_notes(document))
+    return table(["task", "metric", *methods, "difference", "over"], rows, notes=notes_of(document))
+
+
+def headline_blocks(document: Document) -> list[Table]:
+    """The same in a table for each task, pair of methods and set of images."""
+    blocks = []
+    for task, pair in _pairs(document):
+        for _, alike in groupby(_shown(document, pair), key=lambda row: _denominators(row)[0]):
+            of_images = list(alike)
+            images = _denominators(of_images[0])[0]
+            rows: list[list[Cell]] = [
+                [
+                    Text(text=_name(row), below=", ".join(_denominators(row)[1:])),
+                    number(row.scene),
+                    number(row.baseline),
+                    number(row.difference, signed=True),
+                ]
+                for row in of_images
+            ]
+            title = f"{task}, {images}: {pair.scene} and {pair.baseline}"
+            header = ["metric", cut(pair.scene), cut(pair.baseline), "difference"]
+            blocks.append(table(header, rows, title=title))
+    return blocks
+
+
+def cut(name: str) -> str:
+    """A method's name, at most as wide as the interval of a difference."""
+    return name if len(name) <= _NAME_WIDTH else name[: _NAME_WIDTH - 1] + "…"
+
+
+def _pairs(document: Document) -> list[tuple[str, Pair]]:
+    return [(one.task, pair) for one in comparisons_of(document) for pair in one.pairs]
+
+
+def _shown(document: Document, pair: Pair) -> list[ComparisonRow]:
+    level = TABLE if isinstance(document, Comparison) else HEADLINE
+    return [row for row in pair.rows if row.level <= level]
 
 
 def coverage_table(document: Document) -> Table:
     """Attempted, scored and paired, one row per pair, with the reasons for dropped images."""
-    rows = []
-    for one in comparisons_of(document):
-        for pair in one.pairs:
-            coverage = pair.coverage
-            dropped = Counter(reason for d in pair.dropped for reason in d.reasons)
-            rows.append(
-                [
-                    one.task,
-                    str(coverage.attempted),
-                    str(coverage.with_truth),
-                    pair.scene,
-                    str(coverage.scene_scored),
-                    pair.baseline,
-                    str(coverage.baseline_scored),
-                    str(coverage.paired),
-                    ", ".join(f"{reason} ({n})" for reason, n in sorted(dropped.items())) or "-",
-                ]
-            )
+    rows: list[list[Cell]] = []
+    for task, pair in _pairs(document):
+        coverage = pair.coverage
+        dropped = Counter(reason for d in pair.dropped for reason in d.reasons)
+        reasons = ", ".join(f"{reason} ({n})" for reason, n in sorted(dropped.items()))
+        rows.append(
+            [
+                task,
+                coverage.attempted,
+                coverage.with_truth,
+                pair.scene,
+                coverage.scene_scored,
+                pair.baseline,
+                coverage.baseline_scored,
+                coverage.paired,
+                reasons or "-",
+            ]
+        )
     header = ["task", "attempted", "with truth", "method", "scored", "against", "its scored"]
-    return Table(header=[*header, "paired", "not paired"], rows=rows)
+    return table([*header, "paired", "not paired"], rows)
 
 
 def csv_table(document: Document) -> Table:
@@ -101,39 +149,25 @@ def csv_table(document: Document) -> Table:
         if side != "difference":
             header += [f"{side}_over_{name.replace(' ', '_')}" for name in over]
     header += ["interval_level", "interval_unit", "draws"]
-    rows = []
+    rows: list[list[Cell]] = []
     for one in comparisons_of(document):
         for pair in one.pairs:
             for row in pair.rows:
-                cells = [one.task, *(str(getattr(row, k)) for k in header[1:6])]
+                cells: list[Cell] = [one.task, *(getattr(row, k) for k in header[1:6])]
                 cells += [pair.scene, pair.baseline]
                 for side in _SIDES:
                     cells += _csv_side(getattr(row, side), over)
-                cells += [str(getattr(one.bootstrap, k)) for k in ("level", "unit", "draws")]
-                rows.append(cells)
-    return Table(header=header, rows=rows)
+                drawn = one.bootstrap
+                rows.append([*cells, Number(value=drawn.level), drawn.unit, drawn.draws])
+    return table(header, rows)
 
 
-def _csv_side(side: Difference, over: Sequence[str]) -> list[str]:
+def _csv_side(side: Difference, over: Sequence[str]) -> list[Cell]:
     low, high = (side.interval.low, side.interval.high) if side.interval else (None, None)
-    cells = ["" if n is None else repr(n) for n in (side.value, low, high)]
+    cells: list[Cell] = [Number(value=n) for n in (side.value, low, high)]
     if not isinstance(side, Measured):
         return cells
-    return cells + [str(side.over.get(name, "")) for name in over]
-
-
-def _cell(side: Difference, *, signed: bool = False) -> str:
-    """Value and interval; an expected AP shows the spread over tie orders instead."""
-    form = "+.4f" if signed else ".4f"
-    if side.value is None:
-        return "-"
-    value = side.value + 0.0  # -0.0 prints as +0.0000
-    if side.ends:
-        low, high = (end + 0.0 for end in side.ends)
-        return f"{value:{form}} [{low:{form}}, {high:{form}}]"
-    if isinstance(side, Measured) and isinstance(side.sd, float):
-        return f"{value:{form}} (sd {side.sd:.4f})"
-    return f"{value:{form}}"
+    return cells + [side.over.get(name, "") for name in over]
 
 
 def _name(row: ComparisonRow) -> str:
@@ -141,8 +175,8 @@ def _name(row: ComparisonRow) -> str:
     return f"{row.metric} {'↑' if row.better == 'higher' else '↓'}"
 
 
-def _denominators(row: ComparisonRow) -> str:
-    """The denominators of a row; if the two methods differ, both, the scene's first."""
+def _denominators(row: ComparisonRow) -> list[str]:
+    """The denominators of a row, images first; both methods' where they differ."""
     ours, theirs = row.scene.over, row.baseline.over
     parts: list[str] = []
     for name, words in _OVER.items():
@@ -151,10 +185,11 @@ def _denominators(row: ComparisonRow) -> str:
             word = words[0] if counts == [1] else words[1]
             which = f"{row.images} " if name == "images" else ""
             parts.append(f"{' / '.join(map(str, counts))} {which}{word}")
-    return ", ".join(parts)
+    return parts
 
 
-def _notes(document: Document) -> list[str]:
+def notes_of(document: Document) -> list[str]:
+    """What the numbers were drawn and computed by, and the comparison's own notes."""
     notes = []
     for one in comparisons_of(document):
         drawn, evaluator = one.bootstrap, one.evaluator

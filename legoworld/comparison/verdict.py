@@ -7,6 +7,7 @@ from typing import Final, Literal
 from legoworld.comparison.measures import HEADLINE
 from legoworld.pluralize import share
 from legoworld.records.comparison import ComparisonRow, Difference, Pair
+from legoworld.tables.table import Number, line
 from legoworld.tasks.registry import find_task
 
 Standing = Literal["better", "worse", "not told apart", "no interval"]
@@ -54,11 +55,8 @@ def noun(task: str, name: str) -> str:
 
 def spelt(side: Difference, *, signed: bool = False) -> str:
     """A number with its interval: 0.588 [0.477, 0.708]."""
-    if side.value is None:
-        return "undefined"
-    sign = "+" if signed else ""
-    text = f"{side.value + 0.0:{sign}.3f}"
-    return f"{text} [{side.ends[0]:{sign}.3f}, {side.ends[1]:{sign}.3f}]" if side.ends else text
+    value = Number(value=side.value, ends=side.ends, signed=signed, digits=3)
+    return "undefined" if side.value is None else line(value)
 
 
 _WORDS: Final = {

@@ -7,21 +7,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from legoworld.escaping import Cell
 from legoworld.evaluation.checks import Check
+from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
 from legoworld.evaluation.opening import HERE, Origins
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evidence import EvaluationEvidence
+from legoworld.tables.table import Table
+from legoworld.tables.terminal import terminal, within_width
 from legoworld.tasks.registry import family_of
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
-
-#: Header and rows to a text table.
-TextTable = Callable[[Sequence[str], Sequence[Sequence[Cell]]], str]
 
 
 def _ignore(_what: object) -> None:
     """Drop what is said."""
+
+
+def _nothing(_summary: object) -> list[Any]:
+    return []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,15 +71,20 @@ class EvaluationFamily:
 
     evaluate: writes the evaluation folder; every LegoWorldError is raised before anything is
     written. verify: makes the numbers again from what the folder and its inputs hold, at least from
-    its rows. short: a few lines; text: everything, with tables. files: what an evaluation must hold
-    besides summary, rows and run. photos: whether its page shows the track's photos, which --photos
-    names; truth_is_file: whether --truth names the truth itself, and no folder of it.
+    its rows. short: a few lines. metrics: every number of a summary; tables: more tables of one;
+    head: stands above them in place of the first short line; notes: sentences about what the
+    numbers are over. files: what an evaluation must hold besides summary, rows and run. photos:
+    whether its page shows the track's photos, which --photos names; truth_is_file: whether --truth
+    names the truth itself, and no folder of it.
     """
 
     evaluate: Callable[[EvaluationRequest], Summary]
     verify: Callable[[Recorded], Iterator[Check]]
     short: Callable[[Any], str]
-    text: Callable[[Any, TextTable], str]
+    metrics: Callable[[Any], Sequence[MetricPart]] = metric_parts
+    tables: Callable[[Any], Sequence[Table]] = _nothing
+    head: Callable[[Any], str] | None = None
+    notes: Callable[[Any], Sequence[str]] = _nothing
     files: frozenset[str] = frozenset()
     photos: bool = True
     truth_is_file: bool = True
@@ -85,3 +93,12 @@ class EvaluationFamily:
 def evaluation_of(task: str) -> EvaluationFamily:
     """The evaluation of a task. UsageError, InstallationError."""
     return family_of(task).load("evaluation", EvaluationFamily)
+
+
+def evaluation_text(summary: Summary) -> str:
+    """Everything that an evaluation says of itself, for a terminal."""
+    family = evaluation_of(summary.task)
+    tables = [*metric_tables([("", family.metrics(summary))]), *family.tables(summary)]
+    head = family.head(summary) if family.head else family.short(summary).split("\n", 1)[0]
+    parts = [head, *map(terminal, tables), "\n".join(family.notes(summary))]
+    return within_width("\n\n".join(filter(None, parts)))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from legoworld.pluralize import counted
 from legoworld.records.evaluation_summary import Coverage, Interval, Summary
+from legoworld.tables.table import Number
 
 #: Maximum number of lines of one kind.
-SHORT: Final = 3
+_SHORT: Final = 3
 
 
 def evaluator_of(summary: Summary) -> str:
@@ -26,9 +28,18 @@ def image_counts(coverage: Coverage) -> str:
 
 def fraction(value: float | None) -> str:
     """A number with four digits, "-" where it is undefined."""
-    return "-" if value is None else f"{value:.4f}"
+    return str(Number(value=value))
 
 
 def bounds(interval: Interval | None) -> str:
     """An interval after a space, "" without one."""
-    return " [{:.4f}, {:.4f}]".format(*interval.ends) if interval and interval.ends else ""
+    ends = interval.ends if interval else None
+    return f" {Number(value=None, ends=ends).spread}" if ends else ""
+
+
+def first_few(lines: Sequence[str], one: str, many: str) -> list[str]:
+    """The first lines of one kind, and how many more there are."""
+    if len(lines) <= _SHORT:
+        return [*lines]
+    more = counted(len(lines) - _SHORT, f"more {one}", f"more {many}")
+    return [*lines[:_SHORT], f"... and {more} (-v lists all)"]

@@ -131,18 +131,6 @@ class SideLosses(Record, frozen=True, kw_only=True):
     most: tuple[Loss, ...]
 
 
-class FlaggedCase(Record, frozen=True, kw_only=True):
-    """An integrity flag of a side's case."""
-
-    label: str
-    image_id: int
-    file_name: str
-    kind: FlagKind
-    what: str
-    measured: float
-    threshold: float
-
-
 class TierBar(Record, frozen=True, kw_only=True):
     """One agent's metric by tier. values, sds: in the order of `tiers`; None where undefined."""
 
@@ -164,7 +152,6 @@ class BenchTables(Record, frozen=True, kw_only=True):
 
     board: Leaderboard
     losses: tuple[SideLosses, ...]
-    flags: tuple[FlaggedCase, ...]
     tiers: tuple[TierBar, ...]
     outcomes: tuple[Outcome, ...]
     errors: tuple[Outcome, ...]

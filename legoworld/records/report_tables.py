@@ -3,36 +3,12 @@
 from __future__ import annotations
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.comparison import Better, Comparison, Dropped, Images, Level, PairCoverage
+from legoworld.records.comparison import Comparison, Dropped, PairCoverage
 from legoworld.records.evaluation_summary import Evaluator, Ties
-from legoworld.records.evidence import Input
-from legoworld.records.report_page import Facts, PhotoRow
+from legoworld.records.report_page import PhotoRow
 from legoworld.records.report_reconstruction import BenchTables
 from legoworld.records.report_summary import FirstScreen, Plots
-
-
-class NumberCell(Record, frozen=True, kw_only=True):
-    """A number as text, with its interval and what it is over."""
-
-    value: str
-    spread: str
-    over: str
-    constant: str | UnsetType = UNSET
-
-
-class NumberRow(Record, frozen=True, kw_only=True):
-    """A metric, a cell of each side. policy: depth's for holes."""
-
-    name: str
-    cells: tuple[NumberCell | None, ...]
-    policy: str | UnsetType = UNSET
-
-
-class CountRow(Record, frozen=True, kw_only=True):
-    """Images of one sort, a cell of each side."""
-
-    name: str
-    cells: tuple[int | str, ...]
+from legoworld.tables.table import Table
 
 
 class CategoryCell(Record, frozen=True, kw_only=True):
@@ -57,19 +33,6 @@ class CategoryLine(Record, frozen=True, kw_only=True):
     cells: tuple[CategoryCell | None, ...]
 
 
-class ComparedRow(Record, frozen=True, kw_only=True):
-    """A row of a comparison as text."""
-
-    name: str
-    policy: str
-    images: Images
-    better: Better
-    level: Level
-    scene: NumberCell
-    baseline: NumberCell
-    difference: NumberCell
-
-
 class ComparedPair(Record, frozen=True, kw_only=True):
     """Two methods of a comparison."""
 
@@ -77,7 +40,7 @@ class ComparedPair(Record, frozen=True, kw_only=True):
     baseline: str
     coverage: PairCoverage
     dropped: tuple[Dropped, ...]
-    rows: tuple[ComparedRow, ...]
+    tables: tuple[Table, ...]
 
 
 class ErrorCounts(Record, frozen=True, kw_only=True):
@@ -121,9 +84,10 @@ class TiePicture(Record, frozen=True, kw_only=True):
 
 
 class SideHead(Record, frozen=True, kw_only=True):
-    """One side. used_truth: whether its prompts came from the truth."""
+    """One side. scored: images; used_truth: whether its prompts came from the truth."""
 
     label: str
+    scored: int
     scene: bool
     used_truth: bool
 
@@ -135,50 +99,22 @@ class SideNotes(Record, frozen=True, kw_only=True):
     lines: tuple[str, ...]
 
 
-class UsedVersion(Record, frozen=True, kw_only=True):
-    """A package that a score was computed with."""
-
-    name: str
-    version: str
-    licence: str
-
-
-class UsedInput(Input, frozen=True, kw_only=True):
-    """A file that was read. card: where a shipped file of these bytes lies."""
-
-    name: str
-    card: str | None
-
-
-class UsedData(Record, frozen=True, kw_only=True):
-    """A dataset or a specialist with its licence. said: how that is known."""
-
-    name: str
-    title: str
-    licence: str
-    said: str
-
-
 class SideOrigin(Record, frozen=True, kw_only=True):
-    """How one side's numbers are made again. outputs: the evaluation's files and their hashes."""
+    """How one side's numbers are made again: commands; hashes, versions, licences, options."""
 
     label: str
     folder: str
     commands: tuple[str, ...]
     partial: bool
-    configuration: Facts
-    evaluation: Facts
-    versions: tuple[UsedVersion, ...]
-    inputs: tuple[UsedInput, ...]
-    outputs: Facts
-    data: tuple[UsedData, ...]
+    tables: tuple[Table, ...]
 
 
 class PageSection(Record, frozen=True, kw_only=True):
     """A section: evaluations of one task over one truth, or a comparison alone.
 
-    specialist: whether a side is one; compared: the command that made the comparison; names: of the
-    categories that are drawn, by id, absent where there are no evaluations.
+    specialist: whether a side is one, or the task has none; compared: the command that made the
+    comparison; names: of the categories that are drawn, by id, absent where there are no
+    evaluations.
     """
 
     key: str
@@ -193,13 +129,13 @@ class PageSection(Record, frozen=True, kw_only=True):
     attempted: int = 0
     evaluators: tuple[Evaluator, ...] = ()
     partial: tuple[str, ...] = ()
-    coverage: tuple[CountRow, ...] = ()
     notes: tuple[SideNotes, ...] = ()
     provenance: tuple[SideOrigin, ...] = ()
-    head: tuple[NumberRow, ...] = ()
-    score_free: tuple[NumberRow, ...] = ()
+    overview: tuple[Table, ...] = ()
+    numbers: tuple[Table, ...] = ()
     ties: tuple[TiePicture, ...] = ()
     categories: tuple[CategoryLine, ...] = ()
+    category_table: Table | None = None
     errors: tuple[ErrorCounts, ...] = ()
     names: dict[str, str] | UnsetType = UNSET
     images: tuple[PhotoRow, ...] = ()

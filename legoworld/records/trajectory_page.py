@@ -1,8 +1,7 @@
-"""What the page of trials is given: each trial with its steps, and the tables above them."""
+"""What the page of trials is given: each trial with its steps."""
 
 from __future__ import annotations
 
-from legoworld.escaping import Cell
 from legoworld.records.base import Record
 
 
@@ -44,11 +43,3 @@ class PageTrial(Record, frozen=True, kw_only=True):
     final_q: float | None
     regret: float | None
     steps: tuple[PageStep, ...]
-
-
-class PageTable(Record, frozen=True, kw_only=True):
-    """The means of agents side by side."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]

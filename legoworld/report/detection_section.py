@@ -27,7 +27,7 @@ from legoworld.report.photo_order import in_order
 from legoworld.report.plots import IouCounts, precision_recall
 from legoworld.report.shapes import drawn_predictions, drawn_truths
 from legoworld.report.sources import Section
-from legoworld.report.tables import category_rows, headline_rows, score_free_rows
+from legoworld.report.tables import category_lines, category_table
 from legoworld.report.tie_picture import tie_pictures
 
 
@@ -76,13 +76,13 @@ def detection_section(
         used |= view.categories
         for of_side, side in zip(errors, image.sides, strict=True):
             of_side.add(image, side)
+    categories = category_lines(sides)
     return replace(
         made,
         first=first_screen(section, [e.by_image for e in errors], names),
-        head=tuple(headline_rows(sides)),
-        score_free=tuple(score_free_rows(sides)),
         ties=tuple(picture for side in sides for picture in tie_pictures(side)),
-        categories=tuple(category_rows(sides)),
+        categories=tuple(categories),
+        category_table=category_table(section.key, sides, categories),
         names={str(i): names[i] for i in sorted(used)},
         errors=tuple(e.counts(s.name) for s, e in zip(sides, errors, strict=True)),
         images=in_order(rows),

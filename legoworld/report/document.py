@@ -7,6 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from legoworld.evaluation.family import evaluation_of
 from legoworld.records.report_tables import PageSection, SideHead, SideNotes
 from legoworld.report.family import page_of
 from legoworld.report.first_screen import first_screen
@@ -14,7 +15,12 @@ from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.provenance import compare_command, provenance
 from legoworld.report.scene_files import SceneFiles
 from legoworld.report.sources import Section
-from legoworld.report.tables import comparison_tables, coverage_notes, coverage_rows, metric_rows
+from legoworld.report.tables import (
+    comparison_tables,
+    coverage_table,
+    number_tables,
+    without_specialist,
+)
 from legoworld.tasks.registry import task_named
 
 
@@ -32,26 +38,29 @@ def page_document(
         made = _section_tables(section)
         if section.sides:
             fill = page_of(section.task).fill
-            made = fill(section, made, document, places) if fill else _without_photos(section, made)
+            made = fill(section, made, document, places) if fill else replace(made, names={})
         document.sections.append(made)
     return document
 
 
-def _without_photos(section: Section, made: PageSection) -> PageSection:
-    """A section whose family has no pictures: its numbers as they are."""
-    return replace(made, head=tuple(metric_rows(section.sides)), names={})
-
-
 def _section_tables(section: Section) -> PageSection:
     sides = section.sides
+    task = task_named(section.task)
+    specialist = task.family.baseline is None or any(not s.is_scene for s in sides)
     made = PageSection(
         key=section.key,
         task=section.task,
-        title=task_named(section.task).title,
+        title=task.title,
         sides=tuple(
-            SideHead(label=s.name, scene=s.is_scene, used_truth=bool(s.used_truth)) for s in sides
+            SideHead(
+                label=s.name,
+                scored=s.summary.coverage.scored,
+                scene=s.is_scene,
+                used_truth=bool(s.used_truth),
+            )
+            for s in sides
         ),
-        specialist=any(not s.is_scene for s in sides),
+        specialist=specialist,
         comparison=section.comparison,
         pairs=tuple(comparison_tables(section.comparison)) if section.comparison else (),
         compared=compare_command(section.comparison, sides) if section.comparison else None,
@@ -59,12 +68,16 @@ def _section_tables(section: Section) -> PageSection:
     )
     if not sides:
         return made
+    tables = [*number_tables(sides), coverage_table(sides)]
     return replace(
         made,
         evaluators=tuple(s.summary.evaluator for s in sides),
         partial=tuple(s.name for s in sides if s.summary.partial),
-        coverage=tuple(coverage_rows(sides)),
-        notes=tuple(SideNotes(label=s.name, lines=tuple(coverage_notes(s))) for s in sides),
+        numbers=tuple(tables if specialist else map(without_specialist, tables)),
+        notes=tuple(
+            SideNotes(label=s.name, lines=tuple(evaluation_of(s.task).notes(s.summary)))
+            for s in sides
+        ),
         provenance=tuple(provenance(s) for s in sides),
         attempted=sides[0].summary.coverage.attempted,
     )

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from msgspec.structs import replace
+
+from legoworld.comparison.family import comparison_of_task
+from legoworld.comparison.tables import over_text
+from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.metrics import MetricRow
 from legoworld.records.comparison import Comparison, ComparisonRow, Difference, Measured, Pair
-from legoworld.records.evaluation_summary import Interval, Summary
+from legoworld.records.evaluation_summary import Summary
 from legoworld.records.report_summary import ForestRow, Span
 from legoworld.report.family import page_of
+from legoworld.tables.table import line
 
 
 def forest_rows(
@@ -22,25 +29,26 @@ def forest_rows(
 
 def evaluated_sentence(name: str, summary: Summary) -> str:
     """One evaluation's first metric with its denominators, as a sentence."""
-    return page_of(summary.task).sentence(name, summary)
+    metric, label = next(iter(page_of(summary.task).forest.items()))
+    row = _by_id(summary)[metric]
+    value = line(replace(row.number, digits=3)) if row.number.value is not None else "undefined"
+    return f"{name}: {label} {value} over {row.over}."
 
 
-def spelt(span: Span | None) -> str:
-    """A number with its interval: 0.588 [0.477, 0.708]."""
-    if span is None or span.value is None:
-        return "undefined"
-    ends = "" if span.low is None else f" [{span.low:.3f}, {span.high:.3f}]"
-    return f"{span.value:.3f}{ends}"
+def _by_id(summary: Summary) -> dict[str, MetricRow]:
+    parts = evaluation_of(summary.task).metrics(summary)
+    return {row.id: row for part in parts for row in part.rows}
 
 
 def _rows(
     task: str, sides: Sequence[Summary], comparison: Comparison | None
 ) -> Iterator[ForestRow]:
     pairs = comparison.pairs if comparison else ()
-    page = page_of(task)
-    for metric, name in page.forest.items():
+    better = {metric.id: metric.better for metric in comparison_of_task(task).metrics(task)}
+    found = [_by_id(side) for side in sides]
+    for metric, name in page_of(task).forest.items():
         compared = [_row(pair, metric) for pair in pairs]
-        spans = [page.span(side, metric) for side in sides]
+        spans = [_evaluated(side.get(metric)) for side in found]
         if not sides and compared and compared[0]:
             others = (_span(row.baseline if row else None) for row in compared)
             spans = [_span(compared[0].scene), *others]
@@ -48,7 +56,7 @@ def _rows(
             continue
         yield ForestRow(
             name=name,
-            better="lower" if metric in page.lower_is_better else "higher",
+            better=better[metric],
             sides=tuple(spans),
             differences=tuple(_span(row.difference if row else None) for row in compared),
         )
@@ -67,13 +75,12 @@ def _span(side: Difference | None) -> Span | None:
     if side is None:
         return None
     low, high = side.ends or (None, None)
-    over = ""
-    if isinstance(side, Measured):
-        over = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in sorted(side.over.items()))
+    over = over_text(side) if isinstance(side, Measured) else ""
     return Span(value=side.value, low=low, high=high, over=over)
 
 
-def with_ends(value: float | None, known: Interval | None, over: str) -> Span:
-    """A number of an evaluation as the plot has it."""
-    low, high = (known.ends if known else None) or (None, None)
-    return Span(value=value, low=low, high=high, over=over)
+def _evaluated(row: MetricRow | None) -> Span | None:
+    if row is None:
+        return None
+    low, high = row.number.ends or (None, None)
+    return Span(value=row.number.value, low=low, high=high, over=row.over)

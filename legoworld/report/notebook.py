@@ -1,4 +1,4 @@
-"""Results as a notebook shows them: the report's sentence, forest plot and coverage, as HTML."""
+"""Results as a notebook shows them: the report's sentence, plot, coverage and tables, as HTML."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.tables import Document, comparisons_of
+from legoworld.comparison.tables import Document, comparisons_of, headline_blocks
 from legoworld.comparison.verdict import noun, verdict_sentence
+from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.metrics import metric_tables
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.instances import InstanceRow
 from legoworld.records.report_summary import ForestRow, Span
 from legoworld.report.forest import evaluated_sentence, forest_rows
+from legoworld.tables.html import html as html_table
+from legoworld.tables.table import Table
 
 _LINE: Final = 26
 _LEFT: Final = 150
@@ -34,7 +38,8 @@ def evaluation_html(summary: Summary) -> str:
     name = "scene" if summary.kind == "scene" else f"{summary.kind or 'baseline'}"
     sentence = evaluated_sentence(noun(summary.task, name), summary)
     rows = forest_rows(summary.task, [summary], None)
-    return _block([sentence], _forest(rows, [name]), _statuses(summary))
+    tables = metric_tables([("", evaluation_of(summary.task).metrics(summary))])
+    return _block([sentence], _forest(rows, [name]), _statuses(summary) + _numbers(tables))
 
 
 def comparison_html(document: Document) -> str:
@@ -44,7 +49,7 @@ def comparison_html(document: Document) -> str:
         sentences = [f"{verdict_sentence(one.task, pair)}." for pair in one.pairs]
         labels = [one.pairs[0].scene, *(pair.baseline for pair in one.pairs)] if one.pairs else []
         parts.append(_block(sentences, _forest(forest_rows(one.task, [], one), labels), ""))
-    return "".join(parts)
+    return "".join(parts) + _numbers(headline_blocks(document))
 
 
 def picture_html(picture_rgb: NDArray[np.uint8], text: str) -> str:
@@ -77,6 +82,11 @@ def statuses_html(title: str, by_status: Mapping[str, int]) -> str:
 
 def _statuses(summary: Summary) -> str:
     return statuses_html("images", summary.coverage.by_status)
+
+
+def _numbers(tables: Sequence[Table]) -> str:
+    """Every number, folded."""
+    return f"<details><summary>numbers</summary>{''.join(map(html_table, tables))}</details>"
 
 
 def _block(sentences: Sequence[str], drawing: str, more: str) -> str:

@@ -20,6 +20,7 @@ from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
 from legoworld.report.page_content import PageDocument
 from legoworld.report.page_script import SCRIPTS, page_script
 from legoworld.report.tables import NO_SPECIALIST
+from legoworld.tables.html import html
 from legoworld.version import __version__
 
 #: More views than this, or more bytes of them, and they lie beside the page.
@@ -156,6 +157,7 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters["metric"] = _metric
+    environment.filters["table"] = lambda table: Markup(html(table))
     return environment
 
 

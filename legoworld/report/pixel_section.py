@@ -10,18 +10,15 @@ from typing import Any, Protocol, cast
 
 from msgspec.structs import replace
 
-from legoworld.evaluation.pixels.family import PixelFamily
 from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import share
-from legoworld.records.pixels import PixelRow, PixelSummary
+from legoworld.records.pixels import PixelRow
 from legoworld.records.report_page import Advice, Answer, PageView, PhotoCell, PhotoRow
-from legoworld.records.report_summary import Plots, Span
-from legoworld.records.report_tables import NumberRow, PageSection
+from legoworld.records.report_summary import Plots
+from legoworld.records.report_tables import PageSection
 from legoworld.records.run_rows import RunRow
 from legoworld.report.advice import failure_advice, sorted_advice
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.family import PageFamily
-from legoworld.report.forest import spelt, with_ends
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.sources import Section
@@ -48,10 +45,9 @@ class PixelPage:
     sentences, and photos are listed by it. view: the type of view/ID.json; page_view: that of the
     page's views, with the fields that `panes` makes of the sides' views.
     facts: of a row with numbers; advice: on it; cell: the fields of a row in the list.
-    head: the first table; notes: on a side's counts; plots: made anew for each section.
+    plots: made anew for each section.
     """
 
-    family: PixelFamily
     names: Mapping[str, str]
     view: type[Any]
     page_view: Callable[..., PageView]
@@ -60,8 +56,6 @@ class PixelPage:
     advice: Callable[[Any], list[Advice]]
     cell: Callable[..., PhotoCell]
     cell_fields: Callable[[Any], Mapping[str, Any]]
-    head: Callable[[Sequence[Evaluated]], Sequence[NumberRow]]
-    notes: Callable[[Any], list[str]]
     plots: Callable[[int], PixelPlots]
 
     @property
@@ -73,15 +67,7 @@ class PixelPage:
 
 def pixel_page(page: PixelPage) -> PageFamily:
     """The page of a family."""
-    lower = {metric.name for metric in page.family.metrics if metric.better == "lower"}
-    return PageFamily(
-        sentence=partial(_sentence, page),
-        forest=page.names,
-        span=_span,
-        lower_is_better=frozenset(name for name in page.names if name.split(".")[0] in lower),
-        fill=partial(pixel_section, page),
-        notes=partial(_notes, page),
-    )
+    return PageFamily(forest=page.names, fill=partial(pixel_section, page))
 
 
 def pixel_section(
@@ -104,7 +90,6 @@ def pixel_section(
         plots.add(views)
     return replace(
         made,
-        head=tuple(page.head(section.sides)),
         images=in_order(rows),
         names={},
         plots=plots.plots([side.name for side in section.sides]),
@@ -184,27 +169,3 @@ def _row(page: PixelPage, rows: Sequence[PixelRow], view: PageView, at: int) -> 
         ),
         categories=(),
     )
-
-
-def _sentence(page: PixelPage, name: str, summary: PixelSummary) -> str:
-    metric, shown = next(iter(page.names.items()))
-    return f"{name}: {shown} {spelt(_span(summary, metric))}, {_scored(summary)} scored."
-
-
-def _span(summary: PixelSummary, metric: str) -> Span | None:
-    name, _, policy = metric.partition(".")
-    if policy not in summary.metrics.get(name, {}):
-        return None
-    value, interval = summary.metrics[name][policy], summary.intervals[name][policy]
-    return with_ends(value, interval, _scored(summary))
-
-
-def _scored(summary: PixelSummary) -> str:
-    return share(summary.coverage.scored, summary.coverage.attempted, "image", "images")
-
-
-def _notes(page: PixelPage, side: Evaluated) -> list[str]:
-    summary = cast("PixelSummary", side.summary)
-    lines = page.notes(summary)
-    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
-    return lines + (["partial run: only some images of its track"] if summary.partial else [])

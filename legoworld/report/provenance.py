@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 import shlex
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Final, NotRequired, TypedDict, cast
-
-from msgspec.structs import asdict
 
 from legoworld.evaluation.family import evaluation_of
 from legoworld.evaluation.stored import Evaluated
@@ -17,8 +15,9 @@ from legoworld.files import Json
 from legoworld.records.base import as_json, canonical
 from legoworld.records.comparison import Comparison
 from legoworld.records.report_page import Facts
-from legoworld.records.report_tables import SideOrigin, UsedData, UsedInput, UsedVersion
+from legoworld.records.report_tables import SideOrigin
 from legoworld.shipped import catalog
+from legoworld.tables.table import Table, Text, table
 from legoworld.tracks.dataset_versions import dataset_of
 
 #: Licences of what a score is computed with, by package.
@@ -37,27 +36,40 @@ _LICENCES: Final = {
 
 def provenance(side: Evaluated) -> SideOrigin:
     """What the page says of where one side's numbers come from."""
-    evidence, run = side.evidence, side.run
-    cards = _cards()
-    versions = {**(run.versions or {}), **evidence.versions}
     return SideOrigin(
         label=side.name,
         folder=side.folder.name,
-        commands=(_made_run(side, cards), _evaluated(side)),
+        commands=(_made_run(side, _cards()), _evaluated(side)),
         partial=side.summary.partial,
-        configuration=_flat(json.loads(canonical(run.configuration))),
-        evaluation=_flat(as_json(evidence.configuration)),
-        versions=tuple(
-            UsedVersion(name=n, version=v, licence=_LICENCES.get(n, "see the package"))
-            for n, v in sorted(versions.items())
-        ),
-        inputs=tuple(
-            UsedInput(**asdict(i), name=PurePosixPath(i.path).name, card=_known(cards, i.sha256))
-            for i in evidence.inputs
-        ),
-        outputs=tuple(sorted(evidence.files.items())),
-        data=(*_data_licence(side, cards), *_model_licence(side)),
+        tables=tuple(_tables(side, _cards())),
     )
+
+
+def _tables(side: Evaluated, cards: Sequence[DatasetCard]) -> Iterator[Table]:
+    evidence, run = side.evidence, side.run
+    inputs = [
+        (i.role, _known(cards, i.sha256) or PurePosixPath(i.path).name, i.bytes or "", i.sha256)
+        for i in evidence.inputs
+    ]
+    yield table(("role", "file", "bytes", "sha256"), inputs, title="Inputs")
+    outputs = sorted(evidence.files.items())
+    yield table(("file", "sha256"), outputs, title="The evaluation's files")
+    versions = sorted({**(run.versions or {}), **evidence.versions}.items())
+    licences = [
+        *((Text(text=n), v, _LICENCES.get(n, "see the package")) for n, v in versions),
+        *_data_licence(side, cards),
+        *_model_licence(side),
+    ]
+    yield table(("what", "version", "licence"), licences, title="Versions and licences")
+    chosen = [
+        (f"{kind}: {key}", value)
+        for kind, values in (
+            ("run", json.loads(canonical(run.configuration))),
+            ("evaluation", as_json(evidence.configuration)),
+        )
+        for key, value in _flat(values)
+    ]
+    yield table(("option", "value"), chosen, title="Configuration")
 
 
 class CardFile(TypedDict):
@@ -128,7 +140,7 @@ def _run_name(side: Evaluated) -> str:
     return PurePosixPath(path).parent.name
 
 
-def _data_licence(side: Evaluated, cards: Sequence[DatasetCard]) -> list[UsedData]:
+def _data_licence(side: Evaluated, cards: Sequence[DatasetCard]) -> list[tuple[Text, str, str]]:
     """The dataset cards that know the truth by its hash, else the task's usual one."""
     truths = {i.sha256 for i in side.evidence.inputs if i.role == "truth"}
     known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
@@ -136,18 +148,16 @@ def _data_licence(side: Evaluated, cards: Sequence[DatasetCard]) -> list[UsedDat
     if not known:
         known = [c for c in cards if c["name"] == dataset_of(side.task)]
         said = "the usual dataset of this task: no card knows this truth by its hash"
-    return [
-        UsedData(name=c["name"], title=c["title"], licence=c["licence"], said=said) for c in known
-    ]
+    return [(Text(text=c["title"], below=said), c["name"], c["licence"]) for c in known]
 
 
-def _model_licence(side: Evaluated) -> list[UsedData]:
+def _model_licence(side: Evaluated) -> list[tuple[Text, str, str]]:
     """The specialist's own licence, as its card has it."""
     baseline = side.run.baseline
     if baseline is None or not baseline.licence:
         return []
-    name, title = baseline.name or "", baseline.title or ""
-    return [UsedData(name=name, title=title, licence=baseline.licence, said="the specialist")]
+    title = Text(text=baseline.title or "", below="the specialist")
+    return [(title, baseline.name or "", baseline.licence)]
 
 
 def _cards() -> list[DatasetCard]:

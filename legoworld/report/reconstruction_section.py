@@ -10,6 +10,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from legoworld.comparison.leaderboard import wide_table
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
@@ -41,7 +42,12 @@ from legoworld.report.reconstruction_pictures import (
     error_picture,
     hit_picture,
 )
-from legoworld.report.reconstruction_tables import bench_rows, bench_tables, first_of_bench
+from legoworld.report.reconstruction_tables import (
+    bench_tables,
+    first_of_bench,
+    flag_tables,
+    leaderboard_table,
+)
 from legoworld.report.sources import Section
 
 
@@ -101,10 +107,12 @@ def bench_section(
         rows.append((_score(of_case[0]), line))
         document.views.append(view)
     tables = bench_tables(section, bench.ids)
+    by_group = replace(wide_table(tables.board), title="Leaderboard by group")
     return replace(
         made,
         first=first_of_bench(made.first, section, tables.board),
-        head=tuple(bench_rows(sides)),
+        overview=(leaderboard_table(tables), *flag_tables(section)),
+        numbers=(by_group, *made.numbers),
         images=in_order(rows),
         names={str(k): name for name, k in bench.ids.items()},
         bench=tables,

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 from msgspec.structs import replace
 
 from legoworld.comparison.leaderboard import leaderboard
+from legoworld.comparison.provenance import NOT_RECORDED
+from legoworld.evaluation.reconstruction.text import noise_floor
 from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted, range_text, share
-from legoworld.records.base import UNSET
-from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow
-from legoworld.records.reconstruction_summary import Mean, NoiseSummary
+from legoworld.pluralize import counted
+from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow, Repeated
 from legoworld.records.report_reconstruction import (
     BenchTables,
-    FlaggedCase,
     Loss,
     SideLosses,
     TierBar,
 )
 from legoworld.records.report_summary import FirstScreen, Verdict
-from legoworld.records.report_tables import NumberCell, NumberRow
 from legoworld.report.reconstruction_pictures import OUTCOMES, error_steps
 from legoworld.report.sources import ReportInputError, Section
+from legoworld.tables.table import Cell, Number, Table, Text, table
 
 #: How many categories are named, and from how many sides on the leaderboard stands for the plot.
 _MOST: Final = 6
 MOST_PLOTTED: Final = 3
-_FIRST: Final = ("V", "R", "A", "S", "R_valid", "A_valid", "S_valid")
 _BARS: Final = ("S", "R", "A")
 
 
@@ -44,12 +42,11 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
                 expected=f"{rules.evaluator.version}, {rules.protocol.reference_sampling}",
                 next_step="make a page of each",
             )
-    floors = (_noise_floor(side.reconstruction.noise) for side in sides)
+    floors = (noise_floor(side.reconstruction.noise) for side in sides)
     board = leaderboard(sides, draws=rules.bootstrap.draws, seed=rules.bootstrap.seed)
     return BenchTables(
         board=board,
         losses=tuple(_losses(side, ids) for side in sides),
-        flags=tuple(flag for side in sides for flag in _flags(side)),
         tiers=tuple(bar for row in board.rows for bar in _tier_bars(row)),
         outcomes=OUTCOMES,
         errors=error_steps(rules.protocol.delta),
@@ -69,7 +66,7 @@ def first_of_bench(first: FirstScreen, section: Section, board: Leaderboard) -> 
 
 def maker_name(row: LeaderboardRow) -> str:
     """Agent and model, or its evaluations where neither is on record."""
-    known = [text for text in (row.agent, row.model) if text != "not recorded"]
+    known = [text for text in (row.agent, row.model) if text != NOT_RECORDED]
     return " ".join(known) or ", ".join(row.evaluations)
 
 
@@ -123,21 +120,6 @@ def _losses(side: Evaluated, ids: Mapping[str, int]) -> SideLosses:
     )
 
 
-def _flags(side: Evaluated) -> list[FlaggedCase]:
-    return [
-        FlaggedCase(
-            label=side.name,
-            image_id=flag.image_id,
-            file_name=flag.file_name,
-            kind=flag.kind,
-            what=flag.what,
-            measured=flag.measured,
-            threshold=flag.threshold,
-        )
-        for flag in side.reconstruction.flags
-    ]
-
-
 def _tier_bars(row: LeaderboardRow) -> Iterator[TierBar]:
     tiers = [group for group in row.groups if group.kind == "tier"]
     for metric in _BARS if tiers else ():
@@ -153,58 +135,52 @@ def _tier_bars(row: LeaderboardRow) -> Iterator[TierBar]:
             )
 
 
-def bench_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    """Every metric and diagnostic mean with its interval and denominator."""
-    rows = []
-    for kind in ("metrics", "diagnostics"):
-        named = {name for side in sides for name in getattr(side.reconstruction, kind)}
-        names = sorted(named, key=lambda n: (_FIRST.index(n) if n in _FIRST else len(_FIRST), n))
-        for name in names:
-            cells = [getattr(side.reconstruction, kind).get(name) for side in sides]
-            rows.append(NumberRow(name=_spelt(name), cells=tuple(map(_cell, cells))))
-    return rows
-
-
-def _spelt(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _cell(mean: Mean | None) -> NumberCell | None:
-    if mean is None:
-        return None
-    return NumberCell(
-        value="-" if mean.value is None else f"{mean.value:.4f}",
-        spread=range_text(mean.interval.ends if mean.interval else None),
-        over=f"{counted(mean.n, 'case', 'cases')}, {mean.over}",
+def leaderboard_table(tables: BenchTables) -> Table:
+    """A line for each agent and model, the best first, over all cases."""
+    shown = ("S", "R", "A", "V", "S_valid", "R_valid", "A_valid")
+    rows: list[list[Cell]] = []
+    for row in tables.board.rows:
+        every = row.groups[0]
+        n_valid = ", ".join(map(str, every.metrics["S_valid"].n))
+        rows.append(
+            [
+                Text(text=row.agent, below="" if row.model == NOT_RECORDED else row.model),
+                *(_repeated(every.metrics[name]) for name in shown),
+                f"{n_valid} of {every.cases}",
+                ", ".join(row.evaluations),
+            ]
+        )
+    header = ("agent and model", *(name.replace("_", " ") for name in shown), "valid", "runs")
+    note = (
+        "S = V (R + A) / 2. S, R, A and V are over all attempted cases, where one that is not "
+        'valid counts 0; "valid" are means over the valid cases alone. In brackets [ ]: the 95 % '
+        "interval over two families or more; sd: the standard deviation over runs."
     )
+    return table(header, rows, notes=[*filter(None, (note, tables.noise_floor))])
 
 
-def _noise_floor(noise: NoiseSummary) -> str:
-    """A of the references rendered by the card; empty where it was not measured."""
-    if noise.reference_mean is None:
-        return ""
-    sd = f", sd {noise.reference_sd:.4f} between seeds" if noise.reference_sd else ""
-    return (
-        f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}{sd} "
-        f"({counted(noise.n_reference, 'case', 'cases')})"
-    )
+def _repeated(found: Repeated) -> Number:
+    """A mean over runs with its interval, and its standard deviation below that."""
+    mean = Number(value=found.mean, sd=found.sd, digits=3)
+    ends = found.interval.ends if found.interval else None
+    return replace(mean, ends=ends, below=mean.spread) if ends else mean
 
 
-def bench_notes(side: Evaluated) -> list[str]:
-    """Sentences about coverage, noise, and what counts 0."""
-    summary = side.reconstruction
-    coverage, noise = summary.coverage, summary.noise
-    lines = [
-        f"{share(coverage.valid, coverage.attempted, 'case', 'cases')} valid; the others count 0 "
-        "in V, R, A and S",
-        f"intervals: {counted(summary.bootstrap.draws, 'bootstrap draw', 'bootstrap draws')} over "
-        f"{counted(summary.bootstrap.groups, 'family', 'families')}",
+def flag_tables(section: Section) -> list[Table]:
+    """Every integrity flag with its measurement, where there are any."""
+    rows: list[tuple[Cell, ...]] = [
+        (
+            Text(text=flag.file_name, link=f"#/{section.key}/{flag.image_id}"),
+            side.name,
+            flag.kind.replace("_", " "),
+            flag.what,
+            Number(value=flag.measured, digits=3),
+            f"{flag.threshold:g}",
+        )
+        for side in section.sides
+        for flag in side.reconstruction.flags
     ]
-    lines += filter(None, [_noise_floor(noise)])
-    if summary.articulation is not UNSET:
-        found = summary.articulation
-        score = "-" if found.score is None else f"{found.score:.4f}"
-        cases = counted(found.cases, "case", "cases")
-        lines.append(f"articulation, a pilot in no score: {score} ({cases})")
-    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
-    return lines + (["partial run: only some images of its track"] if summary.partial else [])
+    note = "Flags change no score: they name what a person should look at."
+    header = ("case", "of", "flag", "what", "measured", "from")
+    title = counted(len(rows), "integrity flag", "integrity flags")
+    return [table(header, rows, title=title, notes=[note], folded=True)] if rows else []

@@ -2,129 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
-from legoworld.evaluation.detection.protocols import detection_protocol
-from legoworld.evaluation.detection.text import metric_rows as detection_metric_rows
+from msgspec.structs import replace
+
+from legoworld.comparison.tables import number, over_text
+from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.metrics import metric_tables
 from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted, range_text, share
 from legoworld.records.base import UNSET
-from legoworld.records.comparison import Comparison, Difference, Measured
-from legoworld.records.depth import AllAttempted, DepthSummary
+from legoworld.records.comparison import Comparison, ComparisonRow, Measured, Pair
 from legoworld.records.evaluation_rows import CategoryRow
-from legoworld.records.report_tables import (
-    CategoryCell,
-    CategoryLine,
-    ComparedPair,
-    ComparedRow,
-    CountRow,
-    NumberCell,
-    NumberRow,
-)
-from legoworld.report.family import page_of
+from legoworld.records.report_tables import CategoryCell, CategoryLine, ComparedPair
+from legoworld.tables.table import Cell, Column, Count, Number, Table, Text, table
 
 #: What stands where no specialist's number is.
 NO_SPECIALIST: Final = "no specialist was run"
+#: Titles of a comparison's rows by their level; the first are shown, the others folded.
+_LEVELS: Final = {1: "", 2: "more rows", 3: "rows that the CSV has, too"}
 
 
-def metric_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    """Every metric of any family's summaries, a side a column."""
-    found: dict[tuple[str, str | None], list[NumberCell | None]] = {}
-    for k, side in enumerate(sides):
-        coverage = side.summary.coverage
-        over = share(coverage.scored, coverage.attempted, "image", "images")
-        for name, policy, value, interval in side.summary.metric_values():
-            spread = range_text(interval.ends if interval else None)
-            cell = NumberCell(value=_number(value), spread=spread, over=over)
-            found.setdefault((name, policy), [None] * len(sides))[k] = cell
-    return [
-        NumberRow(name=name, policy=policy or UNSET, cells=tuple(cells))
-        for (name, policy), cells in found.items()
-    ]
+def number_tables(sides: Sequence[Evaluated]) -> list[Table]:
+    """Every number of every summary, a side after the other."""
+    family = evaluation_of(sides[0].task)
+    return metric_tables([(side.name, family.metrics(side.summary)) for side in sides])
 
 
-def headline_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    """The evaluator's own numbers and the tie orders."""
-    return [r for r in _detection_rows(sides) if not r.name.startswith("class_")]
+def without_specialist(shown: Table) -> Table:
+    """The table with a column that says that no specialist was run."""
+    rows = ((*row, Text(text=NO_SPECIALIST if k == 0 else "")) for k, row in enumerate(shown.rows))
+    columns = (*shown.columns, Column(name="specialist"))
+    return replace(shown, columns=columns, rows=tuple(rows))
 
 
-def score_free_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    """The numbers of one-to-one pairs, which need no ranking, by name."""
-    rows = [r for r in _detection_rows(sides) if r.name.startswith("class_")]
-    return sorted(rows, key=lambda r: r.name)
-
-
-def _detection_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    found: dict[str, list[NumberCell | None]] = {}
-    for k, side in enumerate(sides):
-        for name, value, spread, over in detection_metric_rows(
-            side.detection, detection_protocol(side.task)
-        ):
-            cell = NumberCell(value=value, spread=spread, over=over)
-            found.setdefault(name, [None] * len(sides))[k] = cell
-    return [NumberRow(name=name, cells=tuple(cells)) for name, cells in found.items()]
-
-
-def depth_rows(sides: Sequence[Evaluated]) -> list[NumberRow]:
-    """Means of every metric and hole policy, with the constant depth's beside them."""
-    rows = []
-    for metric, by_policy in sides[0].depth.metrics.items():
-        for policy in by_policy:
-            cells = tuple(_depth_cell(side.depth, metric, policy) for side in sides)
-            rows.append(NumberRow(name=metric, policy=policy, cells=cells))
-    for policy in sides[0].depth.all_attempted.abs_rel:
-        cells = tuple(_attempted_cell(side.depth.all_attempted, policy) for side in sides)
-        rows.append(NumberRow(name="abs_rel, all attempted", policy=policy, cells=cells))
-    return rows
-
-
-def _depth_cell(summary: DepthSummary, metric: str, policy: str) -> NumberCell:
-    groups, coverage = summary.bootstrap, summary.coverage
-    scenes = counted(groups.groups, "scene", "scenes")
-    by_scene = f", {scenes}" if groups.unit == "scene" else ""
-    return NumberCell(
-        value=_number(summary.metrics[metric][policy]),
-        spread=range_text(summary.intervals[metric][policy].ends),
-        over=share(coverage.scored, coverage.attempted, "image", "images") + by_scene,
-        constant=_number(summary.constant[metric][policy]),
-    )
-
-
-def _attempted_cell(every: AllAttempted, policy: str) -> NumberCell:
-    images = counted(every.images, "image", "images")
-    return NumberCell(
-        value=_number(every.abs_rel[policy]),
-        spread="-",
-        over=f"{images} with truth, {every.missing} of them without a score at "
-        f"{every.missing_abs_rel:g}",
-        constant="-",
-    )
-
-
-def coverage_rows(sides: Sequence[Evaluated]) -> list[CountRow]:
+def coverage_table(sides: Sequence[Evaluated]) -> Table:
     """Attempted, scored, with truth, and every status, a side a column."""
     coverages = [side.summary.coverage for side in sides]
     names = ["attempted", "scored", "valid", "with_truth", "scored_with_truth"]
     names += ["scored_without_predictions"]
-    rows = [
-        CountRow(name=name.replace("_", " "), cells=tuple(getattr(c, name, "-") for c in coverages))
+    rows: list[list[Cell]] = [
+        [name.replace("_", " "), *(getattr(c, name, "-") for c in coverages)]
         for name in names
         if any(hasattr(c, name) for c in coverages)
     ]
-    for status in sorted({s for c in coverages for s in c.by_status}):
-        cells = tuple(c.by_status.get(status, 0) for c in coverages)
-        rows.append(CountRow(name=f"status {status}", cells=cells))
-    return rows
+    rows += [
+        [f"status {status}", *(c.by_status.get(status, 0) for c in coverages)]
+        for status in sorted({s for c in coverages for s in c.by_status})
+    ]
+    return table(["images", *(side.name for side in sides)], rows, title="Coverage")
 
 
-def coverage_notes(side: Evaluated) -> list[str]:
-    """The evaluation's own sentences about its counts."""
-    return page_of(side.task).notes(side)
-
-
-def category_rows(sides: Sequence[Evaluated]) -> list[CategoryLine]:
-    """A row of each category that has truth or predictions on any side, ascending id."""
+def category_lines(sides: Sequence[Evaluated]) -> list[CategoryLine]:
+    """A line of each category that has truth or predictions on any side, ascending id."""
     found: dict[int, list[CategoryRow | None]] = {}
     for k, side in enumerate(sides):
         for row in side.categories:
@@ -156,50 +86,86 @@ def _category(rows: Sequence[CategoryRow | None]) -> CategoryLine:
     )
 
 
+def category_table(
+    section: str, sides: Sequence[Evaluated], lines: Sequence[CategoryLine]
+) -> Table:
+    """The categories as a page's scripts sort and filter them; names lead to their photos."""
+    frequencies = any(line.frequency for line in lines)
+    first = ("category", "name"), *[("freq.", "freq")] * frequencies
+    columns = [*first, ("objects", "truth"), ("images", "images")]
+    of_side = ("AP", "ap"), ("AP50", "ap50"), ("mIoU", "miou"), ("predictions", "n")
+    return Table(
+        columns=(
+            *(Column(name=name, key=key) for name, key in columns),
+            *(
+                Column(name=name, key=f"{key}{k}", group=side.name)
+                for k, side in enumerate(sides)
+                for name, key in (*of_side, ("TP", "tp"), ("FP", "fp"))
+            ),
+        ),
+        rows=tuple(
+            (
+                Text(text=line.name, link=f"#/{section}?tab=photos&cat={line.id}"),
+                *[line.frequency or "-"] * frequencies,
+                line.n_truth,
+                line.n_images,
+                *(cell for found in line.cells for cell in _numbers(found, line.n_truth)),
+            )
+            for line in lines
+        ),
+        notes=(
+            "AP over IoU 0.50 to 0.95; TP and FP at IoU 0.5; mIoU: the best one-to-one overlap of "
+            "every annotated object, 0 where there is none. A category without ground truth has "
+            "no AP, and its false positives cost none.",
+        ),
+        key="categories",
+    )
+
+
+def _numbers(found: CategoryCell | None, n_truth: int) -> Iterator[Cell]:
+    if found is None:
+        yield from ("-", "-", "-", 0, 0, 0)
+        return
+    yield from (Number(value=v, digits=3) for v in (found.ap, found.ap50, found.miou))
+    yield from (found.n, Count(n=found.tp, of=n_truth), found.fp)
+
+
 def comparison_tables(comparison: Comparison) -> list[ComparedPair]:
-    """Each pair of a comparison with its rows as text; level 1 is the headline."""
+    """Each pair of a comparison with its tables, the headline first and the others folded."""
     return [
         ComparedPair(
             scene=pair.scene,
             baseline=pair.baseline,
             coverage=pair.coverage,
             dropped=pair.dropped,
-            rows=tuple(
-                ComparedRow(
-                    name=_short_name(row.metric, row.policy),
-                    policy=row.policy.replace("_", " "),
-                    images=row.images,
-                    better=row.better,
-                    level=row.level,
-                    scene=_compared(row.scene),
-                    baseline=_compared(row.baseline),
-                    difference=_compared(row.difference, signed=True),
-                )
-                for row in pair.rows
+            tables=tuple(
+                _compared(pair, rows, f"{len(rows)} {title}" if title else "")
+                for level, title in _LEVELS.items()
+                if (rows := [row for row in pair.rows if row.level == level])
             ),
         )
         for pair in comparison.pairs
     ]
 
 
-def _short_name(metric: str, policy: str) -> str:
-    """A metric without the policy, which has a column of its own."""
-    return metric.removeprefix(f"{policy}.").removesuffix(f".{policy}")
+def _compared(pair: Pair, rows: Sequence[ComparisonRow], title: str) -> Table:
+    return table(
+        ["metric", "images", "policy", "difference", pair.scene, pair.baseline],
+        [
+            [
+                row.metric.removeprefix(f"{row.policy}.").removesuffix(f".{row.policy}"),
+                row.images,
+                Text(text=row.policy.replace("_", " "), below=f"{row.better} is better"),
+                number(row.difference, signed=True),
+                *(replace(number(side), below=_over(side)) for side in (row.scene, row.baseline)),
+            ]
+            for row in rows
+        ],
+        title=title,
+        folded=bool(title),
+    )
 
 
-def _compared(cell: Difference, *, signed: bool = False) -> NumberCell:
-    spread, over = range_text(cell.ends, "+" if signed else ""), ""
-    if isinstance(cell, Measured):
-        if not cell.ends and isinstance(cell.sd, float):
-            spread = f"sd {cell.sd:.4f}"
-        counts = sorted(cell.over.items(), key=lambda c: (c[0] != "images", c[0]))
-        over = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counts)
-        if isinstance(cell.constant, float):
-            over += f"; a constant: {cell.constant:.4f}"
-    return NumberCell(value=_number(cell.value, signed=signed), spread=spread, over=over)
-
-
-def _number(value: float | None, *, signed: bool = False) -> str:
-    if value is None:
-        return "-"
-    return f"{value:+.4f}" if signed else f"{value:.4f}"
+def _over(side: Measured) -> str:
+    constant = f"; a constant: {side.constant:.4f}" if isinstance(side.constant, float) else ""
+    return over_text(side) + constant

@@ -11,14 +11,14 @@ from typing import Final
 import cv2
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
+from markupsafe import Markup
 
 from legoworld.errors import LegoWorldError
-from legoworld.escaping import Cell
 from legoworld.files import write_text
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_summary import Interval
-from legoworld.records.trajectory_page import PageStep, PageTable, PageTrial
+from legoworld.records.trajectory_page import PageStep, PageTrial
 from legoworld.records.trajectory_scores import (
     AgentTable,
     ScoredScene,
@@ -27,6 +27,8 @@ from legoworld.records.trajectory_scores import (
 )
 from legoworld.scene.folder import PICTURE
 from legoworld.scene.pictures import MOST_PHOTO_PX, MOST_PX
+from legoworld.tables.html import html
+from legoworld.tables.table import Cell, Number, Table, table
 from legoworld.trajectories.curves import drops, moments
 from legoworld.trajectories.folder import RecordedTrial
 from legoworld.trajectories.scoring import TRAJECTORIES, slot_folder, tokens_until
@@ -36,21 +38,22 @@ _LONGEST_PX: Final = 480
 _CODE_CHARACTERS: Final = 6000
 
 
-def rows_of(trial: RecordedTrial, score: TrajectoryScore | None) -> list[list[Cell]]:
-    """One row per call: number, seconds, command, status, checkpoint, Q, message."""
+def calls_table(trial: RecordedTrial, score: TrajectoryScore | None) -> Table:
+    """One row a call: number, seconds, command, status, checkpoint, Q, and what it said."""
     q = _scene_of(score)
-    return [
-        [
+    rows = [
+        (
             call.number,
-            f"{call.at_s:.1f}",
+            Number(value=call.at_s, digits=1),
             call.command,
             call.status,
             call.checkpoint or "",
-            "" if (scene := q.get(call.number)) is None or scene.Q is None else f"{scene.Q:.4f}",
+            Number(value=q[call.number].Q) if call.number in q else "",
             call.said[:60],
-        ]
+        )
         for call in trial.calls
-    ]  # fmt: skip
+    ]
+    return table(["call", "s", "command", "status", "checkpoint", "Q", "said"], rows)
 
 
 def read_scores(folder: Path | None) -> TrajectoryFile | None:
@@ -84,7 +87,7 @@ def write_page(
     )
     page = environment.get_template("page.html").render(
         data=json.dumps(as_json(shown)).replace("<", "\\u003c"),
-        tables=_tables(document),
+        tables=[Markup(html(table)) for table in _tables(document)],
     )
     write_text(path, page)
 
@@ -154,28 +157,14 @@ def _worst(cause: Mapping[str, float]) -> str:
     return min(cause, key=lambda name: cause[name])
 
 
-def _tables(document: TrajectoryFile | None) -> list[PageTable]:
+def _tables(document: TrajectoryFile | None) -> list[Table]:
     if document is None:
         return []
-    named = [("All images", document.agents)]
+    named = [agents_table(document.agents, title="All images")]
     if document.common is not None:
-        named.append((f"The {len(document.common_images)} common images", document.common))
-    return [
-        PageTable(
-            title=title,
-            head=("", *(a.agent for a in agents)),
-            rows=tuple(tuple(row) for row in table_rows(agents)),
-        )
-        for title, agents in named
-    ]
-
-
-def _cell(value: float | None, interval: Interval | None) -> str:
-    if value is None:
-        return "-"
-    if interval is None or interval.low is None:
-        return f"{value:.3f}"
-    return f"{value:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+        title = f"The {len(document.common_images)} common images"
+        named.append(agents_table(document.common, title=title))
+    return named
 
 
 def _picture(path: Path, most_px: int = MOST_PX) -> str | None:
@@ -194,13 +183,17 @@ def _picture(path: Path, most_px: int = MOST_PX) -> str | None:
     return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode() if done else None
 
 
-def table_rows(agents: Sequence[AgentTable]) -> list[list[Cell]]:
+def agents_table(agents: Sequence[AgentTable], *, title: str = "") -> Table:
     """The means of agents side by side, one row a measure."""
-    names = list(agents[0].means) if agents else []
-    return [
-        [name, *(_cell(agent.means[name].value, agent.means[name].interval) for agent in agents)]
-        for name in names
+    rows: list[list[Cell]] = [
+        [name, *(_number(agent.means[name].value, agent.means[name].interval) for agent in agents)]
+        for name in (agents[0].means if agents else ())
     ]
+    return table(["mean over trials", *(agent.agent for agent in agents)], rows, title=title)
+
+
+def _number(value: float | None, interval: Interval | None) -> Number:
+    return Number(value=value, ends=interval.ends if interval else None, digits=3)
 
 
 def q_of_scores(document: TrajectoryFile) -> Callable[[str, int | None], float | None]:

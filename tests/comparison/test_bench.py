@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
@@ -11,7 +12,6 @@ from evaluation.reconstruction.datasets import Submission, write_dataset, write_
 
 from legoworld import cli
 from legoworld.comparison.compatibility import IncomparableError
-from legoworld.comparison.formats import markdown
 from legoworld.comparison.leaderboard import (
     leaderboard,
     long_table,
@@ -26,6 +26,7 @@ from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.means import mean_and_sd
 from legoworld.records.evidence import ComparisonSettings
+from legoworld.tables.files import comma_separated, markdown
 
 SETTINGS = ComparisonSettings(draws=200, seed=0, allow_truth_prompts=False)
 
@@ -194,9 +195,10 @@ class TestTable:
         metrics = first.groups[0].metrics
         cells = [f"{100 * metrics[m].mean:.1f} ({100 * metrics[m].sd:.1f})"
                  for m in ("V", "R", "A", "S", "R_valid", "A_valid", "S_valid")]  # fmt: skip
-        assert wide.rows[0] == ("agent a", "m", "2", "all", "6", *cells)
+        assert wide.rows[0] == ("agent a", "m", 2, "all", 6, *cells)
         alone = second.groups[0].metrics
-        assert wide.rows[len(first.groups)][:6] == ("agent b", "m", "1", "all", "6", "100.0")
+        other = wide.rows[len(first.groups)]
+        assert [*map(str, other[:6])] == ["agent b", "m", "1", "all", "6", "100.0"]
         assert {row[3] for row in wide.rows} == {
             "all", "split test", "environment indoor", "environment outdoor", "tier easy",
             "tier hard",
@@ -207,12 +209,13 @@ class TestTable:
             )
             for of in (metrics, alone)
         ]
-        assert wide.notes[2:] == [
+        assert wide.notes[2:] == (
             "agent b m: a single run, so no standard deviation.",
             f"agent a m: {ends[0]}",
             f"agent b m: {ends[1]}",
-        ]
-        by_name = {(row[0], row[3], row[5]): row for row in long_table(board).rows}
+        )
+        lines = csv.reader(comma_separated(long_table(board)).splitlines())
+        by_name = {(row[0], row[3], row[5]): row for row in map(tuple, lines)}
         low, high = metrics["S"].interval.ends
         assert by_name["agent a", "all", "S"][6:] == (
             "attempted", repr(metrics["S"].mean), repr(metrics["S"].sd), repr(low), repr(high),

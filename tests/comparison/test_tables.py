@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 
 from legoworld.comparison.folder import rendered_tables
-from legoworld.comparison.formats import Table, latex
 from legoworld.records.comparison import (
     Comparison,
     ComparisonRow,
@@ -18,6 +17,8 @@ from legoworld.records.comparison import (
     Pair,
 )
 from legoworld.records.evaluation_summary import Interval
+from legoworld.tables.files import latex
+from legoworld.tables.table import table
 
 
 def interval(low: float, high: float) -> dict[str, Any]:
@@ -178,8 +179,8 @@ def test_several_methods_are_rows_and_joined_comparisons_show_their_headlines():
 
 
 def test_every_character_that_latex_reads_is_escaped():
-    table = Table(header=["a\\b_c%d&e"], rows=[["#$ {} ~ ^ ↑ ↓"], ["two\nlines"]])
-    _, _, _, header, _, cells, lines, *_ = latex(table).splitlines()
+    made = table(["a\\b_c%d&e"], [["#$ {} ~ ^ ↑ ↓"], ["two\nlines"]])
+    _, _, _, header, _, cells, lines, *_ = latex(made).splitlines()
     assert header == r"a\textbackslash{}b\_c\%d\&e \\"
     assert cells == r"\#\$ \{\} \textasciitilde{} \textasciicircum{} $\uparrow$ $\downarrow$ \\"
     assert lines == r"two lines \\"

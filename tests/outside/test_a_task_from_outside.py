@@ -166,7 +166,7 @@ run = legoworld.readout({str(SCENES)!r}, {str(tmp_path / "run")!r}, task="counts
                         track={str(done / "track.json")!r})
 found = legoworld.evaluate(run.folder, {str(tmp_path / "eval")!r}, truth={str(TRUTH)!r})
 print(found.metrics["mae"], found.table[0]["metric"], len(found.per_image()))
-assert "mean error" in found._repr_html_()
+assert "mean absolute error" in found._repr_html_()
 """
     env = {**os.environ, "PYTHONPATH": str(site)}
     printed = subprocess.check_output([sys.executable, "-c", program], text=True, env=env)

@@ -257,7 +257,7 @@ def test_cases_are_listed_by_tier_and_flag(chrome: Browser, page: Path) -> None:
 
 FIRST_SCREEN = {"#/coco": [".verdict", ".costs li", ".coverage-bar"],
                 "#/coco/13": [".frame", ".score-line"],
-                "#/bench": [".verdict", ".board tbody b"],
+                "#/bench": [".verdict", ".numbers tbody b"],
                 "#/bench/4": [".frame", ".score-line"]}  # fmt: skip
 #: Where there is room beside the picture.
 WIDE_TOO = {"#/coco": [".forest .point", "[data-sheet] .thumb"], "#/coco/13": [".advice li"],

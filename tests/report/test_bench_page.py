@@ -186,7 +186,7 @@ def test_the_tables_hold_both_averages_and_every_denominator(
 ) -> None:
     page = page_of(tmp_path / "r.html", *evaluations)
     summary = json.loads((evaluations[0] / "summary.json").read_text())["metrics"]
-    cells = Tables(page).row("S valid")
+    cells = Tables(page).row("S_valid")
     assert cells[:3] == [f"{summary['S_valid']['value']:.4f}", cells[1], "6 cases, valid"]
     text = page.read_text(encoding="utf-8")
     tables = text.split('id="data"')[0]
@@ -269,8 +269,10 @@ def test_nothing_is_hit_where_nothing_stands(document: PageDocument) -> None:
 def test_flags_are_listed_with_their_measurement(document: PageDocument) -> None:
     (section,) = document.sections
     assert section.bench is not None
-    (flag,) = section.bench.flags
-    assert (flag.label, flag.image_id, flag.kind, flag.measured) == ("one", 6, "drivers", 2)
+    _, flags = section.overview
+    assert (flags.title, flags.folded) == ("1 integrity flag", True)
+    ((case, side, kind, _, measured, _),) = flags.rows
+    assert (case.link, side, kind, measured.value) == ("#/bench/6", "one", "drivers", 2)
     (row,) = [r for r in section.images if r.id == 6]
     assert [cell.flags for cell in row.cells] == [("drivers",), ()]  # type: ignore[attr-defined]
     said = [a.what for a in view_of(document, 6).sides[0].advice]
@@ -293,7 +295,7 @@ def test_repeats_have_a_deviation_and_many_rows_no_plot_of_intervals(
     found = twice.groups[0].metrics["R"]
     assert found.sd == pytest.approx(np.std([r or 0 for r in found.runs], ddof=1))
     page = page_of(tmp_path / "r.html", *evaluations, *repeats)
-    assert f"({found.sd:.3f})" in page.read_text(encoding="utf-8").split('id="data"')[0]
+    assert f"sd {found.sd:.3f}" in page.read_text(encoding="utf-8").split('id="data"')[0]
 
 
 def test_a_run_without_renders_has_r_alone(tmp_path: Path, folder: Path, dataset: Dataset) -> None:

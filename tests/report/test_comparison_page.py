@@ -42,7 +42,7 @@ def test_every_difference_stands_with_both_sides_and_denominators(
             assert f"{side['over']['images']} images" in text
             if side["interval"] and side["interval"]["low"] is not None:
                 low, high = side["interval"]["low"], side["interval"]["high"]
-                assert f"{low:.4f} to {high:.4f}" in text
+                assert f"[{low:.4f}, {high:.4f}]" in text
     text = page.read_text()
     assert f"<b>{pair['coverage']['paired']} paired</b>" in text
     for sentence in document["notes"]:

@@ -85,7 +85,7 @@ def test_numbers_policies_constant_and_denominators(evaluation: Path, tmp_path: 
             mean, spread, constant, over = shown[metric, policy][:4]
             assert mean == f"{value:.4f}"
             interval = summary["intervals"][metric][policy]
-            assert spread == f"{interval['low']:.4f} to {interval['high']:.4f}"
+            assert spread == f"[{interval['low']:.4f}, {interval['high']:.4f}]"
             assert constant == f"{summary['constant'][metric][policy]:.4f}"
             assert over == "2 of 3 images"
     every = [r for r in Tables(page).rows if r and r[0] == "abs_rel, all attempted"]

@@ -353,7 +353,7 @@ def test_a_comparison_without_its_evaluations_still_opens(chrome: Browser, tmp_p
     chrome.open(page_of(tmp_path / "r.html", folder), "#/coco/10")
     chrome.key("ArrowRight")
     chrome.key("Escape")
-    assert chrome.js("document.querySelectorAll('.compared tbody tr').length") > 20
+    assert chrome.js("document.querySelectorAll('.numbers tbody tr').length") > 20
     assert chrome.js(OVERHANG) == 0
 
 

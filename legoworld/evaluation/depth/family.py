@@ -27,7 +27,7 @@ from legoworld.evaluation.depth.protocol import (
 from legoworld.evaluation.depth.rows import measure_depth
 from legoworld.evaluation.depth.scoring import valid_truth
 from legoworld.evaluation.depth.summary import summarise
-from legoworld.evaluation.depth.text import depth_text, short_depth
+from legoworld.evaluation.depth.text import depth_metrics, depth_notes, short_depth
 from legoworld.evaluation.depth.truth import DepthTruthFile, find_truth, load_truth
 from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest
 from legoworld.evaluation.pixels.evaluate import evaluate_pixels
@@ -147,6 +147,7 @@ EVALUATION: Final = EvaluationFamily(
     evaluate=evaluate_depth,
     verify=partial(verify_pixels, PIXELS),
     short=short_depth,
-    text=depth_text,
+    metrics=depth_metrics,
+    notes=depth_notes,
     truth_is_file=False,
 )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from legoworld.evaluation.family import TextTable
-from legoworld.evaluation.short_text import SHORT, bounds, evaluator_of, fraction, image_counts
-from legoworld.pluralize import counted, range_text
+from dataclasses import replace
+
+from legoworld.evaluation.metrics import MetricPart, MetricRow, metric_parts, number
+from legoworld.evaluation.short_text import bounds, evaluator_of, first_few, fraction, image_counts
+from legoworld.pluralize import counted
 from legoworld.records.depth import DepthCoverage, DepthSummary
 
 
@@ -21,12 +23,12 @@ def short_depth(summary: DepthSummary) -> str:
             for policy, value in by_policy.items()
         )
         lines.append(f"{metric}: {', '.join(shown)}")
-    rows = summary.not_scored
-    lines += [f"{r.status}: {r.file_name}: {r.reason}" for r in rows[:SHORT]]
-    if len(rows) > SHORT:
-        more = counted(len(rows) - SHORT, "more image", "more images")
-        lines.append(f"... and {more} without a score (-v lists all)")
-    return "\n".join(lines)
+    few = first_few(_not_scored(summary), "image without a score", "images without a score")
+    return "\n".join([*lines, *few])
+
+
+def _not_scored(summary: DepthSummary) -> list[str]:
+    return [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
 
 
 def _of_eth3d(coverage: DepthCoverage) -> str:
@@ -40,38 +42,40 @@ def _of_eth3d(coverage: DepthCoverage) -> str:
     )
 
 
-def depth_text(summary: DepthSummary, table: TextTable) -> str:
+def depth_metrics(summary: DepthSummary) -> list[MetricPart]:
     """Means per hole policy beside those of the constant, with intervals and denominators."""
-    coverage, groups = summary.coverage, summary.bootstrap
-    rows = []
-    for metric, by_policy in summary.metrics.items():
-        for policy, value in by_policy.items():
-            spread = range_text(summary.intervals[metric][policy].ends)
-            constant = summary.constant[metric][policy]
-            shown = ["-" if x is None else f"{x:.4f}" for x in (value, constant)]
-            rows.append((metric, policy, shown[0], spread, shown[1]))
-    evaluator, protocol = summary.evaluator, summary.protocol
-    header = ("metric", "holes", "mean", "95 % interval", "constant")
-    every = summary.all_attempted
-    lines = [
-        f"{evaluator.name} {evaluator.version}, camera model {protocol.camera_model}, "
-        f"{counted(coverage.attempted, 'image', 'images')} attempted, {coverage.scored} scored, "
-        f"{coverage.with_truth} with truth{_of_eth3d(coverage)}; intervals over "
-        f"{counted(groups.groups, groups.unit, groups.unit + 's')}",
-        table(header, rows),
-        f"over all {counted(every.images, 'image', 'images')} with truth, {every.missing} of them "
-        f"without a score at {every.missing_abs_rel:g}: abs_rel "
-        + ", ".join(
-            f"{policy} {'-' if value is None else format(value, '.4f')}"
-            for policy, value in every.abs_rel.items()
-        ),
-        *_depth_counts(summary),
-        *(f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored),
+    (part,) = metric_parts(summary)
+    groups, every = summary.bootstrap, summary.all_attempted
+    scenes = counted(groups.groups, "scene", "scenes")
+    rows = [
+        replace(
+            row,
+            over=f"{row.over}, {scenes}" if groups.unit == "scene" else row.over,
+            constant=number(summary.constant[row.name][row.policy]),
+        )
+        for row in part.rows
     ]
-    return "\n\n".join(lines[:3]) + "".join(f"\n{line}" for line in lines[3:])
+    images = counted(every.images, "image", "images")
+    over = f"{images} with truth, {every.missing} of them without a score at "
+    rows += [
+        MetricRow(
+            name="abs_rel, all attempted",
+            policy=policy,
+            number=number(value),
+            over=f"{over}{every.missing_abs_rel:g}",
+        )
+        for policy, value in every.abs_rel.items()
+    ]
+    note = (
+        "Every depth is aligned by one scale and one shift in disparity before it is scored. Holes "
+        "are pixels with measured depth and no prediction: error_1 (primary) counts each as an "
+        "error of 100 %, exclude leaves them out, far fills them with the deepest ground truth. "
+        "constant is what one depth for the whole photo would score."
+    )
+    return [MetricPart(title=part.title, rows=rows, note=note)]
 
 
-def _depth_counts(summary: DepthSummary) -> list[str]:
+def depth_notes(summary: DepthSummary) -> list[str]:
     """What the means hide: flagged fits, images without ground truth, holes, clamped pixels."""
     by_status = summary.coverage.by_status
     flagged = [f"{by_status.get(name, 0)} {name}" for name in ("inverted", "degenerate", "no_gt")]
@@ -81,12 +85,12 @@ def _depth_counts(summary: DepthSummary) -> list[str]:
         "outside the view": summary.mean_outside_view_share,
         "clamped": summary.mean_clamped_share,
     }
-    return [
+    lines = [
         f"images: {', '.join([*others, *flagged])}; "
         f"{summary.worse_than_constant} worse than a constant, "
         f"{summary.resampled} resampled, {counted(summary.warnings, 'warning', 'warnings')}",
         "mean share of truth pixels: "
-        + ", ".join(
-            f"{name} {'-' if x is None else format(x, '.4f')}" for name, x in shares.items()
-        ),
+        + ", ".join(f"{name} {fraction(x)}" for name, x in shares.items()),
+        *_not_scored(summary),
     ]
+    return lines + ["partial run: only some images of its track"] * summary.partial

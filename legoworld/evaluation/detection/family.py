@@ -7,10 +7,14 @@ from typing import Final, cast
 
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.detection.evaluate import evaluate_detections
-from legoworld.evaluation.detection.protocols import detection_protocol
-from legoworld.evaluation.detection.text import evaluation_text, short_detections
+from legoworld.evaluation.detection.text import (
+    detection_metrics,
+    evaluator_lines,
+    notes,
+    short_detections,
+)
 from legoworld.evaluation.detection.verification import detection_checks
-from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Recorded, TextTable
+from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Recorded
 from legoworld.records.detection import DetectionEvidence
 from legoworld.records.evaluation_summary import DetectionSummary
 from legoworld.records.folders.evaluation_reading import MATCHES
@@ -39,14 +43,12 @@ def _verify(recorded: Recorded) -> Iterator[Check]:
     )
 
 
-def _text(summary: DetectionSummary, table: TextTable) -> str:
-    return evaluation_text(summary, detection_protocol(summary.task), table)
-
-
 EVALUATION: Final = EvaluationFamily(
     evaluate=_evaluate,
     verify=_verify,
     short=short_detections,
-    text=_text,
+    metrics=detection_metrics,
+    head=evaluator_lines,
+    notes=notes,
     files=frozenset({MATCHES}),
 )

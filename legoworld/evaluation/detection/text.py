@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
-from legoworld.evaluation.family import TextTable
-from legoworld.evaluation.short_text import SHORT, bounds, evaluator_of, fraction, image_counts
-from legoworld.pluralize import counted, range_text
-from legoworld.records.evaluation_summary import Coverage, DetectionSummary
+from legoworld.evaluation.detection.protocols import (
+    DetectionProtocol,
+    Metric,
+    detection_protocol,
+)
+from legoworld.evaluation.metrics import MetricPart, MetricRow, number
+from legoworld.evaluation.short_text import bounds, evaluator_of, first_few, fraction, image_counts
+from legoworld.pluralize import counted
+from legoworld.records.evaluation_summary import DetectionSummary, Matched
+from legoworld.tables.table import Number
 
 _TITLES = {"AP": "Average Precision", "AR": "Average Recall"}
 
@@ -45,30 +50,17 @@ def short_detections(summary: DetectionSummary) -> str:
         f"{counted(matched.n_dt, 'prediction', 'predictions')}; mean IoU "
         f"{fraction(matched.miou_gt_micro)}"
     )
-    return "\n".join([*lines, *_ends(summary)])
+    if summary.partial:
+        lines.append("partial run: only some images of its track were attempted")
+    warnings = [f"warning: {text}" for text in summary.warnings]
+    return "\n".join([*lines, *first_few(warnings, "warning", "warnings")])
 
 
-def _ends(summary: DetectionSummary) -> list[str]:
-    lines = ["partial run: only some images of its track were attempted"] * summary.partial
-    lines += [f"warning: {text}" for text in summary.warnings[:SHORT]]
-    if len(summary.warnings) > SHORT:
-        more = counted(len(summary.warnings) - SHORT, "more warning", "more warnings")
-        lines.append(f"... and {more} (-v lists all)")
-    return lines
-
-
-def evaluation_text(
-    summary: DetectionSummary, protocol: DetectionProtocol, table: TextTable
-) -> str:
-    """Everything `legoworld evaluate` prints for boxes and masks."""
-    evaluator = summary.evaluator
-    parts = [
-        f"{evaluator.name} {evaluator.version}, {summary.iou_type}, " + _images(summary.coverage),
-        "\n".join(official_lines(protocol, summary.official)),
-        table(("metric", "value", "95 % interval", "over"), metric_rows(summary, protocol)),
-        "\n".join(notes(summary)),
-    ]
-    return "\n\n".join(parts)
+def evaluator_lines(summary: DetectionSummary) -> str:
+    """The evaluator, and its numbers as it words them."""
+    lines = official_lines(detection_protocol(summary.task), summary.official)
+    title = f"{evaluator_of(summary)}, {summary.iou_type}, {image_counts(summary.coverage)}"
+    return "\n\n".join([title, "\n".join(lines)])
 
 
 def _coco_line(metric: Metric, value: float) -> str:
@@ -90,75 +82,84 @@ def _lvis_line(metric: Metric, value: float) -> str:
     )
 
 
-def _images(coverage: Coverage) -> str:
-    return (
-        f"{_many(coverage.attempted, 'image')} attempted, {coverage.scored} scored, "
-        f"{coverage.with_truth} with truth"
-    )
+def detection_metrics(summary: DetectionSummary) -> list[MetricPart]:
+    """Every number with its interval and denominators: the evaluator's, tie orders, score-free."""
+    return [
+        MetricPart(
+            title="Every metric",
+            rows=[*_official_rows(summary), *_tie_rows(summary)],
+            note="A missing, failed or refused scene is an image without detections: it stays in "
+            "every denominator. Intervals: bootstrap over images.",
+        ),
+        MetricPart(
+            title="Score-free numbers: one-to-one pairs by overlap, no ranking needed",
+            rows=[*_matched_rows(summary)],
+            note="Read miou_gt together with precision and recall: flooding a photo with objects "
+            "raises the first, abstaining raises miou_matched.",
+        ),
+    ]
 
 
-def metric_rows(summary: DetectionSummary, protocol: DetectionProtocol) -> list[tuple[str, ...]]:
-    """Every number as (metric, value, 95 % interval, denominator)."""
-    counts, coverage = summary.counts, summary.coverage
-    images = _many(coverage.attempted, "image")
-    with_truth = _many(counts.categories_with_truth, "category")
-    categories = f"{images}, {with_truth}"
-    rows = []
-    groups = {**counts.areas, **(counts.frequency_groups or {})}
-    for metric in protocol.metrics:
+def _images(summary: DetectionSummary) -> str:
+    return _many(summary.coverage.attempted, "image")
+
+
+def _with_truth(summary: DetectionSummary) -> str:
+    return _many(summary.counts.categories_with_truth, "category")
+
+
+def _row(summary: DetectionSummary, name: str, value: float | None, over: str) -> MetricRow:
+    return MetricRow(name=name, number=number(value, summary.intervals.get(name)), over=over)
+
+
+def _official_rows(summary: DetectionSummary) -> Iterator[MetricRow]:
+    groups = {**summary.counts.areas, **(summary.counts.frequency_groups or {})}
+    for metric in detection_protocol(summary.task).metrics:
         group = groups[metric.frequency or metric.area]
-        where = (
-            f"{images}, {_many(group.categories_with_truth, 'category')}, "
+        over = (
+            f"{_images(summary)}, {_many(group.categories_with_truth, 'category')}, "
             f"{_many(group.truth_instances, 'annotation')}"
         )
-        rows.append(_row(summary, metric.name, summary.metrics[metric.name], where))
-    rows += _tie_rows(summary, categories)
-    matched = summary.matched
-    for prefix, measures in (
-        ("class_aware", matched.class_aware),
-        ("class_agnostic", matched.class_agnostic),
-    ):
-        truths = _many(measures.n_gt, "annotation")
+        yield _row(summary, metric.name, summary.metrics[metric.name], over)
+
+
+def _matched_rows(summary: DetectionSummary) -> Iterator[MetricRow]:
+    for prefix in ("class_aware", "class_agnostic"):
+        measures: Matched = getattr(summary.matched, prefix)
+        truths, answers = _many(measures.n_gt, "annotation"), _many(measures.n_dt, "prediction")
         over = {
             "miou_gt_micro": truths,
-            "miou_gt_macro": with_truth,
+            "miou_gt_macro": _with_truth(summary),
             "miou_matched": _many(measures.n_matched, "pair"),
-            "precision_50": _many(measures.n_dt, "prediction"),
+            "precision_50": answers,
             "recall_50": truths,
             "label_accuracy": _many(measures.n_hits_50, "pair") + " at IoU 0.5",
         }
         for name, value in measures.values().items():
-            default = f"{truths}, {_many(measures.n_dt, 'prediction')}"
-            rows.append(_row(summary, f"{prefix}.{name}", value, over.get(name, default)))
-    return rows
+            default = f"{truths}, {answers}"
+            yield _row(summary, f"{prefix}.{name}", value, over.get(name, default))
 
 
-def _row(summary: DetectionSummary, name: str, value: float | None, over: str) -> tuple[str, ...]:
-    interval = summary.intervals.get(name)
-    spread = range_text(interval.ends if value is not None and interval else None)
-    return name, "-" if value is None else f"{value:.4f}", spread, over
-
-
-def _tie_rows(summary: DetectionSummary, over: str) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
+def _tie_rows(summary: DetectionSummary) -> Iterator[MetricRow]:
+    over = f"{_images(summary)}, {_with_truth(summary)}"
     blocks = [("", summary.ties)]
     equal = summary.equal_confidence
+    ap = number(equal.metrics["AP"], summary.intervals.get("AP") if equal.already_equal else None)
+    yield MetricRow(name="equal_confidence.AP", number=ap, over=over)
     if not equal.already_equal:
-        blocks.append(("equal confidence: ", equal.ties))
-        rows.append(("equal confidence: AP", _value(equal.metrics["AP"]), "-", over))
+        blocks.append(("equal_confidence.", equal.ties))
     for prefix, ties in blocks:
         if known := ties.spread:
-            rows.append(
-                (
-                    f"{prefix}AP over {_many(ties.draws, 'tie order')}",
-                    f"{known.expected:.4f}",
-                    f"sd {known.sd:.4f}",
-                    _many(ties.n_tied, "tied prediction"),
-                )
+            yield MetricRow(
+                name=f"{prefix}AP over {_many(ties.draws, 'tie order')}",
+                number=Number(value=known.expected, sd=known.sd),
+                over=_many(ties.n_tied, "tied prediction"),
             )
-            bounds = range_text((known.worst, known.best))
-            rows.append((f"{prefix}AP bounds over tie orders", "-", bounds, over))
-    return rows
+            yield MetricRow(
+                name=f"{prefix}AP bounds over tie orders",
+                number=Number(value=None, ends=(known.worst, known.best)),
+                over=over,
+            )
 
 
 def notes(summary: DetectionSummary) -> list[str]:
@@ -190,7 +191,3 @@ def notes(summary: DetectionSummary) -> list[str]:
 
 def _many(count: int, name: str) -> str:
     return counted(count, name, f"{name[:-1]}ies" if name.endswith("y") else f"{name}s")
-
-
-def _value(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4f}"

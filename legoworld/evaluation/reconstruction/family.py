@@ -9,7 +9,12 @@ from legoworld.evaluation.checks import Check
 from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Recorded
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
-from legoworld.evaluation.reconstruction.text import bench_text, short_bench
+from legoworld.evaluation.reconstruction.text import (
+    bench_metrics,
+    bench_notes,
+    group_tables,
+    short_bench,
+)
 from legoworld.evaluation.reconstruction.verification import bench_checks, bench_rows
 from legoworld.records.reconstruction import BenchEvidence
 from legoworld.records.reconstruction_rows import ReconstructionRow
@@ -44,5 +49,11 @@ def _verify(recorded: Recorded) -> Iterator[Check]:
 
 
 EVALUATION: Final = EvaluationFamily(
-    evaluate=_evaluate, verify=_verify, short=short_bench, text=bench_text, photos=False
+    evaluate=_evaluate,
+    verify=_verify,
+    short=short_bench,
+    metrics=bench_metrics,
+    tables=group_tables,
+    notes=bench_notes,
+    photos=False,
 )

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from legoworld.evaluation.family import TextTable
-from legoworld.evaluation.short_text import SHORT, bounds, evaluator_of, fraction
+from legoworld.evaluation.metrics import MetricPart, MetricRow, number
+from legoworld.evaluation.short_text import bounds, evaluator_of, first_few, fraction
 from legoworld.pluralize import counted
-from legoworld.records.reconstruction_summary import Group, Mean, Means, ReconstructionSummary
+from legoworld.records.reconstruction_summary import (
+    Group,
+    Means,
+    NoiseSummary,
+    ReconstructionSummary,
+)
+from legoworld.tables.table import Cell, Number, Table, table
 
 _SCORES: Final = ("V", "R", "A", "S")
 _VALID: Final = ("R_valid", "A_valid", "S_valid")
@@ -22,42 +28,50 @@ def short_bench(summary: ReconstructionSummary) -> str:
             f"{counted(len(summary.flags), 'flag', 'flags')} in {cases}; no score was changed "
             "(-v lists all)"
         )
-    rows = summary.not_scored
-    lines += [f"0: {r.status}: {r.file_name}: {r.reason}" for r in rows[:SHORT]]
-    if len(rows) > SHORT:
-        more = counted(len(rows) - SHORT, "more case", "more cases")
-        lines.append(f"... and {more} that count 0 (-v lists all)")
-    return "\n".join(lines)
+    few = first_few(_zeros(summary), "case that counts 0", "cases that count 0")
+    return "\n".join([*lines, *few])
 
 
-def bench_text(summary: ReconstructionSummary, table: TextTable) -> str:
-    """Every mean with its interval and denominator, groups, diagnostics, flags and zeros."""
-    header = ("metric", "mean", "95 % interval", "over")
-    main = [_row(name, mean) for name, mean in summary.metrics.items()]
-    groups = [
+def _zeros(summary: ReconstructionSummary) -> list[str]:
+    return [f"0: {r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
+
+
+def bench_metrics(summary: ReconstructionSummary) -> list[MetricPart]:
+    """Every mean with its interval and denominator, and every diagnostic."""
+    rules = summary.protocol
+    parts = [
+        MetricPart(
+            title="Every metric",
+            rows=_rows(summary.metrics),
+            note=f"R is at {100 * rules.tolerance:g} % of the depth, A at {rules.delta} of 255.",
+        ),
+        MetricPart(title="Diagnostics, in no score", rows=_rows(summary.diagnostics)),
+    ]
+    return [part for part in parts if part.rows]
+
+
+def group_tables(summary: ReconstructionSummary) -> list[Table]:
+    """The scores by tier, split, environment and theme."""
+    rows: list[tuple[Cell, ...]] = [
         (
             f"{kind} {name}",
-            *(fraction(group.metrics[m].value) for m in (*_SCORES, *_VALID)),
+            *(Number(value=group.metrics[m].value) for m in (*_SCORES, *_VALID)),
             _size(group),
         )
         for kind in ("tier", "split", "environment", "theme")
         for name, group in getattr(summary.groups, kind).items()
     ]
-    beside = [_row(name, mean) for name, mean in summary.diagnostics.items()]
-    parts = [
-        _title(summary),
-        table(header, main),
-        table(("group", *_SCORES, *_VALID, "over"), groups),
-    ]
-    if beside:
-        parts.append("diagnostics, in no score:\n" + table(header, beside))
-    ends = _noise(summary) + _joints(summary)
-    ends += [
+    return [table(("group", *_SCORES, *_VALID, "over"), rows)]
+
+
+def bench_notes(summary: ReconstructionSummary) -> list[str]:
+    """The noise of A, the pilot, integrity flags, and what counts 0."""
+    lines = [*_noise(summary), *_joints(summary)]
+    lines += [
         f"flag: {f.kind}: {f.file_name}: {f.what}: {f.measured:.3f} (from {f.threshold:g})"
         for f in summary.flags
     ]
-    ends += [f"0: {r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
-    return "\n\n".join([*parts, "\n".join(ends)] if ends else parts)
+    return [*lines, *_zeros(summary)]
 
 
 def _title(summary: ReconstructionSummary) -> str:
@@ -81,15 +95,22 @@ def _averages(metrics: Means) -> list[str]:
     ]
 
 
+def noise_floor(noise: NoiseSummary) -> str:
+    """A of the references rendered by the card; empty where it was not measured."""
+    if noise.reference_mean is None:
+        return ""
+    sd = f", sd {noise.reference_sd:.4f} between seeds" if noise.reference_sd else ""
+    return (
+        f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}{sd} "
+        f"({counted(noise.n_reference, 'case', 'cases')})"
+    )
+
+
 def _noise(summary: ReconstructionSummary) -> list[str]:
     noise = summary.noise
     lines = []
-    if noise.reference_mean is not None and noise.reference_sd is not None:
-        cases = counted(noise.n_reference, "case", "cases")
-        lines.append(
-            f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}, "
-            f"sd {noise.reference_sd:.4f} between seeds ({cases})"
-        )
+    if floor := noise_floor(noise):
+        lines.append(floor)
     elif summary.metrics["A"].value is not None:
         lines.append("A's noise floor was not measured when the dataset was made")
     else:
@@ -115,8 +136,17 @@ def _joints(summary: ReconstructionSummary) -> list[str]:
     ]
 
 
-def _row(name: str, mean: Mean) -> tuple[str, str, str, str]:
-    return name, fraction(mean.value), bounds(mean.interval).strip() or "-", f"{mean.n} {mean.over}"
+def _rows(found: Means) -> list[MetricRow]:
+    first = (*_SCORES, *_VALID)
+    names = sorted(found, key=lambda n: (first.index(n) if n in first else len(first), n))
+    return [
+        MetricRow(
+            name=name,
+            number=number(found[name].value, found[name].interval),
+            over=f"{counted(found[name].n, 'case', 'cases')}, {found[name].over}",
+        )
+        for name in names
+    ]
 
 
 def _size(group: Group) -> str:

@@ -19,8 +19,8 @@ from evaluation.official import evaluate
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError, check_box_format
-from legoworld.evaluation.detection.protocols import detection_protocol
-from legoworld.evaluation.detection.text import metric_rows, notes
+from legoworld.evaluation.detection.text import detection_metrics, notes
+from legoworld.evaluation.metrics import metric_tables
 from legoworld.records.folders.evaluation_folder import EVIDENCE, prepare_folder
 
 TASKS = ["coco", "coco-masks", "lvis"]
@@ -192,6 +192,11 @@ def test_ids_that_are_no_integers_are_shown(key, value, shown, tmp_path):
     assert f"found: expected int, got {shown} at $[7].{key};" in str(caught.value)
 
 
+def rows_of(summary):
+    tables = metric_tables([("", detection_metrics(summary))])
+    return {row[0]: tuple(map(str, row[1:])) for table in tables for row in table.rows}
+
+
 def test_the_words_beside_the_numbers(tmp_path):
     """One image, one category, one annotation: each count in the singular, and in the plural."""
     truth = {
@@ -202,8 +207,7 @@ def test_the_words_beside_the_numbers(tmp_path):
     }  # fmt: skip
     predictions = [{"image_id": 1, "category_id": 1, "bbox": [0, 0, 40, 40], "score": 0.5}]
     found = evaluate(tmp_path / "one", "coco", truth, predictions).summary
-    protocol = detection_protocol("coco")
-    rows = {row[0]: row[1:] for row in metric_rows(found, protocol)}
+    rows = rows_of(found)
     assert rows["AP"] == ("1.0000", "-", "1 image, 1 category, 1 annotation")
     assert rows["APs"] == ("-", "-", "1 image, 0 categories, 0 annotations")
     assert rows["class_aware.miou_matched"][2] == "1 pair"
@@ -224,20 +228,20 @@ def test_the_words_beside_the_numbers(tmp_path):
     ]
     more = [*predictions, {**predictions[0], "image_id": 2, "score": 0.25}]
     found = evaluate(tmp_path / "two", "coco", truth, more).summary
-    rows = {row[0]: row[1:] for row in metric_rows(found, protocol)}
+    rows = rows_of(found)
     assert rows["AP"][2] == "2 images, 2 categories, 3 annotations"
     assert rows["APs"][2] == "2 images, 1 category, 1 annotation"
     equal = found.equal_confidence.metrics["AP"]
     over = "2 images, 2 categories"
-    assert rows["equal confidence: AP"] == (f"{equal:.4f}", "-", over)
+    assert rows["equal_confidence.AP"] == (f"{equal:.4f}", "-", over)
     spread = found.equal_confidence.ties.spread
-    assert rows["equal confidence: AP over 20 tie orders"] == (
+    assert rows["equal_confidence.AP over 20 tie orders"] == (
         f"{spread.expected:.4f}", f"sd {spread.sd:.4f}", "2 tied predictions",
     )  # fmt: skip
-    bounds = f"{spread.worst:.4f} to {spread.best:.4f}"
-    assert rows["equal confidence: AP bounds over tie orders"] == ("-", bounds, over)
+    bounds = f"[{spread.worst:.4f}, {spread.best:.4f}]"
+    assert rows["equal_confidence.AP bounds over tie orders"] == ("-", bounds, over)
     low, high = found.intervals["AP"].ends
-    assert rows["AP"][:2] == (f"{found.metrics['AP']:.4f}", f"{low:.4f} to {high:.4f}")
+    assert rows["AP"][:2] == (f"{found.metrics['AP']:.4f}", f"[{low:.4f}, {high:.4f}]")
 
 
 def boxes(*found):

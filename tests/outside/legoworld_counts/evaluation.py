@@ -147,11 +147,4 @@ def _short(summary):
     )
 
 
-def _text(summary, table):
-    rows = [
-        (m.name, fraction(m.value), bounds(m.interval).strip()) for m in summary.metric_values()
-    ]
-    return f"{_short(summary)}\n\n" + table(("metric", "value", "95 % interval"), rows)
-
-
-EVALUATION = EvaluationFamily(evaluate=_evaluate, verify=_verify, short=_short, text=_text)
+EVALUATION = EvaluationFamily(evaluate=_evaluate, verify=_verify, short=_short)
