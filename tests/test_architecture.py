@@ -196,6 +196,7 @@ AT_HOME = {
     "report/provenance.py": "packages",
     "records/bench_dataset.py": "a file's own word for what it is",
     "records/reconstruction_judges.py": "a judge's word for what is judged",
+    "records/formats.py": "a name of a file format",
     "evaluation/reconstruction/articulation_card.py": "a card's own word",
     "commands/bench_command.py": "the command of that name",
     "cli.py": "the command of that name",
