@@ -1,5 +1,8 @@
 """Depth as a family of records: rows, summary and evidence.json of evaluations and comparisons."""
 
+# A scored row requires what other rows may leave out, which msgspec allows of a subclass.
+# pyright: reportGeneralTypeIssues=false
+
 from __future__ import annotations
 
 from functools import partial

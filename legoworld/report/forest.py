@@ -10,7 +10,14 @@ from legoworld.comparison.family import comparison_of_task
 from legoworld.comparison.tables import over_text
 from legoworld.evaluation.family import evaluation_of
 from legoworld.evaluation.metrics import MetricRow
-from legoworld.records.comparison import Comparison, ComparisonRow, Difference, Measured, Pair
+from legoworld.records.comparison import (
+    Better,
+    Comparison,
+    ComparisonRow,
+    Difference,
+    Measured,
+    Pair,
+)
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.report_summary import ForestRow, Span
 from legoworld.report.family import page_of
@@ -44,7 +51,9 @@ def _rows(
     task: str, sides: Sequence[Summary], comparison: Comparison | None
 ) -> Iterator[ForestRow]:
     pairs = comparison.pairs if comparison else ()
-    better = {metric.id: metric.better for metric in comparison_of_task(task).metrics(task)}
+    better: dict[str, Better] = {
+        metric.id: metric.better for metric in comparison_of_task(task).metrics(task)
+    }
     found = [_by_id(side) for side in sides]
     for metric, name in page_of(task).forest.items():
         compared = [_row(pair, metric) for pair in pairs]

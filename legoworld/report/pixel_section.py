@@ -32,9 +32,11 @@ class PixelPlots(Protocol):
 
     def add(self, views: Views) -> None:
         """One photo."""
+        ...
 
     def plots(self, names: Sequence[str]) -> Plots:
         """Of the sides by these names."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,17 +45,21 @@ class PixelArray(Protocol):
     @property
     def values(self) -> NDArray[Any]:
         """As the file has them."""
+        ...
 
     @property
     def size_wh(self) -> tuple[int, int]:
         """(width, height)."""
+        ...
 
     @property
     def stored(self) -> Stored | None:
         """How its file has it; None for an array of no file."""
+        ...
 
     def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
+        ...
 
 
 class PixelProtocol(Protocol):
@@ -64,10 +68,12 @@ class PixelProtocol(Protocol):
     @property
     def card(self) -> Card:
         """The card."""
+        ...
 
     @property
     def min_valid_px(self) -> int:
         """Fewer pixels in truth or prediction are not scored."""
+        ...
 
 
 class TruthFile(Protocol):
@@ -76,10 +82,12 @@ class TruthFile(Protocol):
     @property
     def path(self) -> Path:
         """Of the array."""
+        ...
 
     @property
     def calibration(self) -> tuple[Path, ...]:
         """Further files that it needs."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -102,7 +102,7 @@ def with_holes(row: R, n_predicted: int) -> R:
     return replace(row, n_predicted=n_predicted, hole_share=1.0 - n_predicted / row.n_valid)
 
 
-def too_few(row: R, n_predicted: int, needed: int) -> ImageResult:
+def too_few(row: PixelRow, n_predicted: int, needed: int) -> ImageResult:
     """A row whose prediction has too few pixels to be scored."""
     reason = (
         f"{n_predicted} of {row.n_valid} valid truth pixels have a prediction, {needed} are needed"
