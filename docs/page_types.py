@@ -41,7 +41,7 @@ _HEAD: Final = "// Made by docs/page_types.py from legoworld/records: do not edi
 _TAIL: Final = """\
 interface PageData {
   sections: PageSection[];
-  views: [string, number][];
+  views: [string, number, string][];
   kinds: string[];
   beside: { folder: string; pictures: boolean; scenes: boolean };
   version: string;

@@ -19,8 +19,9 @@ from legoworld.report.beside import refuse_others, write_beside
 from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
 from legoworld.report.page_content import PageDocument
 from legoworld.report.page_script import SCRIPTS, page_script
-from legoworld.report.tables import NO_SPECIALIST
+from legoworld.report.tables import NO_SPECIALIST, tasks_table
 from legoworld.tables.html import html
+from legoworld.tracks.track import scene_name
 from legoworld.version import __version__
 
 #: More views than this, or more bytes of them, and they lie beside the page.
@@ -105,6 +106,7 @@ def page_text(
             mark=Markup(MARK),
             version=__version__,
             sections=document.sections,
+            tasks=tasks_table(document.sections) if len(document.sections) > 1 else None,
             commands=commands,
             kinds=KINDS,
             foreground=FOREGROUND_IOU,
@@ -126,7 +128,7 @@ def _data(document: PageDocument, beside: Beside) -> dict[str, Any]:
     """What the scripts start with; records.d.ts calls it PageData."""
     return {
         "sections": [_for_scripts(section) for section in document.sections],
-        "views": [[view.section, view.id] for view in document.views],
+        "views": [[view.section, view.id, scene_name(view.file_name)] for view in document.views],
         "kinds": list(KINDS),
         "beside": {
             "folder": beside.folder if beside.any else "",

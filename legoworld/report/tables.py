@@ -14,7 +14,12 @@ from legoworld.evaluation.stored import Evaluated
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import Comparison, ComparisonRow, Measured, Pair
 from legoworld.records.evaluation_rows import CategoryRow
-from legoworld.records.report_tables import CategoryCell, CategoryLine, ComparedPair
+from legoworld.records.report_tables import (
+    CategoryCell,
+    CategoryLine,
+    ComparedPair,
+    PageSection,
+)
 from legoworld.tables.table import Cell, Column, Count, Number, Table, Text, table
 
 #: What stands where no specialist's number is.
@@ -27,6 +32,34 @@ def number_tables(sides: Sequence[Evaluated]) -> list[Table]:
     """Every number of every summary, a side after the other."""
     family = evaluation_of(sides[0].task)
     return metric_tables([(side.name, family.metrics(side.summary)) for side in sides])
+
+
+def tasks_table(sections: Sequence[PageSection]) -> Table:
+    """Every task's first main metric, a side a row, with its own evaluator and denominators."""
+    rows: list[list[Cell]] = []
+    for section in sections:
+        first = next(iter(section.first.forest), None)
+        spans = first.sides if first else (None,) * len(section.sides)
+        for side, evaluator, span in zip(section.sides, section.evaluators, spans, strict=True):
+            ends = (span.low, span.high) if span else (None, None)
+            rows.append(
+                [
+                    Text(text=section.title, link=f"#/{section.key}"),
+                    side.label,
+                    first.name if first and span else "-",
+                    Number(
+                        value=span.value if span else None,
+                        ends=None if ends[0] is None or ends[1] is None else (ends[0], ends[1]),
+                        digits=3,
+                        below=span.over if span else "",
+                    ),
+                    Count(n=side.scored, of=section.attempted or 0),
+                    f"{evaluator.name} {evaluator.version}",
+                ]
+            )
+    header = ("task", "side", "metric", "value", "scored", "evaluator")
+    notes = ("Numbers of different tasks are over their own denominators: they do not add up.",)
+    return table(header, rows, title="All tasks", notes=notes)
 
 
 def without_specialist(shown: Table) -> Table:

@@ -96,6 +96,40 @@ def test_names_from_scenes_stay_text(chrome: Browser, page: Path) -> None:
         )
 
 
+def test_a_photo_shows_what_other_tasks_say_of_it(chrome: Browser, page: Path) -> None:
+    chrome.open(page, "#/coco/13")
+    chrome.until("!document.querySelector('#detail').hidden")
+    others = "Array.from(document.querySelectorAll('#detail .other-task'))"
+    assert chrome.js(f"{others}.map(d => d.dataset.other)") == ["lvis"]
+    assert "random 1 of 1" in chrome.js("document.querySelector('.other-task summary').textContent")
+    assert chrome.js("document.querySelectorAll('.other-task .stage').length") == 0
+    click(chrome, ".other-task summary")
+    chrome.until("document.querySelector('.other-task .stage svg.frame')")
+    address = chrome.js("location.hash")
+    click(chrome, ".other-task [data-pane]")
+    assert chrome.js("location.hash") == address, "its switches are not the photo's"
+    assert chrome.js(OVERHANG) == 0
+    click(chrome, ".other-task summary a")
+    chrome.until("location.hash === '#/lvis/13'")
+    chrome.until("document.querySelector('.other-task').dataset.other === 'coco'")
+    chrome.open(page, "#/eth3d/1")
+    chrome.until("!document.querySelector('#detail').hidden")
+    assert chrome.js(f"{others}.length") == 0
+
+
+def test_all_tasks_stand_in_one_table_with_their_denominators(chrome: Browser, page: Path) -> None:
+    chrome.open(page)
+    rows = chrome.js(
+        "Array.from(document.querySelectorAll('.all-tasks tbody tr')).map(r => r.textContent)"
+    )
+    assert len(rows) == 4  # boxes, two sides of masks, depth
+    assert "COCO boxes" in rows[0]
+    assert "11 of 12" in rows[1]
+    assert "lvis" in rows[1]
+    click(chrome, ".all-tasks tbody tr:last-child a")
+    chrome.until("location.hash.startsWith('#/eth3d')")
+
+
 def test_the_gallery_sorts_as_the_address_says(chrome: Browser, page: Path) -> None:
     chrome.open(page, "#/coco?tab=photos")
     before = chrome.js(SHOWN)

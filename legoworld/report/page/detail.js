@@ -11,7 +11,7 @@ import { describe, drawnItems } from "./outcomes.js";
 import { layerSwitches, paneChoices } from "./panes.js";
 import { here, moveTo, noteInAddress } from "./place.js";
 import { sceneChoices } from "./scene3d.js";
-import { DATA, LEFT_BEHIND, withView } from "./views.js";
+import { DATA, LEFT_BEHIND, sectionOf, withView } from "./views.js";
 
 const USUAL_LAYERS = ["truth", "tp", "fp", "fn", "names"];
 const LAYER_KEYS = ["truth", "tp", "fp", "fn", "other", "object", "names"];
@@ -37,8 +37,11 @@ export function showDetail(section, place) {
   }
   withView(at, (view) => {
     if (here().image !== String(view.id)) { return; }
-    const row = section.images.find((r) => r.id === view.id);
-    panel.replaceChildren(...detailOf(section, view, row, place));
+    const made = detailOf(section, view, place);
+    const others = otherTasks(at);
+    OPEN = { ...made, close: () => [made, ...others.open].forEach((one) => one.close()),
+      ready: () => [made, ...others.open].forEach((one) => one.ready()) };
+    panel.replaceChildren(topBar(view), view.said ? el("p", { class: "note" }, [view.said]) : "", made.root, ...others.nodes);
     const target = panel.querySelector("[data-keep='" + (focused || "title") + "']");
     if (target) { target.focus({ preventScroll: true }); }
     OPEN.ready();
@@ -47,7 +50,39 @@ export function showDetail(section, place) {
   });
 }
 
-function detailOf(section, view, row, place) {
+/* What other tasks say of the same photo, each built when it is first unfolded. */
+function otherTasks(at) {
+  const open = [];
+  const others = DATA.views.map((v, i) => ({ section: sectionOf(v[0]), i, photo: v[2] }))
+    .filter((o) => o.i !== at && o.photo === DATA.views[at][2] && o.section.key !== DATA.views[at][0]);
+  const nodes = others.map(({ section, i }) => {
+    const body = el("div", {}, []);
+    const row = section.images.find((r) => r.id === DATA.views[i][1]);
+    const many = section.sides.length > 1;
+    const scores = row ? row.cells.map((c, k) => scoreLine(c, row.n_truth, many ? section.sides[k].label : "").textContent) : [];
+    const node = el("details", { class: "other-task", "data-other": section.key }, [el("summary", {}, [
+      section.title, el("span", { class: "over" }, [scores.join("; ")]),
+      el("a", { href: "#/" + section.key + "/" + DATA.views[i][1] }, ["alone"])]), body]);
+    node.addEventListener("toggle", () => {
+      if (!node.open || body.firstChild) { return; }
+      withView(i, (view) => {
+        const made = detailOf(section, view, { section: section.key, image: String(view.id) }, true);
+        open.push(made);
+        body.replaceChildren(made.root);
+        made.ready();
+      }, () => { body.replaceChildren(el("p", { class: "note" }, ["Its picture and shapes are not here: " + LEFT_BEHIND])); });
+    });
+    return node;
+  });
+  return { open, nodes: nodes.length ? [el("h2", { class: "other-tasks" }, ["The same photo in other tasks"]), ...nodes] : [] };
+}
+
+/**
+ * A photo's panes, scores, findings and objects.
+ * @returns {any}
+ */
+function detailOf(section, view, place, beside = false) {
+  const row = section.images.find((r) => r.id === view.id);
   const many = view.sides.length > 1;
   const root = el("div", { class: "photo" });
   const items = section.bench ? benchItems(view, section.names) : view.truths ? drawnItems(view, section.names) : [];
@@ -57,9 +92,8 @@ function detailOf(section, view, row, place) {
       (lit.length > 3 ? " and " + (lit.length - 3) + " more" : "") : HINT;
     picked.classList.toggle("pinned", pinned);
   });
-  const stage = stageOf(section, view, items, links, place);
+  const stage = stageOf(section, view, items, links, place, beside ? () => {} : noteInAddress);
   root.addEventListener("click", (event) => pickFrom(event, items, links, stage));
-  OPEN = { links, frames: stage.frames, close: stage.close, ready: () => { stage.frames.resized(); markScrollers(root); } };
   const scores = row ? row.cells.map((c, k) => scoreLine(c, row.n_truth, many ? view.sides[k].label : "")) : [];
   const findings = view.sides.flatMap((s, k) => findingsOf(s, k, items, many, section.sides[k]));
   if (!section.bench && section.sides.every((s) => s.scene)) {
@@ -74,7 +108,7 @@ function detailOf(section, view, row, place) {
     el("div", { class: "scores" }, scores), el("div", { class: "said" }, findings),
     el("div", { class: "lists" + (section.bench ? " wide" : "") }, [...objects, ...view.sides.map((s) =>
       recordOf(s, section.bench ? "numbers, cameras, hashes" : "camera, sizes, hashes"))]));
-  return [topBar(view), view.said ? el("p", { class: "note" }, [view.said]) : "", root];
+  return { root, links, frames: stage.frames, close: stage.close, ready: () => { stage.frames.resized(); markScrollers(root); } };
 }
 
 const HINT = "Point at an outline, a row or a finding; click or press Enter to keep it. Ctrl + wheel, " +
@@ -107,7 +141,7 @@ function topBar(view) {
  * The panes, with their switches.
  * @returns {any}
  */
-function stageOf(section, view, items, links, place) {
+function stageOf(section, view, items, links, place, note) {
   const grid = el("div", { class: "panes" });
   const usualLayers = section.bench ? ["object"] : USUAL_LAYERS;
   const shown = new Set(place.show ? place.show.split(".") : usualLayers);
@@ -140,7 +174,7 @@ function stageOf(section, view, items, links, place) {
   const switches = choices.map((choice) => paneSwitch(choice, wanted.includes(choice.key), (on) => {
     set(choice, on);
     const keys = [...choices.filter((c) => open.has(c.key)).map((c) => c.key)];
-    noteInAddress({ panes: keys.join(".") === usual.join(".") ? "" : keys.join(".") });
+    note({ panes: keys.join(".") === usual.join(".") ? "" : keys.join(".") });
   }));
   choices.filter((c) => !c.why && wanted.includes(c.key)).forEach((c) => set(c, true));
   const layerKeys = LAYER_KEYS.filter((key) => key === "names" || (key === "object") === Boolean(section.bench));
@@ -150,7 +184,7 @@ function stageOf(section, view, items, links, place) {
     if (on) { shown.add(key); } else { shown.delete(key); }
     paint();
     const keys = layerKeys.filter((k) => shown.has(k));
-    noteInAddress({ show: keys.join(".") === usualLayers.join(".") ? "" : keys.join(".") || "none" });
+    note({ show: keys.join(".") === usualLayers.join(".") ? "" : keys.join(".") || "none" });
   })];
   const zoom = el("div", { class: "zoom", role: "group", "aria-label": "zoom of all panes" }, [
     button("\u2212", () => frames.smaller(), { "aria-label": "smaller" }),
