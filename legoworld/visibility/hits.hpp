@@ -45,17 +45,31 @@ static void write_weights(const Frame& frame, const Tile& tile, const Several& o
   }
 }
 
+// A vector to each pixel of a run.
+static inline void fill_run(const double n[3], bool turned, const Candidate& run, float* out) {
+  float v[4];
+  for (int k = 0; k < 4; ++k) v[k] = static_cast<float>((turned ? -n[k % 3] : n[k % 3]) + 0.0);
+  for (int32_t c = run.x0; c < run.x1; ++c) std::memcpy(out + 3 * c, v, sizeof v);
+  std::memcpy(out + 3 * run.x1, v, 3 * sizeof *v);
+}
+
 // The normal along a run, turned towards the camera by each pixel's own ray. How many were turned.
-static int64_t write_normals(const Frame& frame, const Tile& tile, const double n[3], const Candidate& run,
+static int64_t write_normals(const Frame& frame, const Tile& tile, const double n[3], Candidate run,
                              float* out) {
   const double* ray_x = frame.ray_x.data() + tile.left;
   const double ry = frame.orthographic ? 0.0 : frame.ray_y.data()[tile.top + run.y0];
   const double rest = n[1] * ry + n[2], nx = frame.orthographic ? 0.0 : n[0];
+  const auto away = [&](int32_t c) { return nx * ray_x[c] + rest > 0; };
+  // The value is monotone along the row, also as it is rounded: equal ends, equal all.
+  if (away(run.x0) == away(run.x1)) {
+    fill_run(n, away(run.x0), run, out);
+    return away(run.x0) ? run.x1 - run.x0 + 1 : 0;
+  }
   int64_t flipped = 0;
-  for (int32_t c = run.x0; c <= run.x1; ++c) {
-    const bool away = nx * ray_x[c] + rest > 0;
-    flipped += away;
-    for (int k = 0; k < 3; ++k) out[3 * c + k] = static_cast<float>((away ? -n[k] : n[k]) + 0.0);
+  for (int32_t c = run.x0, last = run.x1; c <= last; ++c) {
+    run.x0 = run.x1 = static_cast<uint8_t>(c);
+    fill_run(n, away(c), run, out);
+    flipped += away(c);
   }
   return flipped;
 }
@@ -69,7 +83,8 @@ static int64_t write_runs(const Frame& frame, const Tile& tile, const Candidate*
   const Vd wx = t.x[2] - t.x[0], wy = t.y[2] - t.y[0], wz = t.z[2] - t.z[0];
   // The product of two moved edges is the moved normal times the determinant: so is its sign.
   const Vd nx = uy * wz - uz * wy, ny = uz * wx - ux * wz, nz = ux * wy - uy * wx;
-  const Vd squared = (nx * nx + ny * ny) + nz * nz;
+  const Vd length = root((nx * nx + ny * ny) + nz * nz);
+  const Vd x = nx / length, y = ny / length, z = nz / length;
   int64_t flipped = 0;
   for (int lane = 0; lane < used; ++lane) {
     const Candidate& run = runs[lane];
@@ -78,9 +93,8 @@ static int64_t write_runs(const Frame& frame, const Tile& tile, const Candidate*
       write_weights(frame, tile, of, lane, run, hits.barycentric + 2 * at);
     }
     if (hits.normal == nullptr) continue;
-    const double length = std::sqrt(squared[lane]);
-    const double scale = volume_of(of.matrix[lane]) < 0 ? -length : length;
-    const double n[3] = {nx[lane] / scale, ny[lane] / scale, nz[lane] / scale};
+    const double side = volume_of(of.matrix[lane]) < 0 ? -1.0 : 1.0;
+    const double n[3] = {side * x[lane], side * y[lane], side * z[lane]};
     flipped += write_normals(frame, tile, n, run, hits.normal + 3 * at);
   }
   return flipped;
@@ -91,12 +105,21 @@ static inline void write_missing(int64_t pixel, const LwHits& hits) {
   for (int k = 0; k < 3 && hits.normal != nullptr; ++k) hits.normal[3 * pixel + k] = NAN;
 }
 
-// One row's sources, without those of holdouts and open pixels.
-static inline void finish_sources(const Tile& tile, const Sources& sources, int32_t row, int64_t* shown) {
+// One row's sources to `shown`, -1 for holdouts and open pixels. Bit by bit the columns where a run begins.
+static inline uint64_t finish_sources(const Tile& tile, const Sources& sources, int32_t row, int64_t* shown) {
   const int32_t* ids = tile.id + row * kStride;
-  for (int32_t c = 0; c < kTile; ++c) {
-    shown[c] = ids[c] >= 0 && ids[c] != INT32_MAX ? sources.at[row * kStride + c] : -1;
+  uint64_t begins = 0;
+  shown[-1] = -2;
+  for (int32_t c = 0; c < kTile; c += kLanes) {
+    const Vi id = load<Vi>(ids + c);
+    const Vm there = __builtin_convertvector((id >= 0) & (id != INT32_MAX), Vm);
+    store(shown + c, load<Vm>(sources.at + row * kStride + c) | ~there);
   }
+  for (int32_t c = 0; c < kTile; c += kLanes) {
+    const Vm differs = load<Vm>(shown + c) != load<Vm>(shown + c - 1);
+    begins |= static_cast<uint64_t>(bits(differs)) << c;
+  }
+  return begins;
 }
 
 // A finished tile. How many normals were turned towards the camera.
@@ -107,14 +130,17 @@ static int64_t write_hits(const Frame& frame, const Tile& tile, const Sources& s
   int64_t flipped = 0;
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = row_of(frame, tile, r);
-    int64_t shown[kTile];
-    finish_sources(tile, sources, r, shown);
+    int64_t row[1 + kTile], *shown = row + 1;
+    uint64_t begins = finish_sources(tile, sources, r, shown);
     for (int32_t c = 0; c < tile.columns; ++c) {
       hits.placement[at + c] = static_cast<int32_t>(shown[c] >> 32);
       hits.triangle[at + c] = static_cast<int32_t>(shown[c]);
     }
-    for (int32_t c = 0, first; more && c < tile.columns;) {
-      for (first = c++; c < tile.columns && shown[c] == shown[first];) ++c;
+    if (tile.columns < kTile) begins &= (uint64_t{1} << tile.columns) - 1;
+    while (more && begins != 0) {
+      int32_t first = __builtin_ctzll(begins);
+      begins &= begins - 1;
+      const int32_t c = begins == 0 ? tile.columns : __builtin_ctzll(begins);
       if (shown[first] < 0) {
         for (; first < c; ++first) write_missing(at + first, hits);
         continue;

@@ -6,17 +6,29 @@
 
 constexpr int64_t kLayerRound = int64_t{1} << 21;  // triangles culled before the tiles are drawn
 
-struct Entry {
-  float depth;
-  uint32_t pixel;  // kTile * row + column
+struct Fragment {  // what one instance shows in one tile; behind the masks, the depths in their order
+  Fragment* older;
+  int32_t id, top, rows;
+  uint64_t masks[1];  // of each row from `top` on, bit by bit the columns
+
+  static size_t bytes(int32_t rows, size_t depths) {
+    return sizeof(Fragment) + sizeof(uint64_t) * static_cast<size_t>(rows) + sizeof(float) * depths;
+  }
+  float* depths() { return reinterpret_cast<float*>(masks + rows); }
+  const float* depths() const { return reinterpret_cast<const float*>(masks + rows); }
 };
 
-struct Fragment {  // what one instance shows in one tile
-  Fragment* older;
-  int32_t id;
-  uint32_t count;
-  Entry entries[1];
-};
+// Visits (first, length) of each run of set bits.
+template <class Visit>
+static inline void each_run(uint64_t mask, Visit&& visit) {
+  while (mask != 0) {
+    const int first = __builtin_ctzll(mask);
+    const uint64_t ended = ~(mask >> first);
+    const int length = ended == 0 ? 64 : __builtin_ctzll(ended);
+    visit(first, length);
+    mask &= length == 64 ? 0 : ~(((uint64_t{1} << length) - 1) << first);
+  }
+}
 
 struct Group {  // of one instance in the tile at hand
   uint32_t candidates, samples;    // how many; then where the next one goes
@@ -37,7 +49,7 @@ struct LayerWorker {
   Buffer<Candidate> candidates;    // by instance, near first in each
   Buffer<Sample> samples;          // by instance
   Buffer<uint64_t> keys;
-  Entry found[kTile * kTile];
+  float found[kTile * kTile];
 };
 
 struct LayerPass {
@@ -111,26 +123,39 @@ static void clear_box(Tile& tile, const Group& box) {
   tile.stale = 0;
 }
 
+// The columns of a row that hold a depth, from column x on and before `end`.
+static inline uint64_t mask_of_row(const float* row, int32_t x, int32_t end) {
+  uint64_t mask = 0;
+  for (x = x / kBlock * kBlock; x < end; x += kBlock) {
+    mask |= static_cast<uint64_t>(row_bits(load<Row>(row + x) < spread_row(INFINITY))) << x;
+  }
+  return end < kTile ? mask & ((uint64_t{1} << end) - 1) : mask;
+}
+
 // What the box holds now, as the tile's newest fragment.
 static void keep_fragment(LayerPass& pass, LayerWorker& mine, const Tile& tile, const Group& box, int32_t id,
                           int64_t index) {
-  const int32_t end = std::min(box.x1 + kBlock, tile.columns);
-  uint32_t count = 0;
-  for (int32_t y = box.y0; y <= box.y1; ++y) {
-    for (int32_t x = box.x0; x < end; ++x) {
-      const float depth = tile.depth[y * kStride + x];
-      mine.found[count] = Entry{depth, static_cast<uint32_t>(y * kTile + x)};
-      count += depth < INFINITY;
-    }
+  const int32_t rows = box.y1 - box.y0 + 1, end = std::min(box.x1 + kBlock, tile.columns);
+  uint64_t masks[kTile];
+  size_t count = 0;
+  for (int32_t r = 0; r < rows; ++r) {
+    const float* row = tile.depth + (box.y0 + r) * kStride;
+    masks[r] = mask_of_row(row, box.x0, end);
+    each_run(masks[r], [&](int first, int length) {
+      std::memcpy(mine.found + count, row + first, static_cast<size_t>(length) * sizeof(float));
+      count += static_cast<size_t>(length);
+    });
   }
   if (count == 0) return;
-  auto* out = static_cast<Fragment*>(mine.kept.take(sizeof(Fragment) + sizeof(Entry) * (count - 1)));
+  auto* out = static_cast<Fragment*>(mine.kept.take(Fragment::bytes(rows, count)));
   out->older = pass.newest.data()[index];
   out->id = id;
-  out->count = count;
-  std::memcpy(out->entries, mine.found, count * sizeof(Entry));
+  out->top = box.y0;
+  out->rows = rows;
+  std::memcpy(out->masks, masks, static_cast<size_t>(rows) * sizeof *masks);
+  std::memcpy(out->depths(), mine.found, count * sizeof(float));
   pass.newest.data()[index] = out;
-  pass.entries += count;
+  pass.entries += static_cast<int64_t>(count);
 }
 
 static void draw_groups(LayerPass& pass, Worker& worker, LayerWorker& mine, Tile& tile, int64_t index) {
@@ -176,7 +201,12 @@ static void draw_layers(LayerPass& pass, Worker& worker, LayerWorker& mine) {
 static void count_entries(const Fragment* newest, uint32_t counts[kTile * kTile]) {
   std::memset(counts, 0, sizeof(uint32_t) * kTile * kTile);
   for (const Fragment* one = newest; one != nullptr; one = one->older) {
-    for (uint32_t i = 0; i < one->count; ++i) ++counts[one->entries[i].pixel];
+    for (int32_t r = 0; r < one->rows; ++r) {
+      uint32_t* row = counts + (one->top + r) * kTile;
+      each_run(one->masks[r], [&](int first, int length) {
+        for (int c = first; c < first + length; ++c) ++row[c];
+      });
+    }
   }
 }
 
@@ -235,34 +265,47 @@ static inline void sort_keys(uint64_t* keys, int64_t count) {
   }
 }
 
+// The entries of a tile's pixels as keys, where `next` says; leaves each pixel's end there.
+static void scatter_keys(const Fragment* newest, uint32_t next[kTile * kTile], uint64_t* keys) {
+  for (const Fragment* one = newest; one != nullptr; one = one->older) {
+    const float* depth = one->depths();
+    for (int32_t r = 0; r < one->rows; ++r) {
+      uint32_t* row = next + (one->top + r) * kTile;
+      each_run(one->masks[r], [&](int first, int length) {
+        for (int c = first; c < first + length; ++c) keys[row[c]++] = key_of(*depth++, one->id);
+      });
+    }
+  }
+}
+
 static void write_layers(LayerPass& pass, LayerWorker& mine) {
   uint32_t next[kTile * kTile];
   Tile tile;
   for (int64_t begin, end; pass.r.tile_queue.take(begin, end);) {
     tile.place(pass.r.frame, begin);
-    count_entries(pass.newest.data()[begin], next);
     uint32_t total = 0;
-    for (uint32_t& one : next) {
-      std::swap(one, total);
-      total += one;
-    }
-    uint64_t* keys = mine.keys.at_least(total);
-    for (const Fragment* one = pass.newest.data()[begin]; one != nullptr; one = one->older) {
-      for (uint32_t i = 0; i < one->count; ++i) {
-        keys[next[one->entries[i].pixel]++] = key_of(one->entries[i].depth, one->id);
-      }
-    }
     for (int32_t r = 0; r < tile.rows; ++r) {
       const int64_t* start = pass.out.start + row_of(pass.r.frame, tile, r);
       for (int32_t c = 0; c < tile.columns; ++c) {
-        const int64_t count = start[c + 1] - start[c];
-        sort_keys(keys, count);
-        for (int64_t i = 0; i < count; ++i) {
-          pass.instance[start[c] + i] = pass.out.ident[static_cast<uint32_t>(keys[i])];
-          pass.depth[start[c] + i] = depth_of(keys[i]);
-        }
-        keys += count;
+        next[r * kTile + c] = total + static_cast<uint32_t>(start[c] - start[0]);
       }
+      total += static_cast<uint32_t>(start[tile.columns] - start[0]);
+    }
+    uint64_t* keys = mine.keys.at_least(total);
+    scatter_keys(pass.newest.data()[begin], next, keys);
+    for (int32_t r = 0; r < tile.rows; ++r) {
+      const int64_t* start = pass.out.start + row_of(pass.r.frame, tile, r);
+      const int64_t count = start[tile.columns] - start[0];
+      for (int32_t c = 0; c < tile.columns; ++c) {
+        if (start[c + 1] - start[c] > 1) sort_keys(keys + (start[c] - start[0]), start[c + 1] - start[c]);
+      }
+      int32_t* instance = pass.instance + start[0];
+      float* depth = pass.depth + start[0];
+      for (int64_t i = 0; i < count; ++i) {
+        instance[i] = pass.out.ident[static_cast<uint32_t>(keys[i])];
+        depth[i] = depth_of(keys[i]);
+      }
+      keys += count;
     }
   }
 }

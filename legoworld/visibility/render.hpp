@@ -267,7 +267,6 @@ static void draw_tiles(Render& r, Worker& worker, int32_t* instance, float* dept
     for (int64_t i = begin; i < end; ++i) {
       if (again && !r.last && !has_records(r, i)) continue;
       tile.begin(r.frame, i);
-      if (kSource) sources->begin();
       if (again) load_tile(r.frame, tile, r.so_far, i, instance, depth);
       if (kSource && again) load_sources(r.frame, tile, *r.hits, *sources);
       draw_tile<kSource>(r, worker, tile, sources, i);

@@ -1,13 +1,7 @@
 // One tile of the picture while it is drawn. Included once per instruction set.
 
-constexpr int64_t kNoSource = INT64_MAX;
-
-struct Sources {  // where each stored sample of the tile comes from: see source_of
+struct Sources {  // where each stored sample of the tile comes from (see source_of); without one, anything
   int64_t at[kTile * kStride];
-
-  void begin() {
-    for (int64_t& one : at) one = kNoSource;
-  }
 };
 
 struct Tile {
