@@ -53,39 +53,49 @@ static inline void fill_run(const double n[3], bool turned, const Candidate& run
   std::memcpy(out + 3 * run.x1, v, 3 * sizeof *v);
 }
 
-// The normal along a run, turned towards the camera by each pixel's own ray. How many were turned.
-static int64_t write_normals(const Frame& frame, const Tile& tile, const double n[3], Candidate run,
-                             float* out) {
+struct Turns {  // of the normals so far
+  uint32_t placement = UINT32_MAX;  // the last one's
+  double side = 1;                  // -1 where it mirrors
+  int64_t flipped = 0;              // turned towards the camera
+
+  double side_of(uint32_t next, const double* cam_from_mesh) {
+    if (next != placement) side = volume_of(cam_from_mesh) < 0 ? -1.0 : 1.0;
+    placement = next;
+    return side;
+  }
+};
+
+// The normal along a run, turned towards the camera by each pixel's own ray.
+static inline void write_normals(const Frame& frame, const Tile& tile, const double n[3], Candidate run,
+                                 Turns& turns, float* out) {
   const double* ray_x = frame.ray_x.data() + tile.left;
   const double ry = frame.orthographic ? 0.0 : frame.ray_y.data()[tile.top + run.y0];
   const double rest = n[1] * ry + n[2], nx = frame.orthographic ? 0.0 : n[0];
   const auto away = [&](int32_t c) { return nx * ray_x[c] + rest > 0; };
   // The value is monotone along the row, also as it is rounded: equal ends, equal all.
-  if (away(run.x0) == away(run.x1)) {
-    fill_run(n, away(run.x0), run, out);
-    return away(run.x0) ? run.x1 - run.x0 + 1 : 0;
+  const bool first = away(run.x0), last = away(run.x1);
+  if (first == last) {
+    fill_run(n, first, run, out);
+    turns.flipped += first ? run.x1 - run.x0 + 1 : 0;
+    return;
   }
-  int64_t flipped = 0;
-  for (int32_t c = run.x0, last = run.x1; c <= last; ++c) {
+  for (int32_t c = run.x0, end = run.x1; c <= end; ++c) {
     run.x0 = run.x1 = static_cast<uint8_t>(c);
     fill_run(n, away(c), run, out);
-    flipped += away(c);
+    turns.flipped += away(c);
   }
-  return flipped;
 }
 
-// The first `used` of kLanes runs, each of one row and one triangle. How many normals were turned.
-static int64_t write_runs(const Frame& frame, const Tile& tile, const Candidate* runs, int used,
-                          const LwHits& hits) {
+// The first `used` of kLanes runs, each of one row and one triangle.
+static void write_runs(const Frame& frame, const Tile& tile, const Candidate* runs, int used,
+                       const LwHits& hits, Turns& turns) {
   const Several of = hits.barycentric == nullptr ? gather(frame, runs, used) : set_up(frame, runs, used);
   const Corners& t = of.t;
   const Vd ux = t.x[1] - t.x[0], uy = t.y[1] - t.y[0], uz = t.z[1] - t.z[0];
   const Vd wx = t.x[2] - t.x[0], wy = t.y[2] - t.y[0], wz = t.z[2] - t.z[0];
   // The product of two moved edges is the moved normal times the determinant: so is its sign.
   const Vd nx = uy * wz - uz * wy, ny = uz * wx - ux * wz, nz = ux * wy - uy * wx;
-  const Vd length = root((nx * nx + ny * ny) + nz * nz);
-  const Vd x = nx / length, y = ny / length, z = nz / length;
-  int64_t flipped = 0;
+  const Vd inverse = 1.0 / root((nx * nx + ny * ny) + nz * nz);
   for (int lane = 0; lane < used; ++lane) {
     const Candidate& run = runs[lane];
     const int64_t at = row_of(frame, tile, run.y0);
@@ -93,11 +103,10 @@ static int64_t write_runs(const Frame& frame, const Tile& tile, const Candidate*
       write_weights(frame, tile, of, lane, run, hits.barycentric + 2 * at);
     }
     if (hits.normal == nullptr) continue;
-    const double side = volume_of(of.matrix[lane]) < 0 ? -1.0 : 1.0;
-    const double n[3] = {side * x[lane], side * y[lane], side * z[lane]};
-    flipped += write_normals(frame, tile, n, run, hits.normal + 3 * at);
+    const double scale = turns.side_of(run.placement, of.matrix[lane]) * inverse[lane];
+    const double n[3] = {nx[lane] * scale, ny[lane] * scale, nz[lane] * scale};
+    write_normals(frame, tile, n, run, turns, hits.normal + 3 * at);
   }
-  return flipped;
 }
 
 static inline void write_missing(int64_t pixel, const LwHits& hits) {
@@ -105,55 +114,60 @@ static inline void write_missing(int64_t pixel, const LwHits& hits) {
   for (int k = 0; k < 3 && hits.normal != nullptr; ++k) hits.normal[3 * pixel + k] = NAN;
 }
 
-// One row's sources to `shown`, -1 for holdouts and open pixels. Bit by bit the columns where a run begins.
-static inline uint64_t finish_sources(const Tile& tile, const Sources& sources, int32_t row, int64_t* shown) {
-  const int32_t* ids = tile.id + row * kStride;
-  uint64_t begins = 0;
-  shown[-1] = -2;
-  for (int32_t c = 0; c < kTile; c += kLanes) {
-    const Vi id = load<Vi>(ids + c);
+struct ShownRow {  // of a finished tile; -1 for holdouts and open pixels
+  int64_t source[kTile];
+  int32_t placement[kTile], triangle[kTile];
+  uint64_t begins;  // bit by bit the columns where a run of one source begins
+};
+
+static inline void finish_sources(const Tile& tile, const Sources& sources, int32_t row, ShownRow& out) {
+  const auto shown = [&](int32_t c) {
+    const Vi id = load<Vi>(tile.id + row * kStride + c);
     const Vm there = __builtin_convertvector((id >= 0) & (id != INT32_MAX), Vm);
-    store(shown + c, load<Vm>(sources.at + row * kStride + c) | ~there);
-  }
+    return load<Vm>(sources.at + row * kStride + c) | ~there;
+  };
+  out.begins = 0;
   for (int32_t c = 0; c < kTile; c += kLanes) {
-    const Vm differs = load<Vm>(shown + c) != load<Vm>(shown + c - 1);
-    begins |= static_cast<uint64_t>(bits(differs)) << c;
+    const Vm source = shown(c);
+    store(out.source + c, source);
+    store(out.placement + c, __builtin_convertvector(source >> 32, Vi));
+    store(out.triangle + c, __builtin_convertvector(source, Vi));
+    out.begins |= static_cast<uint64_t>(bits(source != shown(c + 1))) << c;
   }
-  return begins;
+  out.begins = out.begins << 1 | 1;
+  if (tile.columns < kTile) out.begins &= (uint64_t{1} << tile.columns) - 1;
 }
 
-// A finished tile. How many normals were turned towards the camera.
-static int64_t write_hits(const Frame& frame, const Tile& tile, const Sources& sources, const LwHits& hits) {
-  const bool more = hits.barycentric != nullptr || hits.normal != nullptr;
+// A finished tile.
+static void write_hits(const Frame& frame, const Tile& tile, const Sources& sources, const LwHits& hits,
+                       Turns& turns) {
+  const auto bytes = static_cast<size_t>(tile.columns) * sizeof(int32_t);
   Candidate few[kLanes];
   int waiting = 0;
-  int64_t flipped = 0;
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = row_of(frame, tile, r);
-    int64_t row[1 + kTile], *shown = row + 1;
-    uint64_t begins = finish_sources(tile, sources, r, shown);
-    for (int32_t c = 0; c < tile.columns; ++c) {
-      hits.placement[at + c] = static_cast<int32_t>(shown[c] >> 32);
-      hits.triangle[at + c] = static_cast<int32_t>(shown[c]);
-    }
-    if (tile.columns < kTile) begins &= (uint64_t{1} << tile.columns) - 1;
-    while (more && begins != 0) {
-      int32_t first = __builtin_ctzll(begins);
+    ShownRow shown;
+    finish_sources(tile, sources, r, shown);
+    std::memcpy(hits.placement + at, shown.placement, bytes);
+    std::memcpy(hits.triangle + at, shown.triangle, bytes);
+    if (hits.barycentric == nullptr && hits.normal == nullptr) continue;
+    for (uint64_t begins = shown.begins; begins != 0;) {
+      const int32_t first = __builtin_ctzll(begins);
       begins &= begins - 1;
-      const int32_t c = begins == 0 ? tile.columns : __builtin_ctzll(begins);
-      if (shown[first] < 0) {
-        for (; first < c; ++first) write_missing(at + first, hits);
+      const int32_t end = begins == 0 ? tile.columns : __builtin_ctzll(begins);
+      const int64_t source = shown.source[first];
+      if (source < 0) {
+        for (int32_t c = first; c < end; ++c) write_missing(at + c, hits);
         continue;
       }
-      few[waiting++] = Candidate{0, static_cast<uint32_t>(shown[first]), static_cast<uint32_t>(shown[first] >> 32),
-                                 static_cast<uint8_t>(first), static_cast<uint8_t>(c - 1),
-                                 static_cast<uint8_t>(r), static_cast<uint8_t>(r)};
+      const auto row = static_cast<uint8_t>(r);
+      few[waiting++] = Candidate{0, static_cast<uint32_t>(source), static_cast<uint32_t>(source >> 32),
+                                 static_cast<uint8_t>(first), static_cast<uint8_t>(end - 1), row, row};
       if (waiting == kLanes) {
-        flipped += write_runs(frame, tile, few, waiting, hits);
+        write_runs(frame, tile, few, waiting, hits, turns);
         waiting = 0;
       }
     }
   }
-  if (waiting > 0) flipped += write_runs(frame, tile, few, waiting, hits);
-  return flipped;
+  if (waiting > 0) write_runs(frame, tile, few, waiting, hits, turns);
 }

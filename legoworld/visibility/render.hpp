@@ -261,7 +261,7 @@ static void draw_tiles(Render& r, Worker& worker, int32_t* instance, float* dept
   Buffer<Sources> more;
   Tile& tile = *scratch.at_least(1);
   Sources* sources = kSource ? more.at_least(1) : nullptr;
-  int64_t flipped = 0;
+  Turns turns;
   const bool again = r.first > 0;
   for (int64_t begin, end; r.tile_queue.take(begin, end);) {
     for (int64_t i = begin; i < end; ++i) {
@@ -272,14 +272,14 @@ static void draw_tiles(Render& r, Worker& worker, int32_t* instance, float* dept
       draw_tile<kSource>(r, worker, tile, sources, i);
       if (r.last) {
         write_tile(r.frame, tile, instance, depth);
-        if (kSource) flipped += write_hits(r.frame, tile, *sources, *r.hits);
+        if (kSource) write_hits(r.frame, tile, *sources, *r.hits, turns);
       } else {
         store_tile(r.frame, tile, r.so_far, i, instance, depth);
         if (kSource) store_sources(r.frame, tile, *sources, *r.hits);
       }
     }
   }
-  if (kSource) r.flipped += flipped;
+  if (kSource) r.flipped += turns.flipped;
 }
 
 static void empty_bins(const Render& r, Worker& worker) {
