@@ -26,8 +26,9 @@ import legoworld
 from legoworld.visibility import kernel
 from legoworld.visibility.kernel import Surfaces, render
 from legoworld.visibility.layers import amodal_layers, direct_occluders, occluders
+from legoworld.visibility.normals import geometric_normals
 from legoworld.visibility.projection import Projection
-from legoworld.visibility.triangles import render_hits
+from legoworld.visibility.triangles import triangles
 from legoworld.visibility.view import View
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -57,9 +58,9 @@ def time_scene(folder: Path, rounds: int, threads: int, before: Path | None) -> 
     singles = [_only(surfaces, i) for i in np.unique(layers.instance)]
     rows: dict[str, Callable[[], object]] = {
         "draw": lambda: render(*given, **options),
-        "triangles": lambda: render_hits(*given, **options),
-        "barycentric": lambda: render_hits(*given, **options, barycentric=True),
-        "normals": lambda: render_hits(*given, **options, normal=True),
+        "triangles": lambda: triangles(*given, **options),
+        "barycentric": lambda: triangles(*given, **options, barycentric=True),
+        "normals": lambda: geometric_normals(*given, **options),
         "layers": lambda: amodal_layers(*given, **options),
         "occluders": lambda: (occluders(layers), direct_occluders(layers)),
         "alone": lambda: [render(one, camera, size_wh, **options) for one in singles],

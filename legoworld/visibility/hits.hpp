@@ -45,14 +45,6 @@ static void write_weights(const Frame& frame, const Tile& tile, const Several& o
   }
 }
 
-// A vector to each pixel of a run.
-static inline void fill_run(const double n[3], bool turned, const Candidate& run, float* out) {
-  float v[4];
-  for (int k = 0; k < 4; ++k) v[k] = static_cast<float>((turned ? -n[k % 3] : n[k % 3]) + 0.0);
-  for (int32_t c = run.x0; c < run.x1; ++c) std::memcpy(out + 3 * c, v, sizeof v);
-  std::memcpy(out + 3 * run.x1, v, 3 * sizeof *v);
-}
-
 struct Turns {  // of the normals so far
   uint32_t placement = UINT32_MAX;  // the last one's
   double side = 1;                  // -1 where it mirrors
@@ -65,24 +57,61 @@ struct Turns {  // of the normals so far
   }
 };
 
-// The normal along a run, turned towards the camera by each pixel's own ray.
-static inline void write_normals(const Frame& frame, const Tile& tile, const double n[3], Candidate run,
-                                 Turns& turns, float* out) {
+// A vector to each pixel of a run: four floats at a time, the last of which the next pixel has.
+static inline void fill_run(const float v[4], const Candidate& run, float* out) {
+  for (int32_t c = run.x0; c < run.x1; ++c) std::memcpy(out + 3 * c, v, 4 * sizeof *v);
+  std::memcpy(out + 3 * run.x1, v, 3 * sizeof *v);
+}
+
+// The normals of runs, turned towards the camera by each pixel's own ray.
+static void write_normals(const Frame& frame, const Tile& tile, const Several& of, const Candidate* runs,
+                          int used, Turns& turns, float* normal) {
+  const Corners& t = of.t;
+  const Vd ux = t.x[1] - t.x[0], uy = t.y[1] - t.y[0], uz = t.z[1] - t.z[0];
+  const Vd wx = t.x[2] - t.x[0], wy = t.y[2] - t.y[0], wz = t.z[2] - t.z[0];
+  // The product of two moved edges is the moved normal times the determinant: so is its sign.
+  Vd nx = uy * wz - uz * wy, ny = uz * wx - ux * wz, nz = ux * wy - uy * wx;
   const double* ray_x = frame.ray_x.data() + tile.left;
-  const double ry = frame.orthographic ? 0.0 : frame.ray_y.data()[tile.top + run.y0];
-  const double rest = n[1] * ry + n[2], nx = frame.orthographic ? 0.0 : n[0];
-  const auto away = [&](int32_t c) { return nx * ray_x[c] + rest > 0; };
-  // The value is monotone along the row, also as it is rounded: equal ends, equal all.
-  const bool first = away(run.x0), last = away(run.x1);
-  if (first == last) {
-    fill_run(n, first, run, out);
-    turns.flipped += first ? run.x1 - run.x0 + 1 : 0;
-    return;
-  }
-  for (int32_t c = run.x0, end = run.x1; c <= end; ++c) {
-    run.x0 = run.x1 = static_cast<uint8_t>(c);
-    fill_run(n, away(c), run, out);
-    turns.flipped += away(c);
+  const double* ray_y = frame.ray_y.data() + tile.top;
+#define LW_RUN(L) runs[L < used ? L : 0]
+#define LW_SIDE(L) turns.side_of(LW_RUN(L).placement, of.matrix[L])
+#define LW_FIRST(L) ray_x[LW_RUN(L).x0]
+#define LW_LAST(L) ray_x[LW_RUN(L).x1]
+#define LW_ROW(L) ray_y[LW_RUN(L).y0]
+  const Vd side = {LW_EACH(LW_SIDE)}, ry = {LW_EACH(LW_ROW)};
+  const Vd first = {LW_EACH(LW_FIRST)}, last = {LW_EACH(LW_LAST)};
+#undef LW_ROW
+#undef LW_LAST
+#undef LW_FIRST
+#undef LW_SIDE
+#undef LW_RUN
+  const Vd scale = side / root((nx * nx + ny * ny) + nz * nz);
+  nx *= scale;
+  ny *= scale;
+  nz *= scale;
+  const Vd across = frame.orthographic ? Vd{} : nx, rest = frame.orthographic ? nz : ny * ry + nz;
+  // The value is monotone along a row, also as it is rounded: equal ends, equal all.
+  const Vm away = across * first + rest > 0, ends = across * last + rest > 0;
+  const unsigned turned = bits(away), mixed = turned ^ bits(ends);
+  const Vf x = narrow((away ? -nx : nx) + 0.0), y = narrow((away ? -ny : ny) + 0.0);
+  const Vf z = narrow((away ? -nz : nz) + 0.0);
+  for (int lane = 0; lane < used; ++lane) {
+    Candidate run = runs[lane];
+    float* out = normal + 3 * row_of(frame, tile, run.y0);
+    const float v[4] = {x[lane], y[lane], z[lane], x[lane]};
+    const bool is_turned = (turned >> lane & 1) != 0;
+    if ((mixed >> lane & 1) == 0) {
+      fill_run(v, run, out);
+      turns.flipped += is_turned ? run.x1 - run.x0 + 1 : 0;
+      continue;
+    }
+    const float opposite[4] = {0.0f - v[0], 0.0f - v[1], 0.0f - v[2], 0.0f - v[0]};
+    for (int32_t c = run.x0, end = run.x1; c <= end; ++c) {
+      const bool here = across[lane] * ray_x[c] + rest[lane] > 0;
+      run.x0 = run.x1 = static_cast<uint8_t>(c);
+      fill_run(here == is_turned ? v : opposite, run, out);
+      turns.flipped += here;
+    }
   }
 }
 
@@ -90,23 +119,11 @@ static inline void write_normals(const Frame& frame, const Tile& tile, const dou
 static void write_runs(const Frame& frame, const Tile& tile, const Candidate* runs, int used,
                        const LwHits& hits, Turns& turns) {
   const Several of = hits.barycentric == nullptr ? gather(frame, runs, used) : set_up(frame, runs, used);
-  const Corners& t = of.t;
-  const Vd ux = t.x[1] - t.x[0], uy = t.y[1] - t.y[0], uz = t.z[1] - t.z[0];
-  const Vd wx = t.x[2] - t.x[0], wy = t.y[2] - t.y[0], wz = t.z[2] - t.z[0];
-  // The product of two moved edges is the moved normal times the determinant: so is its sign.
-  const Vd nx = uy * wz - uz * wy, ny = uz * wx - ux * wz, nz = ux * wy - uy * wx;
-  const Vd inverse = 1.0 / root((nx * nx + ny * ny) + nz * nz);
-  for (int lane = 0; lane < used; ++lane) {
-    const Candidate& run = runs[lane];
-    const int64_t at = row_of(frame, tile, run.y0);
-    if (hits.barycentric != nullptr) {
-      write_weights(frame, tile, of, lane, run, hits.barycentric + 2 * at);
-    }
-    if (hits.normal == nullptr) continue;
-    const double scale = turns.side_of(run.placement, of.matrix[lane]) * inverse[lane];
-    const double n[3] = {nx[lane] * scale, ny[lane] * scale, nz[lane] * scale};
-    write_normals(frame, tile, n, run, turns, hits.normal + 3 * at);
+  for (int lane = 0; lane < used && hits.barycentric != nullptr; ++lane) {
+    const int64_t at = row_of(frame, tile, runs[lane].y0);
+    write_weights(frame, tile, of, lane, runs[lane], hits.barycentric + 2 * at);
   }
+  if (hits.normal != nullptr) write_normals(frame, tile, of, runs, used, turns, hits.normal);
 }
 
 static inline void write_missing(int64_t pixel, const LwHits& hits) {
@@ -148,8 +165,10 @@ static void write_hits(const Frame& frame, const Tile& tile, const Sources& sour
     const int64_t at = row_of(frame, tile, r);
     ShownRow shown;
     finish_sources(tile, sources, r, shown);
-    std::memcpy(hits.placement + at, shown.placement, bytes);
-    std::memcpy(hits.triangle + at, shown.triangle, bytes);
+    if (hits.placement != nullptr) {
+      std::memcpy(hits.placement + at, shown.placement, bytes);
+      std::memcpy(hits.triangle + at, shown.triangle, bytes);
+    }
     if (hits.barycentric == nullptr && hits.normal == nullptr) continue;
     for (uint64_t begins = shown.begins; begins != 0;) {
       const int32_t first = __builtin_ctzll(begins);

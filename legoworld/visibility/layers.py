@@ -19,12 +19,15 @@ from legoworld.errors import LegoWorldError
 from legoworld.visibility.kernel import level, prepare, raise_for
 from legoworld.visibility.library import Allocate, LayersStruct, library
 from legoworld.visibility.projection import Projection
-from legoworld.visibility.surfaces import Surfaces
+from legoworld.visibility.surfaces import HOLDOUT, Surfaces
 
 #: Entries a call makes at most unless it is told otherwise: four layers at 8192 x 8192, 4 GB.
 MAX_ENTRIES: Final = 2**28
 
 _TOO_MANY: Final = 4
+
+#: Up to so many possible pairs, a table of all is faster than sorting those that occur.
+_FEW_PAIRS: Final = 2**20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +164,7 @@ def direct_occluders(layers: AmodalLayers) -> HiddenPixels:
 
 
 def _behind(layers: AmodalLayers) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-    """The entries that are not the first of their pixel, and the first entry of each one's pixel."""
+    """The entries behind others, and for each the first entry of its pixel."""
     is_behind = np.ones(len(layers.instance), bool)
     counts = np.diff(layers.start)
     is_behind[layers.start[:-1][counts > 0]] = False
@@ -170,10 +173,17 @@ def _behind(layers: AmodalLayers) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
 
 def _counted(hidden: NDArray[np.int32], hiding: NDArray[np.int32]) -> HiddenPixels:
     kept = hidden >= 0  # a holdout is never in the picture
-    pair = hidden[kept].astype(np.int64) << 32 | (hiding[kept].astype(np.int64) + 2**31)
-    pairs, count = np.unique(pair, return_counts=True)
+    behind, front = hidden[kept].astype(np.int64), hiding[kept].astype(np.int64) - HOLDOUT
+    base = 1 + int(max(behind.max(initial=0), front.max(initial=0)))
+    pair = behind * base + front
+    if base * base <= _FEW_PAIRS:
+        every = np.bincount(pair, minlength=base * base)
+        pairs = np.flatnonzero(every)
+        count = every[pairs]
+    else:
+        pairs, count = np.unique(pair, return_counts=True)
     return HiddenPixels(
-        hidden=(pairs >> 32).astype(np.int32),
-        hiding=((pairs & 0xFFFFFFFF) - 2**31).astype(np.int32),
+        hidden=(pairs // base).astype(np.int32),
+        hiding=(pairs % base + HOLDOUT).astype(np.int32),
         count=count.astype(np.int64),
     )

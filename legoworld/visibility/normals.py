@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.visibility.library import HitsStruct
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import Buffers, Surfaces
-from legoworld.visibility.triangles import render_hits
+from legoworld.visibility.triangles import render_into
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,15 +49,12 @@ def geometric_normals(
     scale, shear and mirroring it is what the inverse transpose of cam_from_mesh makes of the
     mesh's normal. Raises as `kernel.render` does.
     """
-    hits = render_hits(
-        surfaces, projection, size_wh, depth_scale=depth_scale, threads=threads, normal=True
-    )
-    normals = hits.normal_cam
-    if normals is None:
-        raise AssertionError("normals were asked for")
-    shown = int(np.count_nonzero(hits.triangle >= 0))
+    normal_cam = np.empty((size_wh[1], size_wh[0], 3), np.float32)
+    hits = HitsStruct(normal=normal_cam.ctypes.data)
+    buffers = render_into(hits, surfaces, projection, size_wh, depth_scale, threads)
+    shown = int(np.count_nonzero(buffers.instance >= 0))
     return Normals(
-        buffers=hits.buffers,
-        normal_cam=normals,
-        flipped_share=hits.flipped_px / shown if shown else float("nan"),
+        buffers=buffers,
+        normal_cam=normal_cam,
+        flipped_share=hits.flipped / shown if shown else float("nan"),
     )

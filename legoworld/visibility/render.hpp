@@ -29,6 +29,7 @@ struct Render {
   Buffer<float> depths{};
   Queue sight_queue{}, small{}, vertex_queue{}, triangle_queue{}, tile_queue{};
   LwHits* hits = nullptr;      // where the hits' sources go, if anyone asks
+  Buffer<int32_t> between{};   // their place between two rounds, where they are not asked for
   std::atomic<int64_t> flipped{0};
 };
 
@@ -303,6 +304,11 @@ static void begin_round(Render& r, size_t round, const float* depth) {
   if (round == 0 && r.schedule.ends.size() > 1) {
     r.so_far.blocks.at_least(tiles * kBlocks * kBlocks);
     r.so_far.tiles.at_least(tiles);
+    if (r.hits != nullptr && r.hits->placement == nullptr) {
+      const auto pixels = static_cast<size_t>(r.frame.width) * static_cast<size_t>(r.frame.height);
+      r.hits->placement = r.between.at_least(2 * pixels);
+      r.hits->triangle = r.hits->placement + pixels;
+    }
   }
   int64_t left_out = 0;
   for (Worker& worker : r.workers) {

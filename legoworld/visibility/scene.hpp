@@ -38,8 +38,8 @@ struct LwView {
 };
 
 struct LwHits {           // of each pixel's hit, besides instance and depth
-  int32_t* placement;     // (H,W), -1 without a hit
-  int32_t* triangle;      // (H,W), local to the placement's mesh, -1 without a hit
+  int32_t* placement;     // (H,W) or null, -1 without a hit
+  int32_t* triangle;      // (H,W) or null as placement, local to its mesh, -1 without a hit
   float* barycentric;     // (H,W,2) or null: the weights of corners 1 and 2, NaN without a hit
   float* normal;          // (H,W,3) or null: camera frame, towards the camera, NaN without a hit
   int64_t flipped;        // written: normals that pointed away from the camera

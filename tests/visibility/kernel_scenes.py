@@ -105,7 +105,7 @@ def sphere(rings: int, segments: int, radius: float = 1.0) -> Mesh:
 
 
 def only(surfaces: Surfaces, instance_id: int) -> Surfaces:
-    """The placements of one instance, under the same id; a holdout's under id 0, so that it shows."""
+    """The placements of one instance, under the same id; a holdout under id 0, so that it shows."""
     kept = surfaces.placement_id == instance_id
     return dataclasses.replace(
         surfaces,
@@ -116,7 +116,7 @@ def only(surfaces: Surfaces, instance_id: int) -> Surfaces:
 
 
 def jumble(seed: int) -> tuple[Surfaces, Projection, tuple[int, int]]:
-    """Loose triangles, some cut out, under sheared and mirrored placements, some nearer than z_near.
+    """Loose triangles, some cut out, sheared and mirrored, some nearer than z_near.
 
     Ids 0 and 7 are the same triangles in the same place; a holdout has two placements.
     """
@@ -155,7 +155,7 @@ def ball_pit(count: int) -> Surfaces:
     """Balls of 10,620 triangles, one instance for every two: more than one round of the kernel."""
     rng = np.random.default_rng(count)
     at = [
-        (0, moved(rotation(rng) * 0.4, rng.uniform(-2, 2, 3) + [0, 0, 6]), i // 2)
+        (0, moved(rotation(rng) * 0.4, rng.uniform(-2, 2, 3) + np.array([0, 0, 6])), i // 2)
         for i in range(count)
     ]
     return place([sphere(60, 90)], at)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from legoworld.visibility.kernel import HOLDOUT, Cutouts, Surfaces
 from legoworld.visibility.projection import Projection
+from legoworld.visibility.triangles import Hits
 
 Real = np.longdouble
 Rays = tuple[NDArray[np.longdouble], NDArray[np.longdouble]]
@@ -197,3 +198,10 @@ def render(
         triangle=np.where(shown, source[..., 1], -1),
         weights=np.where(shown[..., None], best_weights, np.nan),
     )
+
+
+def corners_of(hits: Hits, surfaces: Surfaces, shown: NDArray[np.bool_]) -> NDArray[np.longdouble]:
+    """(N, 3, 3) corners in the camera's frame of the triangles that some pixels show."""
+    own = [camera_triangles(surfaces, i) for i in range(len(surfaces.placement_mesh))]
+    first = np.concatenate([[0], np.cumsum([len(one) for one in own])[:-1]])
+    return np.concatenate(own)[first[hits.placement[shown]] + hits.triangle[shown]]

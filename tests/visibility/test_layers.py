@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from visibility import oracle
@@ -166,6 +168,15 @@ def test_direct_occluders_are_the_next_layer():
     assert near.start[-1] == 1152
     assert set(near.instance.tolist()) == {1, 2}
     assert near.mask(1).sum() == near.mask(2).sum() == 576
+
+
+def test_pairs_of_ids_that_lie_far_apart():
+    surfaces = place([plate(0, 0.24 * z, z) for z in (4, 3, 2)])
+    for ids in ([0, 1, 2], [7, 2_000_000_000, HOLDOUT], [2**31 - 2, 0, 5]):
+        named = dataclasses.replace(surfaces, placement_id=np.array(ids, np.int32))
+        far, middle, near = ids
+        expected = {(far, near): 576, (middle, near): 576}
+        assert counted(occluders(amodal_layers(named, CAMERA, SIZE))) == expected
 
 
 def test_no_instances_and_instances_beside_the_picture():

@@ -7,6 +7,7 @@ import pytest
 from visibility import oracle
 from visibility.kernel_scenes import (
     HOLDOUT,
+    ball_pit,
     jumble,
     mesh,
     moved,
@@ -15,9 +16,9 @@ from visibility.kernel_scenes import (
     place,
 )
 
-from legoworld.visibility.kernel import render
+from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, render
 from legoworld.visibility.normals import geometric_normals
-from legoworld.visibility.triangles import render_hits
+from legoworld.visibility.triangles import triangles
 
 SIZE = (120, 90)
 CAMERA = pixel_camera(SIZE)
@@ -54,7 +55,7 @@ def test_at_wide_angles_a_visible_face_may_look_forward():
 def test_normals_are_the_inverse_transposes_and_look_at_the_camera(seed):
     surfaces, camera, size_wh = jumble(seed)
     seen = geometric_normals(surfaces, camera, size_wh)
-    hits = render_hits(surfaces, camera, size_wh)
+    hits = triangles(surfaces, camera, size_wh)
     plain = render(surfaces, camera, size_wh)
     assert seen.buffers.instance.tobytes() == plain.instance.tobytes()
     assert seen.buffers.depth_z_m.tobytes() == plain.depth_z_m.tobytes()
@@ -79,6 +80,38 @@ def test_normals_are_the_inverse_transposes_and_look_at_the_camera(seed):
     assert np.einsum("ij,ij->i", found, directions).max() <= 1e-6
     assert seen.flipped_share == pytest.approx(flipped / shown.sum(), abs=1e-12)
     assert 0 < seen.flipped_share < 1
+
+
+def assert_same_normals(one, other):
+    assert one.normal_cam.tobytes() == other.normal_cam.tobytes()
+    assert one.flipped_share == other.flipped_share
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_same_bytes_for_threads_and_instruction_sets(seed, monkeypatch):
+    surfaces, camera, size_wh = jumble(seed)
+    first = geometric_normals(surfaces, camera, size_wh, threads=1)
+    for threads in (2, 4):
+        assert_same_normals(geometric_normals(surfaces, camera, size_wh, threads=threads), first)
+    for level in LEVELS:
+        monkeypatch.setenv(LEVEL_VARIABLE, level)
+        assert_same_normals(geometric_normals(surfaces, camera, size_wh, threads=2), first)
+
+
+def test_small_triangles_drawn_in_many_rounds():
+    surfaces, size_wh = ball_pit(60), (200, 150)
+    camera = pixel_camera(size_wh)
+    seen = geometric_normals(surfaces, camera, size_wh)
+    hits = triangles(surfaces, camera, size_wh)
+    shown = hits.triangle >= 0
+    assert seen.buffers.depth_z_m.tobytes() == hits.buffers.depth_z_m.tobytes()
+    a, b, c = np.moveaxis(oracle.corners_of(hits, surfaces, shown).astype(float), 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    rays = oracle.rays(camera, size_wh)[1][shown].astype(float)
+    normals *= -np.sign(np.einsum("ij,ij->i", normals, rays))[:, None]
+    np.testing.assert_allclose(seen.normal_cam[shown], normals, atol=1e-6)
+    assert seen.flipped_share in (0.0, 1.0)  # closed balls show one side
 
 
 def test_the_share_flipped_counts_backs_and_a_mirror_turns_nothing():

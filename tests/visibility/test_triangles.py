@@ -8,7 +8,7 @@ from visibility import oracle
 from visibility.kernel_scenes import ball_pit, jumble, mesh, pixel_camera, pixel_rectangle, place
 
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, render
-from legoworld.visibility.triangles import render_hits
+from legoworld.visibility.triangles import triangles
 
 SIZE = (120, 90)
 CAMERA = pixel_camera(SIZE)
@@ -16,8 +16,7 @@ CAMERA = pixel_camera(SIZE)
 
 def bytes_of(hits):
     arrays = (hits.buffers.instance, hits.buffers.depth_z_m, hits.placement, hits.triangle)
-    parts = [a.tobytes() for a in (*arrays, hits.barycentric, hits.normal_cam) if a is not None]
-    return b"".join(parts), hits.flipped_px
+    return b"".join(a.tobytes() for a in (*arrays, hits.barycentric) if a is not None)
 
 
 def assert_same_picture(hits, seen):
@@ -27,21 +26,10 @@ def assert_same_picture(hits, seen):
     np.testing.assert_array_equal(hits.placement < 0, seen.instance < 0)
 
 
-def corners_of(hits, surfaces, shown):
-    """(N, 3, 3) camera-frame corners of the triangles at some pixels."""
-    triangles = [
-        oracle.camera_triangles(surfaces, placement)
-        for placement in range(len(surfaces.placement_mesh))
-    ]
-    counts = [len(one) for one in triangles]
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    return np.concatenate(triangles)[first[hits.placement[shown]] + hits.triangle[shown]]
-
-
 @pytest.mark.parametrize("seed", range(12))
 def test_triangles_and_weights_are_the_oracles(seed):
     surfaces, camera, size_wh = jumble(seed)
-    hits = render_hits(surfaces, camera, size_wh, barycentric=True)
+    hits = triangles(surfaces, camera, size_wh, barycentric=True)
     assert_same_picture(hits, render(surfaces, camera, size_wh))
     truth = oracle.render(surfaces, camera, size_wh)
     # Ids 0 and 7 tie everywhere, which the oracle calls doubtful: there both take the lower id.
@@ -59,22 +47,22 @@ def test_triangles_and_weights_are_the_oracles(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_same_bytes_for_threads_and_instruction_sets(seed, monkeypatch):
     surfaces, camera, size_wh = jumble(seed)
-    more = {"barycentric": True, "normal": True}
-    first = bytes_of(render_hits(surfaces, camera, size_wh, threads=1, **more))
+    more = {"barycentric": True}
+    first = bytes_of(triangles(surfaces, camera, size_wh, threads=1, **more))
     for threads in (2, 4):
-        assert bytes_of(render_hits(surfaces, camera, size_wh, threads=threads, **more)) == first
+        assert bytes_of(triangles(surfaces, camera, size_wh, threads=threads, **more)) == first
     for level in LEVELS:
         monkeypatch.setenv(LEVEL_VARIABLE, level)
-        assert bytes_of(render_hits(surfaces, camera, size_wh, threads=2, **more)) == first
+        assert bytes_of(triangles(surfaces, camera, size_wh, threads=2, **more)) == first
 
 
 def test_small_triangles_drawn_in_many_rounds():
     surfaces, size_wh = ball_pit(60), (200, 150)
     camera = pixel_camera(size_wh)
-    hits = render_hits(surfaces, camera, size_wh, barycentric=True)
+    hits = triangles(surfaces, camera, size_wh, barycentric=True)
     assert_same_picture(hits, render(surfaces, camera, size_wh))
     shown = hits.triangle >= 0
-    corners = corners_of(hits, surfaces, shown).astype(float)
+    corners = oracle.corners_of(hits, surfaces, shown).astype(float)
     w1, w2 = hits.barycentric[shown].astype(float).T
     assert min(w1.min(), w2.min(), (1 - w1 - w2).min()) > -1e-6
     points = np.einsum("nk,nkj->nj", np.column_stack([1 - w1 - w2, w1, w2]), corners)
@@ -97,12 +85,12 @@ def test_of_coplanar_triangles_of_one_instance_the_lowest_is_taken(side):
     once = np.arange(9).reshape(3, 3)
     stack = mesh(vertices, np.concatenate([once[::-1], once, once]))
     twice = place([stack], [(0, np.eye(4)[:3], 4), (0, np.eye(4)[:3], 4)])
-    hits = render_hits(twice, CAMERA, SIZE)
+    hits = triangles(twice, CAMERA, SIZE)
     shown = hits.triangle[hits.triangle >= 0]
     assert set(np.unique(shown)) == {0, 1, 2}
     assert (hits.placement[hits.triangle >= 0] == 0).all()
     for threads in (1, 2, 4):
-        assert bytes_of(render_hits(twice, CAMERA, SIZE, threads=threads)) == bytes_of(hits)
+        assert bytes_of(triangles(twice, CAMERA, SIZE, threads=threads)) == bytes_of(hits)
 
 
 def test_triangles_are_local_to_the_placements_mesh():
@@ -111,9 +99,9 @@ def test_triangles_are_local_to_the_placements_mesh():
         pixel_rectangle(CAMERA, 60, 0, 120, 90, 5.0),
     ]
     still = np.eye(4)[:3]
-    hits = render_hits(place(meshes, [(1, still, 8), (0, still, 3)]), CAMERA, SIZE)
+    hits = triangles(place(meshes, [(1, still, 8), (0, still, 3)]), CAMERA, SIZE)
     assert (hits.placement[:, :50] == 1).all()
     assert (hits.placement[:, 50:60] == -1).all()
     assert (hits.placement[:, 60:] == 0).all()
     assert set(np.unique(hits.triangle)) == {-1, 0, 1}
-    assert hits.barycentric is hits.normal_cam is None
+    assert hits.barycentric is None
