@@ -66,10 +66,10 @@ def _digest(*arrays: NDArray[Any]) -> str:
 def our_kernel(surfaces: Surfaces, projection: Projection, size_wh: tuple[int, int]) -> Contender:
     """The kernel's C call; its checks of small arrays and its outputs are made beforehand."""
     width, height = size_wh
-    call = kernel._prepare(surfaces, projection, size_wh, 1.0, None)
-    instance = kernel._on_cache_lines(height, width).view(np.int32)
-    depth = kernel._on_cache_lines(height, width).view(np.float32)
-    loaded, level = library(), ctypes.c_int32(kernel._level())
+    call = kernel.prepare(surfaces, projection, size_wh, 1.0, None)
+    instance = kernel.on_cache_lines(height, width).view(np.int32)
+    depth = kernel.on_cache_lines(height, width).view(np.float32)
+    loaded, level = library(), ctypes.c_int32(kernel.level())
 
     def run() -> None:
         status = loaded.lw_render(
@@ -79,8 +79,9 @@ def our_kernel(surfaces: Surfaces, projection: Projection, size_wh: tuple[int, i
             level,
             ctypes.c_void_p(instance.ctypes.data),
             ctypes.c_void_p(depth.ctypes.data),
+            None,
         )
-        kernel._raise_for(status)
+        kernel.raise_for(status)
 
     return Contender(run=run, depth=depth, digest=lambda: _digest(instance, depth))
 

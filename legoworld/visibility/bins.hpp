@@ -56,9 +56,15 @@ struct Bin {
   }
 };
 
+// Where a sample comes from, as one number that orders ties of one instance.
+inline int64_t source_of(uint32_t placement, uint32_t triangle) {
+  return static_cast<int64_t>(placement) << 32 | triangle;
+}
+
 struct TileBins {
   Bin<Sample> samples;
   Bin<Candidate> candidates;
+  Bin<int64_t> sources;  // one for each sample, in the same order; empty where nobody asks
 };
 
 }  // namespace lw

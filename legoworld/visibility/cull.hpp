@@ -51,6 +51,7 @@ struct Placed {  // a placement being culled
   const SoFar& so_far;
   uint32_t placement;
   int32_t id;
+  bool sources;  // whether samples keep where they come from
 };
 
 struct Few {  // triangles waiting for a full set of lanes
@@ -60,10 +61,13 @@ struct Few {  // triangles waiting for a full set of lanes
   uint64_t bounds[kSize];
 };
 
-static inline void put_sample(const Placed& p, int32_t column, int32_t row, float depth) {
+static inline void put_sample(const Placed& p, int32_t column, int32_t row, float depth,
+                              uint32_t triangle) {
   const int64_t tile = (row / kTile) * p.frame.tiles_x + column / kTile;
   const auto pixel = static_cast<uint32_t>(row % kTile * kStride + column % kTile);
-  p.worker.bins.data()[tile].samples.push(p.worker.arena, Sample{depth, p.id, pixel});
+  TileBins& bins = p.worker.bins.data()[tile];
+  bins.samples.push(p.worker.arena, Sample{depth, p.id, pixel});
+  if (p.sources) bins.sources.push(p.worker.arena, source_of(p.placement, triangle));
 }
 
 // Samples of kLanes triangles, of which the first `used` count, at their 2 x 2 pixel centres.
@@ -112,7 +116,7 @@ static inline void sample_lanes(const Placed& p, const Vd m[12], const uint32_t*
         if ((mask & 1) == 0) continue;
         const Bounds box(bounds[lane]);
         if (box.x0 + right > box.x1 || box.y0 + down > box.y1) continue;
-        put_sample(p, box.x0 + right, box.y0 + down, depth[lane]);
+        put_sample(p, box.x0 + right, box.y0 + down, depth[lane], triangle[lane]);
       }
     }
   }

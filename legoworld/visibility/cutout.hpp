@@ -57,16 +57,19 @@ inline bool cut_away(const LwSurfaces& surfaces, int64_t triangle, const double 
   return alpha * ((e[0] * at[0] + e[1] * at[1] + e[2] * at[2]) / sum) < surfaces.threshold;
 }
 
+// Determinant of a (3,4) matrix's linear part: below 0 where it mirrors.
+inline double volume_of(const double* m) {
+  return m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
+         m[2] * (m[4] * m[9] - m[5] * m[8]);
+}
+
 // Whether a cut-out triangle is not there from the side it is seen from. winding: the sign of the edge
 // functions of a hit, positive where the corners' normal points away from the eye.
 inline bool turned_away(const LwSurfaces& surfaces, int64_t triangle, const double* cam_from_mesh,
                         double winding) {
   const int32_t sides = surfaces.alphas[surfaces.triangle_cutout[triangle]].sides;
   if (sides == 0) return false;
-  const double* m = cam_from_mesh;
-  const double volume = m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
-                        m[2] * (m[4] * m[9] - m[5] * m[8]);
-  const bool front = (winding > 0) == (volume < 0);
+  const bool front = (winding > 0) == (volume_of(cam_from_mesh) < 0);
   return front != (sides == 1);
 }
 

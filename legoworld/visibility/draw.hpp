@@ -4,6 +4,7 @@
 struct Drawing {
   const Frame& frame;
   Tile& tile;
+  int64_t* sources;  // of the tile, or null
 };
 
 static unsigned keep_opaque(const Frame& frame, const Single& s, unsigned mask, Vd e0, Vd e1, Vd e2) {
@@ -49,10 +50,17 @@ static inline Kept keep(Vf old_depth, Vi old_id, Vf depth, Vi id) {
   return {depth < old_depth ? depth : old_depth, old_id ^ ((old_id ^ id) & wins), wins};
 }
 
+// The same for the sources: of equal depths of one instance, the lower source.
+static inline Vm keep_source(Vf old_depth, Vi old_id, Vm old, Vf depth, Vi id, Vm source, Vi changed) {
+  const Vi tied = (depth == old_depth) & (old_id == id);
+  const Vm wins = __builtin_convertvector(changed, Vm) | (__builtin_convertvector(tied, Vm) & (source < old));
+  return old ^ ((old ^ source) & wins);
+}
+
 static inline bool any(Vi mask) { return bits(__builtin_convertvector(mask, Vm)) != 0; }
 
-// Draws columns x0..x1 of row y. Lanes where it stored something.
-template <bool kAsk>
+// Draws columns x0..x1 of row y. Lanes where it stored something. kSource: sources are stored too.
+template <bool kAsk, bool kSource>
 static inline Vi draw_row(const Drawing& d, const Single& s, Vi id, int y, int x0, int x1) {
   const double* ray_x = d.frame.ray_x.data() + d.tile.left;
   const Vd ry = spread(d.frame.ray_y.data()[d.tile.top + y]);
@@ -63,7 +71,13 @@ static inline Vi draw_row(const Drawing& d, const Single& s, Vi id, int y, int x
   int x = x0;
   do {
     const Vf depth = sample<kAsk>(d.frame, s, load<Vd>(ray_x + x), r0, r1, r2);
-    const Kept kept = keep(load<Vf>(row_depth + x), load<Vi>(row_id + x), depth, id);
+    const Vf old_depth = load<Vf>(row_depth + x);
+    const Vi old_id = load<Vi>(row_id + x);
+    const Kept kept = keep(old_depth, old_id, depth, id);
+    if (kSource) {
+      int64_t* source = d.sources + y * kStride + x;
+      store(source, keep_source(old_depth, old_id, load<Vm>(source), depth, id, s.source - Vm{}, kept.changed));
+    }
     store(row_depth + x, kept.depth);
     store(row_id + x, kept.id);
     changed |= kept.changed;
@@ -73,7 +87,7 @@ static inline Vi draw_row(const Drawing& d, const Single& s, Vi id, int y, int x
 }
 
 // One row of blocks.
-template <bool kAsk>
+template <bool kAsk, bool kSource>
 static inline void draw_rows(const Drawing& d, const Single& s, const Spans& spans, int by, unsigned rows) {
   int left = kTile, right = 0;
   for (unsigned todo = rows; todo != 0; todo &= todo - 1) {
@@ -93,7 +107,8 @@ static inline void draw_rows(const Drawing& d, const Single& s, const Spans& spa
   for (; rows != 0; rows &= rows - 1) {
     const int row = __builtin_ctz(rows);
     const int x0 = spans.first[row], x1 = spans.last[row];
-    changed |= draw_row<kAsk>(d, s, id, by * kBlock + row, x0 > left ? x0 : left, x1 < right ? x1 : right);
+    changed |= draw_row<kAsk, kSource>(d, s, id, by * kBlock + row, x0 > left ? x0 : left,
+                                       x1 < right ? x1 : right);
   }
   if (any(changed)) d.tile.stale |= ((uint64_t{2} << last) - (uint64_t{1} << first)) << by * kBlocks;
 }
@@ -113,7 +128,7 @@ struct Pixels {
   }
 };
 
-template <bool kAsk>
+template <bool kAsk, bool kSource>
 static inline void draw_pixels(const Drawing& d, const Single& s, Pixels& pixels) {
   const double* ray_x = d.frame.ray_x.data() + d.tile.left;
   const double* ray_y = d.frame.ray_y.data() + d.tile.top;
@@ -141,6 +156,13 @@ static inline void draw_pixels(const Drawing& d, const Single& s, Pixels& pixels
 #undef LW_DEPTH
 #undef LW_ID
     const Kept kept = keep(old_depth, old_id, depth, id);
+    if (kSource) {
+#define LW_SOURCE(L) d.sources[at[L]]
+      const Vm old = {LW_EACH(LW_SOURCE)};
+#undef LW_SOURCE
+      const Vm source = keep_source(old_depth, old_id, old, depth, id, s.source - Vm{}, kept.changed);
+      for (int lane = 0; lane < kLanes; ++lane) d.sources[at[lane]] = source[lane];
+    }
     for (int lane = 0; lane < kLanes; ++lane) {
       d.tile.depth[at[lane]] = kept.depth[lane];
       d.tile.id[at[lane]] = kept.id[lane];
@@ -150,7 +172,7 @@ static inline void draw_pixels(const Drawing& d, const Single& s, Pixels& pixels
   if (any(changed)) d.tile.stale |= pixels.blocks;
 }
 
-template <bool kAsk>
+template <bool kAsk, bool kSource>
 static void draw(const Drawing& d, const Single& s, const Sides& sides, int lane, const Candidate& box) {
   Spans spans;
   Pixels pixels;
@@ -160,7 +182,7 @@ static void draw(const Drawing& d, const Single& s, const Sides& sides, int lane
     if (rows == 0) continue;
     const RowMask more = load<RowMask>(spans.last) - load<RowMask>(spans.first) >= Pixels::kFew;
     if (!tall || (row_bits(more) & rows) != 0) {
-      draw_rows<kAsk>(d, s, spans, by, rows);
+      draw_rows<kAsk, kSource>(d, s, spans, by, rows);
       continue;
     }
     int row = __builtin_ctz(rows);
@@ -171,18 +193,18 @@ static void draw(const Drawing& d, const Single& s, const Sides& sides, int lane
     }
     pixels.blocks |= (first | uint64_t{1} << spans.last[row] / kBlock) << by * kBlocks;
   }
-  if (pixels.count > 0) draw_pixels<kAsk>(d, s, pixels);
+  if (pixels.count > 0) draw_pixels<kAsk, kSource>(d, s, pixels);
 }
 
 struct Several {  // kLanes candidates, set up at once
   Corners t;
-  Edges e;
+  Edges e;  // by set_up
   Vd low, high;
   int64_t triangle[kLanes];  // global indices
   const double* matrix[kLanes];  // cam_from_mesh of each
 };
 
-static inline Several set_up(const Frame& frame, const Candidate* boxes, int used) {
+static inline Several gather(const Frame& frame, const Candidate* boxes, int used) {
   const LwSurfaces& all = frame.surfaces;
   const float* vertices[kLanes];
   const int32_t* from[kLanes];
@@ -202,6 +224,11 @@ static inline Several set_up(const Frame& frame, const Candidate* boxes, int use
 #undef LW_ENTRY
   }
   out.t = gather_corners(m, vertices, from);
+  return out;
+}
+
+static inline Several set_up(const Frame& frame, const Candidate* boxes, int used) {
+  Several out = gather(frame, boxes, used);
   out.e = make_edges(out.t, frame.orthographic, frame.reach);
   out.low = smaller(smaller(out.t.z[0], out.t.z[1]), out.t.z[2]);
   out.high = larger(larger(out.t.z[0], out.t.z[1]), out.t.z[2]);
@@ -222,12 +249,14 @@ static inline Single single_of(const LwSurfaces& all, const Several& of, double 
   s.high = of.high[lane];
   s.id = all.placement_id[box.placement];
   s.nearest = box.nearest;
+  s.source = source_of(box.placement, box.triangle);
   const bool cut = all.triangle_cutout != nullptr && all.triangle_cutout[of.triangle[lane]] >= 0;
   s.cut = cut ? of.triangle[lane] : -1;
   return s;
 }
 
 // The first `used` of kLanes candidates, from one side or, where that is unsure, from both.
+template <bool kSource>
 static void draw_lanes(const Drawing& d, const Candidate* boxes, int used) {
   const LwView& view = d.frame.view;
   const Several of = set_up(d.frame, boxes, used);
@@ -240,12 +269,28 @@ static void draw_lanes(const Drawing& d, const Candidate* boxes, int used) {
       const Single s = single_of(d.frame.surfaces, of, sign[lane], lane, boxes[lane]);
       if (s.cut >= 0 && turned_away(d.frame.surfaces, s.cut, of.matrix[lane], sign[lane])) continue;
       if (s.cut >= 0 || s.low < view.z_near || s.high > view.z_far) {
-        draw<true>(d, s, sides, lane, boxes[lane]);
+        draw<true, kSource>(d, s, sides, lane, boxes[lane]);
       } else {
-        draw<false>(d, s, sides, lane, boxes[lane]);
+        draw<false, kSource>(d, s, sides, lane, boxes[lane]);
       }
     }
     lanes &= bits(of.e.unsure);
     sign = -sign;
   }
+}
+
+// In the order they come, without those that lie behind what is stored.
+template <bool kSource>
+static void draw_candidates(const Drawing& d, const Candidate* candidates, int64_t count) {
+  Candidate few[kLanes];
+  int waiting = 0;
+  for (int64_t i = 0; i < count; ++i) {
+    if (d.tile.hides(candidates[i])) continue;
+    few[waiting++] = candidates[i];
+    if (waiting == kLanes) {
+      draw_lanes<kSource>(d, few, waiting);
+      waiting = 0;
+    }
+  }
+  if (waiting > 0) draw_lanes<kSource>(d, few, waiting);
 }

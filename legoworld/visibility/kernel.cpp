@@ -48,18 +48,35 @@ LW_API const char* lw_source_hash() { return LEGOWORLD_SOURCE_HASH; }
 // 0 the baseline of the platform, 1 AVX2, 2 AVX-512.
 LW_API int32_t lw_best_level() { return lw::has_avx512() ? 2 : lw::has_avx2() ? 1 : 0; }
 
-LW_API int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int32_t threads,
-                         int32_t level, int32_t* instance, float* depth) {
-  try {
+// Calls what the level's variant has under a name; a status, also when memory runs out.
 #if defined(__x86_64__)
-    if (level > 1) return lw::avx512::render(*surfaces, *view, threads, instance, depth);
-    if (level > 0) return lw::avx2::render(*surfaces, *view, threads, instance, depth);
-#endif
-    static_cast<void>(level);
-    return lw::baseline::render(*surfaces, *view, threads, instance, depth);
-  } catch (const std::bad_alloc&) {
-    return lw::kNoMemory;
+#define LW_VARIANT(level, call)                   \
+  try {                                           \
+    if ((level) > 1) return lw::avx512::call;     \
+    if ((level) > 0) return lw::avx2::call;       \
+    return lw::baseline::call;                    \
+  } catch (const std::bad_alloc&) {               \
+    return lw::kNoMemory;                         \
   }
+#else
+#define LW_VARIANT(level, call)                   \
+  try {                                           \
+    static_cast<void>(level);                     \
+    return lw::baseline::call;                    \
+  } catch (const std::bad_alloc&) {               \
+    return lw::kNoMemory;                         \
+  }
+#endif
+
+// hits: null, or more arrays to be filled.
+LW_API int32_t lw_render(const LwSurfaces* surfaces, const LwView* view, int32_t threads, int32_t level,
+                         int32_t* instance, float* depth, LwHits* hits) {
+  LW_VARIANT(level, render(*surfaces, *view, threads, instance, depth, hits))
+}
+
+LW_API int32_t lw_layers(const LwSurfaces* surfaces, const LwView* view, int32_t threads, int32_t level,
+                         const LwLayers* layers) {
+  LW_VARIANT(level, layers(*surfaces, *view, threads, *layers))
 }
 
 LW_API int32_t lw_coverage(const LwSurfaces* surfaces, const LwView* view, int32_t threads,

@@ -51,7 +51,7 @@ STATUS_MESSAGES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Call:
+class Call:
     """The C side of the arguments, and the Python objects whose memory it points into."""
 
     surfaces: SurfacesStruct
@@ -76,19 +76,20 @@ def render(
     Raises ShapeError for arrays or numbers the kernel cannot work with, KernelBuildError when the
     library is missing or stale, LegoWorldError when memory runs out.
     """
-    call = _prepare(surfaces, projection, size_wh, depth_scale, threads)
+    call = prepare(surfaces, projection, size_wh, depth_scale, threads)
     width, height = size_wh
-    instance = _on_cache_lines(height, width).view(np.int32)
-    depth_z_m = _on_cache_lines(height, width).view(np.float32)
+    instance = on_cache_lines(height, width).view(np.int32)
+    depth_z_m = on_cache_lines(height, width).view(np.float32)
     status = library().lw_render(
         ctypes.byref(call.surfaces),
         ctypes.byref(call.view),
         ctypes.c_int32(call.threads),
-        ctypes.c_int32(_level()),
+        ctypes.c_int32(level()),
         ctypes.c_void_p(instance.ctypes.data),
         ctypes.c_void_p(depth_z_m.ctypes.data),
+        None,
     )
-    _raise_for(status)
+    raise_for(status)
     return Buffers(instance=instance, depth_z_m=depth_z_m)
 
 
@@ -106,7 +107,7 @@ def coverage(
     2: entirely beyond z_far; 1: entirely nearer than z_near, or behind the camera; 0: no triangle,
     or none with an area. The highest code of its triangles counts. Raises as render() does.
     """
-    call = _prepare(surfaces, projection, size_wh, 1.0, threads)
+    call = prepare(surfaces, projection, size_wh, 1.0, threads)
     reach = np.zeros(len(surfaces.placement_mesh), np.uint8)
     status = library().lw_coverage(
         ctypes.byref(call.surfaces),
@@ -114,17 +115,18 @@ def coverage(
         ctypes.c_int32(call.threads),
         ctypes.c_void_p(reach.ctypes.data),
     )
-    _raise_for(status)
+    raise_for(status)
     return reach
 
 
-def _prepare(
+def prepare(
     surfaces: Surfaces,
     projection: Projection,
     size_wh: tuple[int, int],
     depth_scale: float,
     threads: int | None,
-) -> _Call:
+) -> Call:
+    """Check the arguments of a call into the library and lay them out for it."""
     check_surfaces(surfaces)
     _check_view(projection, size_wh, depth_scale)
     if threads is not None and threads < 1:
@@ -143,7 +145,7 @@ def _prepare(
         orthographic=int(projection.orthographic),
     )
     struct, keep_alive = _surfaces_struct(surfaces)
-    return _Call(surfaces=struct, view=view, threads=min(count, MAX_THREADS), keep_alive=keep_alive)
+    return Call(surfaces=struct, view=view, threads=min(count, MAX_THREADS), keep_alive=keep_alive)
 
 
 def _surfaces_struct(surfaces: Surfaces) -> tuple[SurfacesStruct, Any]:
@@ -218,7 +220,7 @@ def _check_view(projection: Projection, size_wh: tuple[int, int], depth_scale: f
         )
 
 
-def _on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
+def on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
     """An array without initial values that begins on a cache line: rows can be written past it."""
     line = 64
     memory = np.empty(height * width * 4 + line, np.uint8)
@@ -226,7 +228,8 @@ def _on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
     return memory[start : start + height * width * 4].view(np.uint32).reshape(height, width)
 
 
-def _level() -> int:
+def level() -> int:
+    """Index of the instruction set to use: the CPU's best, or what LEVEL_VARIABLE allows."""
     wanted = os.environ.get(LEVEL_VARIABLE, "")
     best = int(library().lw_best_level())
     if not wanted:
@@ -238,7 +241,8 @@ def _level() -> int:
     return min(LEVELS.index(wanted), best)
 
 
-def _raise_for(status: int) -> None:
+def raise_for(status: int) -> None:
+    """Raises the error that a status of the library stands for; 0 is success."""
     if status == 1:
         raise LegoWorldError(STATUS_MESSAGES[1], next_step="use a smaller picture or fewer workers")
     if status != 0:

@@ -24,6 +24,19 @@ static inline Vd smaller(Vd x, Vd y) { return x < y ? x : y; }
 
 static inline Vd larger(Vd x, Vd y) { return x > y ? x : y; }
 
+static inline Vd root(Vd x) {
+#if defined(__x86_64__) && LW_LANES == 2
+  return (Vd)_mm_sqrt_pd((__m128d)x);
+#elif defined(__x86_64__) && LW_LANES == 4
+  return (Vd)_mm256_sqrt_pd((__m256d)x);
+#elif defined(__x86_64__) && LW_LANES == 8
+  return (Vd)_mm512_sqrt_pd((__m512d)x);
+#else
+  for (int lane = 0; lane < kLanes; ++lane) x[lane] = std::sqrt(x[lane]);
+  return x;
+#endif
+}
+
 template <class Vector, class Element>
 static inline Vector load(const Element* from) {
   Vector out;

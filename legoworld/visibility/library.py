@@ -64,6 +64,39 @@ class ViewStruct(ctypes.Structure):
     ]
 
 
+class HitsStruct(ctypes.Structure):
+    """LwHits of scene.hpp."""
+
+    _fields_: ClassVar = [
+        ("placement", ctypes.c_void_p),
+        ("triangle", ctypes.c_void_p),
+        ("barycentric", ctypes.c_void_p),
+        ("normal", ctypes.c_void_p),
+        ("flipped", ctypes.c_int64),
+    ]
+
+
+#: LwAllocate of scene.hpp.
+Allocate = ctypes.CFUNCTYPE(
+    ctypes.c_int32,
+    ctypes.c_int64,
+    ctypes.POINTER(ctypes.c_void_p),
+    ctypes.POINTER(ctypes.c_void_p),
+)
+
+
+class LayersStruct(ctypes.Structure):
+    """LwLayers of scene.hpp."""
+
+    _fields_: ClassVar = [
+        ("instances", ctypes.c_int64),
+        ("ident", ctypes.c_void_p),
+        ("most", ctypes.c_int64),
+        ("allocate", Allocate),
+        ("start", ctypes.c_void_p),
+    ]
+
+
 @functools.cache
 def library() -> ctypes.CDLL:
     """The kernel, loaded once per process. Calls through it release the GIL.
@@ -77,7 +110,7 @@ def library() -> ctypes.CDLL:
 def load_library(folder: Path) -> ctypes.CDLL:
     """The kernel of `folder`; see library()."""
     loaded = open_library(folder, "visibility kernel")
-    for name in ("lw_render", "lw_coverage", "lw_best_level", "lw_extents"):
+    for name in ("lw_render", "lw_layers", "lw_coverage", "lw_best_level", "lw_extents"):
         getattr(loaded, name).restype = ctypes.c_int32
     loaded.lw_masks.restype = ctypes.c_int64
     return loaded

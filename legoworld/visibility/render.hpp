@@ -28,6 +28,9 @@ struct Render {
   Buffer<uint64_t> bounds{};
   Buffer<float> depths{};
   Queue sight_queue{}, small{}, vertex_queue{}, triangle_queue{}, tile_queue{};
+  LwHits* hits = nullptr;      // where the hits' sources go, if anyone asks
+  Buffer<int32_t> between{};   // their place between two rounds, where they are not asked for
+  std::atomic<int64_t> flipped{0};
 };
 
 static Placed placed(const Render& r, Worker& worker, const Shape& shape, int64_t placement,
@@ -37,7 +40,7 @@ static Placed placed(const Render& r, Worker& worker, const Shape& shape, int64_
       all.triangle_cutout == nullptr ? nullptr : all.triangle_cutout + shape.first_triangle;
   return Placed{r.frame, worker,  shape,  all.cam_from_mesh + 12 * placement,
                 bounds,  depths,  cutout, r.so_far,
-                static_cast<uint32_t>(placement), all.placement_id[placement]};
+                static_cast<uint32_t>(placement), all.placement_id[placement], r.hits != nullptr};
 }
 
 static void bound_placements(Render& r) {
@@ -203,33 +206,33 @@ static int64_t near_first(Render& r, Worker& worker, int64_t tile) {
   return count;
 }
 
-static void draw_tile(Render& r, Worker& worker, Tile& tile, int64_t index) {
-  for (const Worker& other : r.workers) {
-    other.bins.data()[index].samples.each_block([&](const Sample* from, uint32_t count) {
-      for (uint32_t i = 0; i < count; ++i) {
-        const uint32_t at = from[i].pixel;
-        const float old = tile.depth[at];
-        const bool wins = from[i].depth < old || (from[i].depth == old && from[i].id < tile.id[at]);
-        tile.depth[at] = wins ? from[i].depth : old;
-        tile.id[at] = wins ? from[i].id : tile.id[at];
+// The samples that small triangles left for a tile.
+template <bool kSource>
+static void take_samples(const TileBins& bins, Tile& tile, Sources* sources) {
+  const Block<int64_t>* their = bins.sources.newest;
+  bins.samples.each_block([&](const Sample* from, uint32_t count) {
+    for (uint32_t i = 0; i < count; ++i) {
+      const uint32_t at = from[i].pixel;
+      const float old = tile.depth[at];
+      const bool tied = from[i].depth == old;
+      const bool wins = from[i].depth < old || (tied && from[i].id < tile.id[at]);
+      if (kSource && (wins || (tied && from[i].id == tile.id[at] && their->records[i] < sources->at[at]))) {
+        sources->at[at] = their->records[i];
       }
-      tile.stale = ~uint64_t{0};
-    });
-  }
-  const int64_t count = near_first(r, worker, index);
-  const Candidate* candidates = worker.near_first.data();
-  const Drawing drawing{r.frame, tile};
-  Candidate few[kLanes];
-  int waiting = 0;
-  for (int64_t i = 0; i < count; ++i) {
-    if (tile.hides(candidates[i])) continue;
-    few[waiting++] = candidates[i];
-    if (waiting == kLanes) {
-      draw_lanes(drawing, few, waiting);
-      waiting = 0;
+      tile.depth[at] = wins ? from[i].depth : old;
+      tile.id[at] = wins ? from[i].id : tile.id[at];
     }
-  }
-  if (waiting > 0) draw_lanes(drawing, few, waiting);
+    tile.stale = ~uint64_t{0};
+    if (kSource) their = their->older;
+  });
+}
+
+template <bool kSource>
+static void draw_tile(Render& r, Worker& worker, Tile& tile, Sources* sources, int64_t index) {
+  for (const Worker& other : r.workers) take_samples<kSource>(other.bins.data()[index], tile, sources);
+  const int64_t count = near_first(r, worker, index);
+  const Drawing drawing{r.frame, tile, kSource ? sources->at : nullptr};
+  draw_candidates<kSource>(drawing, worker.near_first.data(), count);
 }
 
 static void cull(Render& r, Worker& worker, bool first_worker) {
@@ -253,23 +256,47 @@ static bool has_records(const Render& r, int64_t tile) {
   return false;
 }
 
+template <bool kSource>
 static void draw_tiles(Render& r, Worker& worker, int32_t* instance, float* depth) {
   Buffer<Tile> scratch;
+  Buffer<Sources> more;
   Tile& tile = *scratch.at_least(1);
+  Sources* sources = kSource ? more.at_least(1) : nullptr;
+  Turns turns;
   const bool again = r.first > 0;
   for (int64_t begin, end; r.tile_queue.take(begin, end);) {
     for (int64_t i = begin; i < end; ++i) {
       if (again && !r.last && !has_records(r, i)) continue;
       tile.begin(r.frame, i);
       if (again) load_tile(r.frame, tile, r.so_far, i, instance, depth);
-      draw_tile(r, worker, tile, i);
+      if (kSource && again) load_sources(r.frame, tile, *r.hits, *sources);
+      draw_tile<kSource>(r, worker, tile, sources, i);
       if (r.last) {
         write_tile(r.frame, tile, instance, depth);
+        if (kSource) write_hits(r.frame, tile, *sources, *r.hits, turns);
       } else {
         store_tile(r.frame, tile, r.so_far, i, instance, depth);
+        if (kSource) store_sources(r.frame, tile, *sources, *r.hits);
       }
     }
   }
+  if (kSource) r.flipped += turns.flipped;
+}
+
+static void empty_bins(const Render& r, Worker& worker) {
+  const auto tiles = static_cast<size_t>(r.frame.tiles());
+  std::memset(worker.bins.at_least(tiles), 0, tiles * sizeof(TileBins));
+  worker.arena.rewind();
+}
+
+// The next round: placements [first, end) of the schedule's order.
+static void offer(Render& r, int64_t first, int64_t end) {
+  r.first = first;
+  r.end = end;
+  const int64_t count = end - first, step = count / (8 * r.team.size());
+  r.small.reset(count, step < 16 ? step + 1 : 16);
+  r.tile_queue.reset(r.frame.tiles(), 1);
+  plan(r);
 }
 
 static void begin_round(Render& r, size_t round, const float* depth) {
@@ -277,6 +304,11 @@ static void begin_round(Render& r, size_t round, const float* depth) {
   if (round == 0 && r.schedule.ends.size() > 1) {
     r.so_far.blocks.at_least(tiles * kBlocks * kBlocks);
     r.so_far.tiles.at_least(tiles);
+    if (r.hits != nullptr && r.hits->placement == nullptr) {
+      const auto pixels = static_cast<size_t>(r.frame.width) * static_cast<size_t>(r.frame.height);
+      r.hits->placement = r.between.at_least(2 * pixels);
+      r.hits->triangle = r.hits->placement + pixels;
+    }
   }
   int64_t left_out = 0;
   for (Worker& worker : r.workers) {
@@ -285,13 +317,8 @@ static void begin_round(Render& r, size_t round, const float* depth) {
   }
   const bool culling_unprofitable = round > 1 && left_out * kWorthAsking < r.offered;
   r.so_far.depth = round == 0 || culling_unprofitable ? nullptr : depth;
-  r.first = r.end;
-  r.end = culling_unprofitable ? r.schedule.ends.back() : r.schedule.ends[round];
+  offer(r, r.end, culling_unprofitable ? r.schedule.ends.back() : r.schedule.ends[round]);
   r.last = r.end == r.schedule.ends.back();
-  const int64_t count = r.end - r.first, step = count / (8 * r.team.size());
-  r.small.reset(count, step < 16 ? step + 1 : 16);
-  r.tile_queue.reset(r.frame.tiles(), 1);
-  plan(r);
 }
 
 static void work(Render& r, int index, int32_t* instance, float* depth) {
@@ -305,28 +332,41 @@ static void work(Render& r, int index, int32_t* instance, float* depth) {
   bool last = false;
   for (size_t round = 0; round < r.schedule.ends.size() && !last; ++round) {
     r.team.phase([&] {
-      const auto tiles = static_cast<size_t>(r.frame.tiles());
-      std::memset(worker.bins.at_least(tiles), 0, tiles * sizeof(TileBins));
-      worker.arena.rewind();
+      empty_bins(r, worker);
       if (index == 0) begin_round(r, round, depth);
     });
     cull(r, worker, index == 0);
     last = r.last;
-    r.team.phase([&] { draw_tiles(r, worker, instance, depth); });
+    r.team.phase([&] {
+      if (r.hits == nullptr) {
+        draw_tiles<false>(r, worker, instance, depth);
+      } else {
+        draw_tiles<true>(r, worker, instance, depth);
+      }
+    });
   }
 }
 
+// What must be so before a team may work.
+static void prepare(Render& r) {
+  const LwSurfaces& surfaces = r.frame.surfaces;
+  r.so_far.width = r.frame.width;
+  r.so_far.tiles_x = r.frame.tiles_x;
+  r.schedule.bounds.at_least(static_cast<size_t>(surfaces.placements));
+  r.sight_queue.reset(surfaces.placements, 64);
+  prepare_validation(r.frame);
+}
+
+// hits: null, or where what else is known of each pixel's hit is written.
 static int32_t render(const LwSurfaces& surfaces, const LwView& view, int threads, int32_t* instance,
-                      float* depth) {
+                      float* depth, LwHits* hits) {
   Frame frame(surfaces, view);
   Team team(threads);
   std::vector<Worker> workers(static_cast<size_t>(team.size()));
   Render r{frame, team, workers};
-  r.so_far.width = frame.width;
-  r.so_far.tiles_x = frame.tiles_x;
-  r.schedule.bounds.at_least(static_cast<size_t>(surfaces.placements));
-  r.sight_queue.reset(surfaces.placements, 64);
-  prepare_validation(frame);
+  r.hits = hits;
+  prepare(r);
   team.run([&](int index) { work(r, index, instance, depth); });
+  if (hits != nullptr) hits->flipped = r.flipped;
   return team.failed() ? static_cast<int32_t>(kNoMemory) : frame.status.load();
 }

@@ -36,6 +36,25 @@ struct LwView {
   int32_t width, height;
   int32_t orthographic;
 };
+
+struct LwHits {           // of each pixel's hit, besides instance and depth
+  int32_t* placement;     // (H,W) or null, -1 without a hit
+  int32_t* triangle;      // (H,W) or null as placement, local to its mesh, -1 without a hit
+  float* barycentric;     // (H,W,2) or null: the weights of corners 1 and 2, NaN without a hit
+  float* normal;          // (H,W,3) or null: camera frame, towards the camera, NaN without a hit
+  int64_t flipped;        // written: normals that pointed away from the camera
+};
+
+// Makes room for that many entries and sets both pointers; 0 when it could.
+typedef int32_t (*LwAllocate)(int64_t entries, int32_t** instance, float** depth);
+
+struct LwLayers {
+  int64_t instances;      // the placements' ids are 0..instances - 1
+  const int32_t* ident;   // (instances), ascending: what is written for each id
+  int64_t most;           // entries; with more, nothing is written
+  LwAllocate allocate;
+  int64_t* start;         // (H*W+1): pixel p has the entries start[p]..start[p + 1] - 1
+};
 }
 
 namespace lw {
@@ -44,7 +63,7 @@ constexpr int32_t kNothing = -1;
 constexpr int32_t kHoldout = -2;
 
 // What a call found out about its input, besides its result.
-enum Status : int32_t { kOk = 0, kNoMemory = 1, kVertexNotFinite = 2, kIndexOutOfRange = 3 };
+enum Status : int32_t { kOk = 0, kNoMemory = 1, kVertexNotFinite = 2, kIndexOutOfRange = 3, kTooManyLayers = 4 };
 
 constexpr int kTile = 64;       // pixels along a side of a tile: its buffers stay in the L1 and L2 caches
 constexpr int kBlock = 8;       // pixels along a side of a block, the unit of rejection by depth

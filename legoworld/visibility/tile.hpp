@@ -1,5 +1,9 @@
 // One tile of the picture while it is drawn. Included once per instruction set.
 
+struct Sources {  // where each stored sample of the tile comes from (see source_of); without one, anything
+  int64_t at[kTile * kStride];
+};
+
 struct Tile {
   float depth[kTile * kStride];
   int32_t id[kTile * kStride];
@@ -7,12 +11,16 @@ struct Tile {
   uint64_t stale;                     // bit by bit the blocks where `farthest` may have come down since
   int32_t left, top, columns, rows;   // pixels; the part inside the picture
 
-  // Places the tile in the picture, empty. What lies beyond the picture is nearer than anything.
-  void begin(const Frame& frame, int64_t index) {
+  void place(const Frame& frame, int64_t index) {
     left = static_cast<int32_t>(index % frame.tiles_x) * kTile;
     top = static_cast<int32_t>(index / frame.tiles_x) * kTile;
     columns = frame.width - left < kTile ? frame.width - left : kTile;
     rows = frame.height - top < kTile ? frame.height - top : kTile;
+  }
+
+  // Places the tile in the picture, empty. What lies beyond the picture is nearer than anything.
+  void begin(const Frame& frame, int64_t index) {
+    place(frame, index);
     for (float& d : depth) d = INFINITY;
     for (int32_t& i : id) i = INT32_MAX;
     for (float& f : farthest) f = INFINITY;

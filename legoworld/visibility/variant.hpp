@@ -8,7 +8,9 @@
 #include "spans.hpp"
 #include "draw.hpp"
 #include "picture.hpp"
+#include "hits.hpp"
 #include "validation.hpp"
 #include "coverage.hpp"
 #include "render.hpp"
+#include "layers.hpp"
 #undef LW_EACH

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.visibility.kernel import Cutouts, Surfaces
+from legoworld.visibility.kernel import HOLDOUT, Cutouts, Surfaces
 from legoworld.visibility.projection import Projection
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.int32]]
@@ -101,3 +102,60 @@ def sphere(rings: int, segments: int, radius: float = 1.0) -> Mesh:
             faces += [(a + s, b + s, b + n), (a + s, b + n, a + n)]
         faces.append((last, last - segments + n, last - segments + s))
     return mesh(points, faces)
+
+
+def only(surfaces: Surfaces, instance_id: int) -> Surfaces:
+    """The placements of one instance, under the same id; a holdout under id 0, so that it shows."""
+    kept = surfaces.placement_id == instance_id
+    return dataclasses.replace(
+        surfaces,
+        placement_mesh=surfaces.placement_mesh[kept],
+        cam_from_mesh=surfaces.cam_from_mesh[kept],
+        placement_id=np.maximum(surfaces.placement_id[kept], 0),
+    )
+
+
+def jumble(seed: int) -> tuple[Surfaces, Projection, tuple[int, int]]:
+    """Loose triangles, some cut out, sheared and mirrored, some nearer than z_near.
+
+    Ids 0 and 7 are the same triangles in the same place; a holdout has two placements.
+    """
+    rng = np.random.default_rng(seed)
+    size_wh = (int(rng.integers(60, 150)), int(rng.integers(40, 100)))
+    meshes = []
+    for size in (0.05, 0.8, 5.0):
+        centre = rng.normal(size=(14, 1, 3)) * 1.5 + [0, 0, 5]
+        meshes.append(mesh(centre + rng.normal(size=(14, 3, 3)) * size, np.arange(42)))
+    placements: list[tuple[int, ArrayLike, int]] = []
+    for ident in (3, 0, 5, 5, 2, 9, HOLDOUT, HOLDOUT):
+        linear = np.eye(3) + rng.normal(size=(3, 3)) * 0.3
+        linear = linear @ np.diag([rng.choice([-1, 1]), 1, 1])
+        placements.append((int(rng.integers(3)), moved(linear, rng.normal(size=3) * 0.5), ident))
+    placements.append((placements[1][0], placements[1][1], 7))
+    cutouts = Cutouts(
+        triangle_cutout=rng.integers(-1, 2, 42).astype(np.int32),
+        corner_uv=rng.uniform(-1, 2, size=(42, 3, 2)).astype(np.float32),
+        alphas=tuple(rng.integers(0, 256, size=(3, 4), dtype=np.uint8) for _ in range(2)),
+        wrap=("repeat", "mirror"),
+        interpolation=("linear", "closest"),
+        sides=("both", "front"),
+        threshold=0.5,
+    )
+    camera = pixel_camera(
+        size_wh,
+        orthographic=seed % 3 == 0,
+        fx=25.0 if seed % 3 == 0 else 60.0,
+        fy=24.0 if seed % 3 == 0 else 66.0,
+        z_near=float(rng.choice([0.1, 3.0])),
+    )
+    return place(meshes, placements, cutouts), camera, size_wh
+
+
+def ball_pit(count: int) -> Surfaces:
+    """Balls of 10,620 triangles, one instance for every two: more than one round of the kernel."""
+    rng = np.random.default_rng(count)
+    at = [
+        (0, moved(rotation(rng) * 0.4, rng.uniform(-2, 2, 3) + np.array([0, 0, 6])), i // 2)
+        for i in range(count)
+    ]
+    return place([sphere(60, 90)], at)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from legoworld.visibility.kernel import HOLDOUT, Cutouts, Surfaces
 from legoworld.visibility.projection import Projection
+from legoworld.visibility.triangles import Hits
 
 Real = np.longdouble
 Rays = tuple[NDArray[np.longdouble], NDArray[np.longdouble]]
@@ -24,12 +25,16 @@ class Truth:
     """What each ray hits, and where rounding decides.
 
     instance: (H, W) int32; depth_z_m: (H, W) longdouble; doubtful: (H, W) bool, the ray passes
-    within rounding of an edge or of two surfaces at one depth.
+    within rounding of an edge or of two surfaces at one depth. placement, triangle (local to its
+    mesh): (H, W) int32, of the nearest hit, -1 without one; weights: (H, W, 3) longdouble.
     """
 
     instance: NDArray[np.int32]
     depth_z_m: NDArray[np.longdouble]
     doubtful: NDArray[np.bool_]
+    placement: NDArray[np.int32]
+    triangle: NDArray[np.int32]
+    weights: NDArray[np.longdouble]
 
 
 def camera_triangles(surfaces: Surfaces, placement: int) -> NDArray[np.longdouble]:
@@ -157,6 +162,8 @@ def render(
     width, height = size_wh
     best = np.full((height, width), np.inf, Real)
     best_id = np.full((height, width), np.iinfo(np.int32).max, np.int32)
+    source = np.full((height, width, 2), -1, np.int32)
+    best_weights = np.full((height, width, 3), np.nan, Real)
     second = np.full((height, width), np.inf, Real)  # nearest depth of another id
     grazed = np.full((height, width), np.inf, Real)  # nearest depth of a doubtful hit
     for placement, ident in enumerate(surfaces.placement_id):
@@ -176,6 +183,8 @@ def render(
             second = np.where(nearer & other, best, second)
             second = np.where(hit & ~nearer & other, np.minimum(second, depth), second)
             best = np.where(nearer, depth, best)
+            source[nearer] = placement, local
+            best_weights[nearer] = weights[nearer]
             best_id = np.where(nearer, ident, best_id).astype(np.int32)
     reach = np.where(np.isfinite(best), best + depth_tolerance * np.abs(best), np.inf)
     doubtful = np.isfinite(second) & (second <= reach)
@@ -185,4 +194,14 @@ def render(
         instance=np.where(shown, best_id, -1).astype(np.int32),
         depth_z_m=np.where(shown, best * Real(depth_scale), np.inf),
         doubtful=doubtful,
+        placement=np.where(shown, source[..., 0], -1),
+        triangle=np.where(shown, source[..., 1], -1),
+        weights=np.where(shown[..., None], best_weights, np.nan),
     )
+
+
+def corners_of(hits: Hits, surfaces: Surfaces, shown: NDArray[np.bool_]) -> NDArray[np.longdouble]:
+    """(N, 3, 3) corners in the camera's frame of the triangles that some pixels show."""
+    own = [camera_triangles(surfaces, i) for i in range(len(surfaces.placement_mesh))]
+    first = np.concatenate([[0], np.cumsum([len(one) for one in own])[:-1]])
+    return np.concatenate(own)[first[hits.placement[shown]] + hits.triangle[shown]]

@@ -1,0 +1,192 @@
+// What is known of each hit besides its instance and depth: where it comes from, its barycentric weights
+// and its face's normal. Included once per instruction set.
+
+static inline int64_t row_of(const Frame& frame, const Tile& tile, int32_t row) {
+  return static_cast<int64_t>(tile.top + row) * frame.width + tile.left;
+}
+
+// Between two rounds the hits hold the sources as they are, with those of holdouts and open pixels.
+static void store_sources(const Frame& frame, const Tile& tile, const Sources& sources, const LwHits& hits) {
+  for (int32_t r = 0; r < tile.rows; ++r) {
+    const int64_t at = row_of(frame, tile, r);
+    for (int32_t c = 0; c < tile.columns; ++c) {
+      const int64_t source = sources.at[r * kStride + c];
+      hits.placement[at + c] = static_cast<int32_t>(source >> 32);
+      hits.triangle[at + c] = static_cast<int32_t>(source);
+    }
+  }
+}
+
+static void load_sources(const Frame& frame, const Tile& tile, const LwHits& hits, Sources& sources) {
+  for (int32_t r = 0; r < tile.rows; ++r) {
+    const int64_t at = row_of(frame, tile, r);
+    for (int32_t c = 0; c < tile.columns; ++c) {
+      sources.at[r * kStride + c] = source_of(static_cast<uint32_t>(hits.placement[at + c]),
+                                              static_cast<uint32_t>(hits.triangle[at + c]));
+    }
+  }
+}
+
+// Weights of corners 1 and 2 along a run of pixels of one triangle, which is in a lane of `of`.
+static void write_weights(const Frame& frame, const Tile& tile, const Several& of, int lane,
+                          const Candidate& run, float* out) {
+  const double* ray_x = frame.ray_x.data() + tile.left;
+  const double ry = frame.ray_y.data()[tile.top + run.y0];
+  double a[3], rest[3];
+  for (int k = 0; k < 3; ++k) {
+    a[k] = of.e.a[k][lane];
+    rest[k] = of.e.b[k][lane] * ry + of.e.c[k][lane];
+  }
+  for (int32_t c = run.x0; c <= run.x1; ++c) {
+    const double e0 = a[0] * ray_x[c] + rest[0], e1 = a[1] * ray_x[c] + rest[1];
+    const double e2 = a[2] * ray_x[c] + rest[2], sum = (e0 + e1) + e2;
+    out[2 * c] = static_cast<float>(e1 / sum + 0.0);
+    out[2 * c + 1] = static_cast<float>(e2 / sum + 0.0);
+  }
+}
+
+struct Turns {  // of the normals so far
+  uint32_t placement = UINT32_MAX;  // the last one's
+  double side = 1;                  // -1 where it mirrors
+  int64_t flipped = 0;              // turned towards the camera
+
+  double side_of(uint32_t next, const double* cam_from_mesh) {
+    if (next != placement) side = volume_of(cam_from_mesh) < 0 ? -1.0 : 1.0;
+    placement = next;
+    return side;
+  }
+};
+
+// A vector to each pixel of a run: four floats at a time, the last of which the next pixel has.
+static inline void fill_run(const float v[4], const Candidate& run, float* out) {
+  for (int32_t c = run.x0; c < run.x1; ++c) std::memcpy(out + 3 * c, v, 4 * sizeof *v);
+  std::memcpy(out + 3 * run.x1, v, 3 * sizeof *v);
+}
+
+// The normals of runs, turned towards the camera by each pixel's own ray.
+static void write_normals(const Frame& frame, const Tile& tile, const Several& of, const Candidate* runs,
+                          int used, Turns& turns, float* normal) {
+  const Corners& t = of.t;
+  const Vd ux = t.x[1] - t.x[0], uy = t.y[1] - t.y[0], uz = t.z[1] - t.z[0];
+  const Vd wx = t.x[2] - t.x[0], wy = t.y[2] - t.y[0], wz = t.z[2] - t.z[0];
+  // The product of two moved edges is the moved normal times the determinant: so is its sign.
+  Vd nx = uy * wz - uz * wy, ny = uz * wx - ux * wz, nz = ux * wy - uy * wx;
+  const double* ray_x = frame.ray_x.data() + tile.left;
+  const double* ray_y = frame.ray_y.data() + tile.top;
+#define LW_RUN(L) runs[L < used ? L : 0]
+#define LW_SIDE(L) turns.side_of(LW_RUN(L).placement, of.matrix[L])
+#define LW_FIRST(L) ray_x[LW_RUN(L).x0]
+#define LW_LAST(L) ray_x[LW_RUN(L).x1]
+#define LW_ROW(L) ray_y[LW_RUN(L).y0]
+  const Vd side = {LW_EACH(LW_SIDE)}, ry = {LW_EACH(LW_ROW)};
+  const Vd first = {LW_EACH(LW_FIRST)}, last = {LW_EACH(LW_LAST)};
+#undef LW_ROW
+#undef LW_LAST
+#undef LW_FIRST
+#undef LW_SIDE
+#undef LW_RUN
+  const Vd scale = side / root((nx * nx + ny * ny) + nz * nz);
+  nx *= scale;
+  ny *= scale;
+  nz *= scale;
+  const Vd across = frame.orthographic ? Vd{} : nx, rest = frame.orthographic ? nz : ny * ry + nz;
+  // The value is monotone along a row, also as it is rounded: equal ends, equal all.
+  const Vm away = across * first + rest > 0, ends = across * last + rest > 0;
+  const unsigned turned = bits(away), mixed = turned ^ bits(ends);
+  const Vf x = narrow((away ? -nx : nx) + 0.0), y = narrow((away ? -ny : ny) + 0.0);
+  const Vf z = narrow((away ? -nz : nz) + 0.0);
+  for (int lane = 0; lane < used; ++lane) {
+    Candidate run = runs[lane];
+    float* out = normal + 3 * row_of(frame, tile, run.y0);
+    const float v[4] = {x[lane], y[lane], z[lane], x[lane]};
+    const bool is_turned = (turned >> lane & 1) != 0;
+    if ((mixed >> lane & 1) == 0) {
+      fill_run(v, run, out);
+      turns.flipped += is_turned ? run.x1 - run.x0 + 1 : 0;
+      continue;
+    }
+    const float opposite[4] = {0.0f - v[0], 0.0f - v[1], 0.0f - v[2], 0.0f - v[0]};
+    for (int32_t c = run.x0, end = run.x1; c <= end; ++c) {
+      const bool here = across[lane] * ray_x[c] + rest[lane] > 0;
+      run.x0 = run.x1 = static_cast<uint8_t>(c);
+      fill_run(here == is_turned ? v : opposite, run, out);
+      turns.flipped += here;
+    }
+  }
+}
+
+// The first `used` of kLanes runs, each of one row and one triangle.
+static void write_runs(const Frame& frame, const Tile& tile, const Candidate* runs, int used,
+                       const LwHits& hits, Turns& turns) {
+  const Several of = hits.barycentric == nullptr ? gather(frame, runs, used) : set_up(frame, runs, used);
+  for (int lane = 0; lane < used && hits.barycentric != nullptr; ++lane) {
+    const int64_t at = row_of(frame, tile, runs[lane].y0);
+    write_weights(frame, tile, of, lane, runs[lane], hits.barycentric + 2 * at);
+  }
+  if (hits.normal != nullptr) write_normals(frame, tile, of, runs, used, turns, hits.normal);
+}
+
+static inline void write_missing(int64_t pixel, const LwHits& hits) {
+  for (int k = 0; k < 2 && hits.barycentric != nullptr; ++k) hits.barycentric[2 * pixel + k] = NAN;
+  for (int k = 0; k < 3 && hits.normal != nullptr; ++k) hits.normal[3 * pixel + k] = NAN;
+}
+
+struct ShownRow {  // of a finished tile; -1 for holdouts and open pixels
+  int64_t source[kTile];
+  int32_t placement[kTile], triangle[kTile];
+  uint64_t begins;  // bit by bit the columns where a run of one source begins
+};
+
+static inline void finish_sources(const Tile& tile, const Sources& sources, int32_t row, ShownRow& out) {
+  const auto shown = [&](int32_t c) {
+    const Vi id = load<Vi>(tile.id + row * kStride + c);
+    const Vm there = __builtin_convertvector((id >= 0) & (id != INT32_MAX), Vm);
+    return load<Vm>(sources.at + row * kStride + c) | ~there;
+  };
+  out.begins = 0;
+  for (int32_t c = 0; c < kTile; c += kLanes) {
+    const Vm source = shown(c);
+    store(out.source + c, source);
+    store(out.placement + c, __builtin_convertvector(source >> 32, Vi));
+    store(out.triangle + c, __builtin_convertvector(source, Vi));
+    out.begins |= static_cast<uint64_t>(bits(source != shown(c + 1))) << c;
+  }
+  out.begins = out.begins << 1 | 1;
+  if (tile.columns < kTile) out.begins &= (uint64_t{1} << tile.columns) - 1;
+}
+
+// A finished tile.
+static void write_hits(const Frame& frame, const Tile& tile, const Sources& sources, const LwHits& hits,
+                       Turns& turns) {
+  const auto bytes = static_cast<size_t>(tile.columns) * sizeof(int32_t);
+  Candidate few[kLanes];
+  int waiting = 0;
+  for (int32_t r = 0; r < tile.rows; ++r) {
+    const int64_t at = row_of(frame, tile, r);
+    ShownRow shown;
+    finish_sources(tile, sources, r, shown);
+    if (hits.placement != nullptr) {
+      std::memcpy(hits.placement + at, shown.placement, bytes);
+      std::memcpy(hits.triangle + at, shown.triangle, bytes);
+    }
+    if (hits.barycentric == nullptr && hits.normal == nullptr) continue;
+    for (uint64_t begins = shown.begins; begins != 0;) {
+      const int32_t first = __builtin_ctzll(begins);
+      begins &= begins - 1;
+      const int32_t end = begins == 0 ? tile.columns : __builtin_ctzll(begins);
+      const int64_t source = shown.source[first];
+      if (source < 0) {
+        for (int32_t c = first; c < end; ++c) write_missing(at + c, hits);
+        continue;
+      }
+      const auto row = static_cast<uint8_t>(r);
+      few[waiting++] = Candidate{0, static_cast<uint32_t>(source), static_cast<uint32_t>(source >> 32),
+                                 static_cast<uint8_t>(first), static_cast<uint8_t>(end - 1), row, row};
+      if (waiting == kLanes) {
+        write_runs(frame, tile, few, waiting, hits, turns);
+        waiting = 0;
+      }
+    }
+  }
+  if (waiting > 0) write_runs(frame, tile, few, waiting, hits, turns);
+}

@@ -1,0 +1,189 @@
+"""Every instance as if it were alone: amodal masks, and who hides whom.
+
+Drawn in one pass (layers.hpp). The result is sparse: one entry per instance and pixel that the
+instance covers, so memory grows with the sum of the amodal areas, never with instances x pixels.
+While it is made, an entry takes 16 bytes and a pixel 8; a scene of 10,000 instances whose amodal
+areas add up to four pictures of 1920 x 1080 takes 150 MB. `max_entries` bounds it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.errors import LegoWorldError
+from legoworld.visibility.kernel import level, prepare, raise_for
+from legoworld.visibility.library import Allocate, LayersStruct, library
+from legoworld.visibility.projection import Projection
+from legoworld.visibility.surfaces import HOLDOUT, Surfaces
+
+#: Entries a call makes at most unless it is told otherwise: four layers at 8192 x 8192, 4 GB.
+MAX_ENTRIES: Final = 2**28
+
+_TOO_MANY: Final = 4
+
+#: Up to so many possible pairs, a table of all is faster than sorting those that occur.
+_FEW_PAIRS: Final = 2**20
+
+
+@dataclass(frozen=True, kw_only=True)
+class AmodalLayers:
+    """The nearest surface of each instance at each pixel centre, nearest instance first.
+
+    Pixel p = row * W + column has the entries start[p]:start[p + 1]. start: (H * W + 1,) int64;
+    instance: (E,) int32, ascending depth_z_m and, at equal depth, ascending id, as the kernel
+    decides ties; depth_z_m: (E,) float32. Holdouts are one instance, HOLDOUT. Cut-out samples are
+    not there.
+
+    With A_i the pixels that have an entry of i, D_i its depths there, and I and D the buffers of
+    `kernel.render`: the first entry of a pixel is I and D, bit for bit, or HOLDOUT where a holdout
+    leaves I without a hit; A_i and D_i are the buffers of instance i drawn alone.
+    """
+
+    size_wh: tuple[int, int]
+    start: NDArray[np.int64]
+    instance: NDArray[np.int32]
+    depth_z_m: NDArray[np.float32]
+
+    def pixels(self) -> NDArray[np.int64]:
+        """The pixel index of each entry: (E,)."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+    def mask(self, instance_id: int) -> NDArray[np.bool_]:
+        """The amodal mask of one instance inside the picture: (H, W)."""
+        entries = np.flatnonzero(self.instance == instance_id)
+        mask = np.zeros(len(self.start) - 1, bool)
+        mask[np.searchsorted(self.start, entries, side="right") - 1] = True
+        return mask.reshape(self.size_wh[::-1])
+
+    def nearest(self, k: int) -> AmodalLayers:
+        """The first k entries of each pixel."""
+        counts = np.diff(self.start)
+        kept = np.arange(len(self.instance)) - np.repeat(self.start[:-1], counts) < k
+        start = np.concatenate([[0], np.cumsum(np.minimum(counts, k))]).astype(np.int64)
+        return replace(
+            self, start=start, instance=self.instance[kept], depth_z_m=self.depth_z_m[kept]
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HiddenPixels:
+    """Pixels of one instance with another one in front, counted by pair; ascending pairs.
+
+    hidden, hiding: (K,) int32 instance ids, `hiding` also HOLDOUT; count: (K,) int64, at least 1.
+    """
+
+    hidden: NDArray[np.int32]
+    hiding: NDArray[np.int32]
+    count: NDArray[np.int64]
+
+
+def amodal_layers(
+    surfaces: Surfaces,
+    projection: Projection,
+    size_wh: tuple[int, int],
+    *,
+    depth_scale: float = 1.0,
+    threads: int | None = None,
+    max_entries: int = MAX_ENTRIES,
+) -> AmodalLayers:
+    """All instances of a picture, each as if it were alone.
+
+    Raises as `kernel.render` does, and LegoWorldError when there are more than max_entries.
+    """
+    call = prepare(surfaces, projection, size_wh, depth_scale, threads)
+    ids, ranks = np.unique(surfaces.placement_id, return_inverse=True)
+    rank = np.ascontiguousarray(ranks, np.int32)
+    call.surfaces.placement_id = rank.ctypes.data
+    start = np.empty(size_wh[0] * size_wh[1] + 1, np.int64)
+    made: list[NDArray[Any]] = []
+
+    def allocate(entries: int, instance: Any, depth: Any) -> int:
+        try:
+            made.extend((np.empty(entries, np.int32), np.empty(entries, np.float32)))
+        except MemoryError:
+            return 0
+        instance[0], depth[0] = made[0].ctypes.data, made[1].ctypes.data
+        return 1
+
+    struct = LayersStruct(
+        instances=len(ids),
+        ident=ids.ctypes.data,
+        most=max_entries,
+        allocate=Allocate(allocate),
+        start=start.ctypes.data,
+    )
+    status = library().lw_layers(
+        ctypes.byref(call.surfaces),
+        ctypes.byref(call.view),
+        ctypes.c_int32(call.threads),
+        ctypes.c_int32(level()),
+        ctypes.byref(struct),
+    )
+    if status == _TOO_MANY:
+        raise LegoWorldError(
+            "the amodal masks of a picture are too large together",
+            found=f"more than {max_entries} pixels",
+            next_step="use a smaller picture, or raise max_entries",
+        )
+    raise_for(status)
+    return AmodalLayers(size_wh=size_wh, start=start, instance=made[0], depth_z_m=made[1])
+
+
+def amodal_areas(layers: AmodalLayers, n_instances: int) -> NDArray[np.int64]:
+    """|A_i|, the pixels of each amodal mask: (n_instances,)."""
+    return np.bincount(layers.instance[layers.instance >= 0], minlength=n_instances)
+
+
+def visible_areas(layers: AmodalLayers, n_instances: int) -> NDArray[np.int64]:
+    """|V_i|, the visible pixels of each instance: (n_instances,)."""
+    shown = layers.instance[layers.start[:-1][np.diff(layers.start) > 0]]
+    return np.bincount(shown[shown >= 0], minlength=n_instances)
+
+
+def occluders(layers: AmodalLayers) -> HiddenPixels:
+    """n_ij: the pixels of A_i at which the picture shows j, i.e. j is the nearest of all.
+
+    The sum over j is |A_i| - |V_i|.
+    """
+    behind, first = _behind(layers)
+    return _counted(layers.instance[behind], layers.instance[first])
+
+
+def direct_occluders(layers: AmodalLayers) -> HiddenPixels:
+    """The pixels of A_i at which j is the nearest layer in front of i.
+
+    At equal depth, the lower id is in front. The sum over j is |A_i| - |V_i| here too.
+    """
+    behind, _ = _behind(layers)
+    return _counted(layers.instance[behind], layers.instance[behind - 1])
+
+
+def _behind(layers: AmodalLayers) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """The entries behind others, and for each the first entry of its pixel."""
+    is_behind = np.ones(len(layers.instance), bool)
+    counts = np.diff(layers.start)
+    is_behind[layers.start[:-1][counts > 0]] = False
+    return np.flatnonzero(is_behind), np.repeat(layers.start[:-1], np.maximum(counts - 1, 0))
+
+
+def _counted(hidden: NDArray[np.int32], hiding: NDArray[np.int32]) -> HiddenPixels:
+    kept = hidden >= 0  # a holdout is never in the picture
+    behind, front = hidden[kept].astype(np.int64), hiding[kept].astype(np.int64) - HOLDOUT
+    base = 1 + int(max(behind.max(initial=0), front.max(initial=0)))
+    pair = behind * base + front
+    if base * base <= _FEW_PAIRS:
+        every = np.bincount(pair, minlength=base * base)
+        pairs = np.flatnonzero(every)
+        count = every[pairs]
+    else:
+        pairs, count = np.unique(pair, return_counts=True)
+    return HiddenPixels(
+        hidden=(pairs // base).astype(np.int32),
+        hiding=(pairs % base + HOLDOUT).astype(np.int32),
+        count=count.astype(np.int64),
+    )
