@@ -119,6 +119,7 @@ class PageSection(Record, frozen=True, kw_only=True):
 
     key: str
     task: str
+    family: str
     title: str
     sides: tuple[SideHead, ...]
     specialist: bool

@@ -50,6 +50,7 @@ def _section_tables(section: Section) -> PageSection:
     made = PageSection(
         key=section.key,
         task=section.task,
+        family=task_named(section.task).family.name,
         title=task.title,
         sides=tuple(
             SideHead(

@@ -35,8 +35,8 @@ MARK: Final = "<!doctype html>\n<!-- legoworld report -->"
 #: three.js with what the page uses of it; tools/page builds it, a test holds it to that.
 THREE: Final = "three.bundle.js"
 #: What the scripts know of a section.
-_FOR_SCRIPTS: Final = ("key", "task", "title", "sides", "first", "plots", "categories", "errors",
-                       "images", "names", "bench")  # fmt: skip
+_FOR_SCRIPTS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
+                       "errors", "images", "names", "bench")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -90,9 +90,10 @@ def read_scenes(
     library()  # a broken installation is not the scene's fault
     several = len(request.runs) > 1
     with ExitStack() as locks:
-        runs = []
         for one in request.runs:
             locks.enter_context(run_folder.locked(one.image_options.run))
+        runs = []
+        for one in request.runs:
             prefix = f"{one.image_options.protocol.task.name}: " if several else ""
             runs.append(_RunningRun(one, partial(_say_of, prefix, notice)))
         _keep_valid(runs)

@@ -42,7 +42,7 @@ function winner(row) {
  * @returns {[string, string, ((row: PhotoRow) => any) | null][]}
  */
 export function orders(section) {
-  const depth = section.task === "eth3d";
+  const depth = section.family === "depth";
   const many = section.sides.length > 1;
   const cell = (r, k) => /** @type {any} */ (r.cells[k]);
   /** @type {[string, string, ((row: PhotoRow) => any) | null][]} */
