@@ -27,8 +27,8 @@ ROOTS: Final = (
     report_reconstruction.CaseLine,
 )
 #: A section as page_file.py hands it to the scripts.
-SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories", "errors",
-                         "images", "names", "bench")  # fmt: skip
+SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
+                         "errors", "images", "names", "bench")  # fmt: skip
 _PLAIN: Final = {
     msgspec.inspect.StrType: "string",
     msgspec.inspect.IntType: "number",
