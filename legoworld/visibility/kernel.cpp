@@ -1,4 +1,5 @@
 // The visibility kernel: instance and depth of what each pixel centre's ray hits first.
+// On request its triangle, weights and normal too (hits.hpp), or every instance as if alone (layers.hpp).
 // One translation unit; the hot part is compiled once per instruction set and chosen at run time.
 // Must be compiled without contraction of a*b+c (-ffp-contract=off): edge functions rely on it.
 #include <algorithm>
