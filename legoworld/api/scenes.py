@@ -35,6 +35,7 @@ from legoworld.scene.folder import Source, find_scene
 from legoworld.scene.snapshot import RenderSettings, SceneCamera
 from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.track import Track
+from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layers, occluders
 from legoworld.visibility.projection import Projection
 
 Photo = str | Path | NDArray[np.uint8]
@@ -229,6 +230,42 @@ class SceneView:
     def boxes_xywh_px(self) -> NDArray[np.int64]:
         """(N, 4) int64: x, y, width, height of the masks of `labelled`, at pixel edges."""
         return np.array([i.bbox_xywh_px for i in self.labelled], np.int64).reshape(-1, 4)
+
+    @cached_property
+    def _layers(self) -> AmodalLayers:
+        """Every instance of this view as if it were alone; drawn at the first question."""
+        view, render = self._inspection.view, self.render
+        return amodal_layers(
+            view.surfaces, view.projection, view.size_wh, depth_scale=render.unit_scale
+        )
+
+    def amodal_masks(self) -> NDArray[np.bool_]:
+        """(N, H, W) bool: what the picture would show of each of `labelled` if it stood alone.
+
+        Inside the frame; each contains its mask of `masks()`, and they may overlap. LegoWorldError
+        where they are too large together.
+        """
+        masks = [self._layers.mask(i.id) for i in self.labelled]
+        return np.array(masks, bool).reshape(len(masks), *self.instance.shape)
+
+    def visible_of_in_frame(self) -> NDArray[np.float64]:
+        """(N,) float64 in (0, 1]: the share of each amodal mask that is visible, in that order."""
+        areas = amodal_areas(self._layers, len(self.instances))
+        ids = [i.id for i in self.labelled]
+        visible = np.array([self.instances[i].area_px for i in ids], np.float64)
+        return visible / areas[ids]
+
+    def occluders(self) -> dict[int, dict[int, int]]:
+        """Who hides whom: of each instance id the ids that the picture shows instead, with pixels.
+
+        Unlabelled instances are among them, and a holdout is -2. The pixels of one instance sum to
+        its amodal area less its visible one.
+        """
+        found: dict[int, dict[int, int]] = {}
+        pairs = occluders(self._layers)
+        for hidden, hiding, count in zip(pairs.hidden, pairs.hiding, pairs.count, strict=True):
+            found.setdefault(int(hidden), {})[int(hiding)] = int(count)
+        return found
 
     @checked
     def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:

@@ -180,3 +180,17 @@ def test_another_run_in_the_folder_is_refused(tmp_path):
     legoworld.readout(SCENES, tmp_path, task="coco", track=track, limit=1, workers=1)
     with pytest.raises(ConfigurationMismatchError, match="--overwrite"):
         legoworld.readout(SCENES, tmp_path, task="coco", track=track, limit=2, workers=1)
+
+
+def test_amodal_masks_contain_what_is_visible_and_hidden_pixels_add_up(view):
+    amodal, visible = view.amodal_masks(), view.masks()
+    assert amodal.shape == visible.shape
+    assert (amodal | ~visible).all()
+    share = view.visible_of_in_frame()
+    assert share == pytest.approx(visible.sum((1, 2)) / amodal.sum((1, 2)), abs=1e-15)
+    assert 0 < share.min() < 1, "the spoon hides a part of the saucer"
+    hidden_by = view.occluders()
+    for row, mask in zip(view.labelled, amodal, strict=True):
+        assert sum(hidden_by.get(row.id, {}).values()) == mask.sum() - row.area_px
+        for other, pixels in hidden_by.get(row.id, {}).items():
+            assert pixels == (mask & (view.instance == other)).sum()
