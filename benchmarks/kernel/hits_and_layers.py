@@ -1,6 +1,7 @@
 """Times what the kernel answers besides instance and depth, in units of one draw.
 
-    python benchmarks/kernel/hits_and_layers.py [SCENES ...] [--rounds 31] [--threads 1] [--before CHECKOUT]
+    python benchmarks/kernel/hits_and_layers.py [SCENES ...] [--rounds 31] [--threads 1]
+        [--before CHECKOUT]
 
 SCENES are scene folders, by default the shipped examples. Every round runs every row once, in a
 random order; what is printed is the median CPU time of a row and the median of its ratios to the
