@@ -1,6 +1,6 @@
 """Times what the kernel answers besides instance and depth, in units of one draw.
 
-    python benchmarks/kernel/hits_and_layers.py [SCENES ...] [--rounds 31] [--threads 1] \\
+    python benchmarks/kernel/hits_and_layers.py [SCENES ...] [--rounds 31] [--threads 1]
         [--before CHECKOUT]
 
 SCENES are scene folders, by default the shipped examples. Every round runs every row once, in a
