@@ -16,7 +16,7 @@ from checkout import CHECKOUT
 
 from legoworld import cli, errors, exit_codes
 from legoworld import remote as places
-from legoworld.commands import options
+from legoworld.commands.param_types import Choice
 from legoworld.shipped import catalog
 from legoworld.tasks.shipped import TASKS
 from legoworld.workers import engines, task_process
@@ -218,7 +218,7 @@ def test_every_choice_names_the_nearest_word():
         if isinstance(parameter.type, click.Choice)
     ]
     assert len(choices) > 10
-    assert [(c, p) for c, p, kind in choices if not isinstance(kind, options.Choice)] == []
+    assert [(c, p) for c, p, kind in choices if not isinstance(kind, Choice)] == []
 
 
 def test_an_output_that_nobody_reads_is_no_finished_command():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypedDict
 
 from legoworld.agents.agent_cards import agent_problems, load_agent
 from legoworld.agents.prices import read_prices
@@ -13,6 +14,21 @@ from legoworld.agents.workspaces import commission
 from legoworld.errors import UsageError
 from legoworld.workers.protections import Confinement, protections
 from legoworld.workers.sandbox import SandboxLimits
+
+
+class RunOptions(TypedDict):
+    """The keyword arguments of `plan_run` that a command passes through."""
+
+    photos: Path
+    agent: str
+    task: str | None
+    programs: Path | None
+    model: str | None
+    time_limit_s: float | None
+    memory_bytes: int
+    sandbox: Confinement
+    plugin: PluginOptions | None
+    prices: Path | None
 
 
 def plan_run(

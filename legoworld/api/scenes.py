@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,17 @@ from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layer
 from legoworld.visibility.projection import Projection
 
 Photo = str | Path | NDArray[np.uint8]
+
+
+class SceneOptions(TypedDict, total=False):
+    """The keyword arguments of `open_scene`."""
+
+    source: Source
+    cache: Cache
+    require_frozen: bool
+    allow_changed: bool
+    time_limit_s: float
+    memory_limit_gib: float
 
 
 @checked

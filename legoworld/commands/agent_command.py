@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 from legoworld.commands import options
+from legoworld.commands.output import Output, table
 
-_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
-
-@click.group("agent", context_settings=_HELP)
+@click.group("agent")
 def command() -> None:
     """The coding agents that `legoworld reconstruct` can run, and what they need.
 
@@ -23,9 +20,9 @@ def command() -> None:
     """
 
 
-@command.command("list", context_settings=_HELP)
-@options.output_options
-def list_agents(as_json: bool, quiet: bool, verbose: bool) -> int:
+@command.command("list")
+@options.printing
+def list_agents(out: Output) -> int:
     """Print the agents there are cards for.
 
     \b
@@ -36,18 +33,17 @@ def list_agents(as_json: bool, quiet: bool, verbose: bool) -> int:
     from legoworld.agents.agent_cards import agent_cards
 
     cards = agent_cards()
-    if as_json:
-        options.print_json({"agents": [card.about for card in cards]})
-        return 0
     rows = [[c.name, c.about.title, "yes" if c.about.run else "no", c.about.checked] for c in cards]
-    click.echo(options.table(["name", "what", "run", "checked"], rows))
+    out.show(
+        {"agents": [card.about for card in cards]}, table(["name", "what", "run", "checked"], rows)
+    )
     return 0
 
 
-@command.command("check", context_settings=_HELP)
+@command.command("check")
 @click.argument("name")
-@options.output_options
-def check(name: str, as_json: bool, quiet: bool, verbose: bool) -> int:
+@options.printing
+def check(name: str, out: Output) -> int:
     """Say what the agent NAME lacks on this machine. Exit code 1 when it cannot run.
 
     Nothing is started but the agent's own --version, in the sandbox that its trials have; whether a
@@ -69,25 +65,22 @@ def check(name: str, as_json: bool, quiet: bool, verbose: bool) -> int:
         version = version_in_sandbox(card, held)
     except AgentNotStartedError as error:
         problems.append(str(error))
-    if as_json:
-        options.print_json(
-            {"name": card.name, "problems": problems, "version": version, "sandbox": held.record()}
-        )
-        return 1 if problems else 0
-    click.echo(f"{card.name}: {card.about.title}; {version or 'version not known'}")
-    click.echo(f"kept from it: {', '.join(held.holds)}")
-    if not card.about.run:
-        click.echo(f"warning: checked {card.about.checked}")
-    for problem in problems:
-        click.echo(f"lacks: {problem}")
-    if not problems:
-        click.echo("ready")
+    out.show(
+        {"name": card.name, "problems": problems, "version": version, "sandbox": held.record()},
+        [
+            f"{card.name}: {card.about.title}; {version or 'version not known'}",
+            f"kept from it: {', '.join(held.holds)}",
+            *([] if card.about.run else [f"warning: checked {card.about.checked}"]),
+            *(f"lacks: {problem}" for problem in problems),
+            *([] if problems else ["ready"]),
+        ],
+    )
     return 1 if problems else 0
 
 
-@command.command("install", context_settings=_HELP)
-@options.output_options
-def install(as_json: bool, quiet: bool, verbose: bool) -> int:
+@command.command("install")
+@options.printing
+def install(out: Output) -> int:
     """Install mcp-for-blender, through which every agent reaches Blender, in its own environment.
 
     The unmodified package from PyPI, in the user's data folder. The agents themselves are installed
@@ -100,9 +93,6 @@ def install(as_json: bool, quiet: bool, verbose: bool) -> int:
     """
     from legoworld.agents.mcp_server import install_server
 
-    python = install_server(options.notifier(quiet))
-    if as_json:
-        options.print_json({"python": str(python)})
-    else:
-        click.echo(f"ready: {python}")
+    python = install_server(out.notice)
+    out.show({"python": str(python)}, f"ready: {python}")
     return 0

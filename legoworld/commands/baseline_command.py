@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 from legoworld.commands import options
 from legoworld.commands.baseline_importing import import_command
 from legoworld.commands.baseline_running import run_command
+from legoworld.commands.options import option
+from legoworld.commands.output import Output
 
-_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
-
-@click.group("baseline", context_settings=_HELP)
+@click.group("baseline")
 def command() -> None:
     """Run a specialist model over a track's photos, or import results, as a run folder.
 
@@ -30,29 +28,16 @@ command.add_command(run_command)
 command.add_command(import_command)
 
 
-@command.command("install", context_settings=_HELP)
+@command.command("install")
 @click.argument("name")
-@click.option(
+@option(
     "--torch-index",
+    "Package index for torch, such as one with CPU-only or CUDA wheels.",
     metavar="URL",
-    help="Package index for torch, such as one with CPU-only or CUDA wheels.",
 )
-@click.option(
-    "--with",
-    "extra",
-    multiple=True,
-    metavar="PACKAGE",
-    help="Extra package to install; repeatable.",
-)
-@options.output_options
-def install(
-    name: str,
-    torch_index: str | None,
-    extra: tuple[str, ...],
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-) -> int:
+@option("--with extra", "Extra package to install; repeatable.", multiple=True, metavar="PACKAGE")
+@options.printing
+def install(name: str, torch_index: str | None, extra: tuple[str, ...], out: Output) -> int:
     """Create the environment of the baseline NAME in the user's data folder, replacing any old one.
 
     Uses uv where it is installed, venv and pip otherwise, and installs only the baseline's own
@@ -68,14 +53,10 @@ def install(
     from legoworld.baselines.cards import load_baseline
 
     card = load_baseline(name)
-    python = environments.install(
-        card, options.notifier(quiet), torch_index=torch_index, extra=extra
-    )
+    python = environments.install(card, out.notice, torch_index=torch_index, extra=extra)
     lacking = environments.problems(card, python)
-    if as_json:
-        options.print_json({"baseline": name, "python": str(python), "lacking": lacking})
-    else:
-        for line in lacking:
-            click.echo(line)
-        click.echo(f"{name} {'is not ready' if lacking else 'is ready'} -> {python}")
+    out.show(
+        {"baseline": name, "python": str(python), "lacking": lacking},
+        [*lacking, f"{name} {'is not ready' if lacking else 'is ready'} -> {python}"],
+    )
     return 1 if lacking else 0

@@ -2,87 +2,74 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import baseline_output, options
+from legoworld.commands.options import flag, option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING, EXISTING_FILE, Choice
 from legoworld.commands.progress import shown_progress
 
 if TYPE_CHECKING:
-    from legoworld.baselines.box_formats import BoxFormat
-    from legoworld.baselines.category_ids import CategoryIds
     from legoworld.baselines.family import BaselineFamily
 
 
-@click.command("import", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("source", type=click.Path(path_type=Path, exists=True))
-@click.option("--task", required=True, type=baseline_output.TASKS, help="Task of the results.")
-@click.option("--track", required=True, type=options.EXISTING_FILE, help="Track file (images).")
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="Run folder to write.")
-@click.option("--name", help="Name of the baseline [default: SOURCE's name].")
-@click.option(
+@click.command("import")
+@click.argument("source", type=EXISTING)
+@baseline_output.task("Task of the results.")
+@option("--track", required=True)
+@option("--output", "Run folder to write.")
+@option("--name", "Name of the baseline [default: SOURCE's name].")
+@option(
     "--box-format",
-    type=options.Choice(["xywh", "xyxy", "cxcywh"]),
-    help="Box format, in pixels [default: xywh; xyxy for torchvision's form].",
+    "Box format, in pixels [default: xywh; xyxy for torchvision's form].",
+    Choice(["xywh", "xyxy", "cxcywh"]),
 )
-@click.option(
+@option(
     "--category-ids",
-    type=options.Choice(["dataset", "coco80-0", "coco80-1", "lvis-0"]),
-    help="Meaning of category ids without names: the dataset's own ids, or positions from 0 or 1.",
+    "Meaning of category ids without names: the dataset's own ids, or positions from 0 or 1.",
+    Choice(["dataset", "coco80-0", "coco80-1", "lvis-0"]),
 )
-@click.option(
-    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "category name" or null}.'
-)
-@click.option(
+@option("--label-map")
+@option(
     "--images-run",
-    type=options.EXISTING_FILE,
-    help="Images the model was run on: ids or file names [default: every image of the track].",
+    "Images the model was run on: ids or file names [default: every image of the track].",
+    EXISTING_FILE,
 )
-@click.option("--subset", is_flag=True, help="Ignore results of images outside the track.")
-@click.option(
-    "--space",
-    type=options.Choice(["depth", "disparity", "ray_distance"]),
-    help="Depth: quantity in the arrays, where the files do not say.",
-)
-@click.option(
+@flag("--subset", "Ignore results of images outside the track.")
+@option("--space", "Depth: quantity in the arrays, where the files do not say.")
+@option(
     "--unit",
-    help="Depth: unit of the arrays: m, mm or m/N such as m/5000; for 16-bit integers mm, m/N, "
-    "sun_rgbd or nyu_raw.",
+    "Depth: unit of the arrays: m, mm or m/N such as m/5000; for 16-bit integers mm, m/N, sun_rgbd "
+    "or nyu_raw.",
 )
-@click.option("--array", help="Depth: name of the array in an .npz or the channel in an .exr.")
-@click.option(
+@option("--array", "Depth: name of the array in an .npz or the channel in an .exr.")
+@option(
     "--suffix",
-    help="Depth: suffix that the files' names add to the photos', such as _pred or _pred.npy.",
+    "Depth: suffix that the files' names add to the photos', such as _pred or _pred.npy.",
 )
-@click.option(
+@option(
     "--intrinsics",
-    type=options.EXISTING_FILE,
-    help="Depth: JSON with fx, fy, cx, cy at the arrays' size; converts ray distance to depth.",
+    "Depth: JSON with fx, fy, cx, cy at the arrays' size; converts ray distance to depth.",
+    EXISTING_FILE,
 )
-@click.option("--overwrite", is_flag=True, help="Replace an existing import in the folder.")
-@options.output_options
+@option("--overwrite", "Replace an existing import in the folder.")
+@options.printing
 def import_command(
     source: Path,
     task: str,
     track: Path,
     output: Path,
     name: str | None,
-    box_format: BoxFormat | None,
-    category_ids: CategoryIds | None,
-    label_map: Path | None,
     images_run: Path | None,
     subset: bool,
-    space: str | None,
-    unit: str | None,
-    array: str | None,
-    suffix: str | None,
-    intrinsics: Path | None,
     overwrite: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    out: Output,
+    **declared: object,
 ) -> int:
     """Import SOURCE, a results JSON or a folder of depth arrays, as a run.
 
@@ -104,22 +91,13 @@ def import_command(
     from legoworld.baselines.family import Telling, baseline_of
 
     images, protocol = baseline_output.track_of(task, track)
-    given: dict[str, object] = {
-        "box_format": box_format, "category_ids": category_ids, "label_map": label_map,
-        "subset": subset or None, "space": space, "unit": unit, "intrinsics": intrinsics,
-        "array": array, "suffix": suffix,
-    }  # fmt: skip
-    given = {name: value for name, value in given.items() if value is not None}
+    declared["subset"] = subset or None
+    given = {key: value for key, value in declared.items() if value is not None}
     family, reads = baseline_of(task), protocol.card.reads
-    for name in given:
-        if name not in family.options or (name == "box_format" and reads != "boxes"):
-            raise click.UsageError(f"--{name.replace('_', '-')} is not for --task {task}")
-    if unit is not None:
-        _check_unit(unit)
-    if space == "disparity" and unit:
-        raise click.UsageError("--unit is for depth: disparity has an unknown scale and shift")
-    if space in ("depth", "disparity") and intrinsics:
-        raise click.UsageError(f"--intrinsics is for ray distance, not for --space {space}")
+    for key in given:
+        if key not in family.options or (key == "box_format" and reads != "boxes"):
+            raise click.UsageError(f"--{key.replace('_', '-')} is not for --task {task}")
+    _check_depth(given)
     if source.is_dir() != family.of_folder:
         raise click.UsageError(_not_of_the_task(source, task, family))
     request = ImportRequest(
@@ -131,17 +109,23 @@ def import_command(
         subset=subset,
         overwrite=overwrite,
     )
-    with shown_progress("image", quiet=quiet) as shown:
+    with shown_progress("image", quiet=out.quiet) as shown:
         telling = Telling(total=shown.total, progress=shown.row, notice=shown.notice)
         result = family.import_answers(request, source, given, telling)
-    return baseline_output.show(result, output, as_json=as_json, verbose=verbose)
+    return baseline_output.show(result, output, out)
 
 
-def _check_unit(unit: str) -> None:
+def _check_depth(given: Mapping[str, object]) -> None:
+    """click.UsageError for what is declared about depth arrays and cannot hold together."""
     from legoworld.evaluation.depth.integer_units import UNITS, is_unit
 
-    if not is_unit(unit):
+    space, unit = given.get("space"), given.get("unit")
+    if unit is not None and not is_unit(str(unit)):
         raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
+    if space == "disparity" and unit:
+        raise click.UsageError("--unit is for depth: disparity has an unknown scale and shift")
+    if space in ("depth", "disparity") and "intrinsics" in given:
+        raise click.UsageError(f"--intrinsics is for ray distance, not for --space {space}")
 
 
 def _not_of_the_task(source: Path, task: str, family: BaselineFamily) -> str:

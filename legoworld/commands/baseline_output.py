@@ -1,16 +1,19 @@
-"""Code shared by `baseline run` and `baseline import`: the track, the labels, printing."""
+"""Shared by `baseline run` and `baseline import`: the task, the track, the labels, printing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from legoworld.commands import options
+from legoworld.commands.options import Decorator, option
+from legoworld.commands.output import Output, table
+from legoworld.commands.param_types import TaskChoice
 from legoworld.pluralize import counted, share
 from legoworld.records.base import UNSET
+from legoworld.tasks.task import Task
 
 if TYPE_CHECKING:
     from legoworld.baselines.confinement import Confined
@@ -20,14 +23,14 @@ if TYPE_CHECKING:
     from legoworld.tables.table import Cell
     from legoworld.tracks.track import Track
 
-sandbox_option = click.option(
-    "--sandbox",
-    type=options.Choice(["auto", "bubblewrap", "limits"]),
-    default="auto",
-    show_default=True,
-    help="auto: bubblewrap where it works; bubblewrap: fail without it; limits: never.",
-)
-TASKS = options.TaskChoice(lambda task: task.family.baseline is not None)
+
+def _has_baseline(task: Task) -> bool:
+    return task.family.baseline is not None
+
+
+def task(text: str) -> Decorator:
+    """--task of a baseline."""
+    return option("--task", text, TaskChoice(_has_baseline), required=True)
 
 
 def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
@@ -65,25 +68,25 @@ def warn_unconfined(confined: Confined, notice: Callable[[str], None]) -> None:
         )
 
 
-def show(result: RunResult, output: Path, *, as_json: bool, verbose: bool) -> int:
+def show(result: RunResult, output: Path, out: Output) -> int:
     """Print the contents of the run; return the exit code."""
     bad = [row for row in result.rows if row.status != "ok"]
-    if as_json:
-        options.print_json({"run": str(output), "summary": result.summary, "rows": result.rows})
-    else:
-        _print(result, bad, output, verbose=verbose)
+    out.show(
+        {"run": str(output), "summary": result.summary, "rows": result.rows},
+        _lines(result, bad, output, verbose=out.verbose),
+    )
     return 1 if bad else 0
 
 
-def _print(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool) -> None:
+def _lines(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool) -> Iterator[str]:
     summary = result.summary
     if verbose:
         cells = [(row.image_id, row.file_name, row.status, _made(row)) for row in result.rows]
-        click.echo(options.table(("image", "photo", "status", "predicted"), cells) + "\n")
+        yield table(("image", "photo", "status", "predicted"), cells) + "\n"
     for row in bad[:50]:
-        click.echo(f"{row.status}: {row.file_name} (image {row.image_id}): {row.reason}")
+        yield f"{row.status}: {row.file_name} (image {row.image_id}): {row.reason}"
     if len(bad) > 50:
-        click.echo(f"... and {len(bad) - 50} more, in {output / 'per_image.jsonl'}")
+        yield f"... and {len(bad) - 50} more, in {output / 'per_image.jsonl'}"
     from legoworld.cards import load_card
 
     coverage = summary.coverage
@@ -94,7 +97,7 @@ def _print(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool)
         line += f" ({coverage.ok_empty} without any), {made}"
     if summary.partial:
         line += ", partial run"
-    click.echo(f"{line} -> {output}")
+    yield f"{line} -> {output}"
 
 
 def _made(row: RunRow) -> Cell:

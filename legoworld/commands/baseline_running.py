@@ -3,118 +3,69 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
 from legoworld.commands import baseline_output, options
+from legoworld.commands.model_options import ModelOptions, model_options
+from legoworld.commands.options import flag, option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import AMOUNT, COUNT, EXISTING_FILE
 from legoworld.commands.progress import shown_progress
 
 if TYPE_CHECKING:
-    from legoworld.workers.protections import Confinement
+    from legoworld.baselines.request import RequestOptions
 
 
-@click.command("run", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("run")
 @click.argument("name")
-@click.option("--task", required=True, type=baseline_output.TASKS, help="What to predict.")
-@click.option("--track", required=True, type=options.EXISTING_FILE, help="Track file (images).")
-@click.option("--photos", required=True, type=options.EXISTING_FOLDER, help="Folder of the photos.")
-@click.option("--weights", required=True, help="Weights: a file, a folder or a hub id.")
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="Run folder to write.")
-@click.option(
-    "--python",
-    type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    envvar="LEGOWORLD_BASELINE_PYTHON",
-    help="Python with the baseline's requirements [default: its installed environment].",
+@baseline_output.task("What to predict.")
+@option("--track", required=True)
+@option("--photos")
+@option("--output", "Run folder to write.")
+@model_options(
+    "Seconds from one answer to the next, and for loading the model [default: none].",
+    required=True,
 )
-@click.option(
-    "--device",
-    default="cpu",
-    show_default=True,
-    help="cpu, cuda, cuda:1, mps; auto: a GPU if present.",
+@option(
+    "--load-time-limit load_time_limit_s",
+    "Seconds for loading the model [default: --time-limit].",
+    AMOUNT,
 )
-@click.option(
-    "--dtype",
-    type=options.Choice(["float32", "float16", "bfloat16", "auto"]),
-    default="float32",
-    show_default=True,
-    help="Type the network computes in; auto: the original's on that device.",
-)
-@click.option(
-    "--batch-size",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Images per batch, where the baseline supports it.",
-)
-@click.option(
-    "--option", "given", multiple=True, metavar="KEY=VALUE", help="Baseline option; repeatable."
-)
-@click.option(
-    "--label-map", type=options.EXISTING_FILE, help='JSON {"their label": "category name" or null}.'
-)
-@click.option(
+@option("--batch-size", "Images per batch, where the baseline supports it.", COUNT, default=1)
+@option("--label-map")
+@option(
     "--prompts-from-truth",
-    type=options.EXISTING_FILE,
-    help="LVIS only: prompt with each image's verified categories; recorded as used_truth.",
+    "LVIS only: prompt with each image's verified categories; recorded as used_truth.",
+    EXISTING_FILE,
 )
-@click.option("--offline", is_flag=True, help="Use local files only; download nothing.")
-@click.option(
-    "--pass-env",
-    "variables",
+@option(
+    "--pass-env pass_variables",
+    "Environment variable to pass to the baseline; repeatable. Others are hidden from it.",
     multiple=True,
     metavar="NAME",
-    help="Environment variable to pass to the baseline; repeatable. Others are hidden from it.",
 )
-@click.option(
-    "--limit", type=click.IntRange(min=1), help="Run the first N images only (partial run)."
+@option("--limit")
+@option("--image-id")
+@option(
+    "--input", "File or folder the baseline may read besides its weights and photos; repeatable."
 )
-@click.option(
-    "--image-id", "image_ids", multiple=True, type=int, help="Run this image only; repeatable."
-)
-@click.option(
-    "--time-limit", type=click.FloatRange(min=0.1),
-    help="Seconds from one answer to the next, and for loading the model [default: none].",
-)  # fmt: skip
-@click.option(
-    "--load-time-limit", type=click.FloatRange(min=0.1),
-    help="Seconds for loading the model [default: --time-limit].",
-)  # fmt: skip
-@click.option(
-    "--input", "inputs", multiple=True, type=click.Path(path_type=Path, exists=True),
-    help="File or folder the baseline may read besides its weights and photos; repeatable.",
-)  # fmt: skip
-@baseline_output.sandbox_option
-@click.option("--resume", is_flag=True, help="Resume an interrupted run (the default).")
-@click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
-@options.output_options
+@flag("--resume", "Resume an interrupted run (the default).")
+@option("--overwrite")
+@options.printing
 def run_command(
     name: str,
     task: str,
     track: Path,
-    photos: Path,
-    weights: str,
     output: Path,
-    python: Path | None,
-    device: str,
-    dtype: str,
-    batch_size: int,
-    given: tuple[str, ...],
+    model: ModelOptions,
     label_map: Path | None,
     prompts_from_truth: Path | None,
-    offline: bool,
-    variables: tuple[str, ...],
-    limit: int | None,
-    image_ids: tuple[int, ...],
-    time_limit: float | None,
-    load_time_limit: float | None,
     inputs: tuple[Path, ...],
-    sandbox: Confinement,
     resume: bool,
-    overwrite: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    out: Output,
+    **given: Unpack[RequestOptions],
 ) -> int:
     """Run the baseline NAME over a track's photos, in its own process.
 
@@ -134,15 +85,12 @@ def run_command(
       legoworld baseline run sam3 --task lvis --track lvis.json --photos coco \\
           --weights facebook/sam3 -o runs/sam3 --offline --option per_image=300
     """
-    from legoworld.baselines.accelerators import chosen_device, chosen_dtype
     from legoworld.baselines.baseline_run import run_baseline
-    from legoworld.baselines.cards import chosen_options, load_baseline
-    from legoworld.baselines.confinement import confined
-    from legoworld.baselines.environments import chosen_python
+    from legoworld.baselines.cards import load_baseline
     from legoworld.baselines.request import BaselineRequest, selected_images
     from legoworld.baselines.truth_prompts import read_truth_prompts
 
-    if resume and overwrite:
+    if resume and given["overwrite"]:
         raise click.UsageError(
             "--resume keeps existing results, --overwrite deletes them: pass one"
         )
@@ -156,44 +104,29 @@ def run_command(
             f"the baseline {name} matches no labels by name, so --label-map would have no effect"
         )
     images, protocol = baseline_output.track_of(task, track)
-    with_python = chosen_python(card, python)
-    device = chosen_device(device, with_python)
+    given["load_time_limit_s"] = given["load_time_limit_s"] or model.time_limit_s
     request = BaselineRequest(
-        card=card,
+        **model.chosen(card, inputs),
+        **given,
         protocol=protocol,
         track=images,
-        photos=photos,
-        weights=weights,
         run=output,
-        python=with_python,
-        device=device,
-        dtype=chosen_dtype(dtype, device, card),
-        batch_size=batch_size,
-        options=chosen_options(card, given),
         labels=baseline_output.labels(label_map, protocol),
         prompts=(
             read_truth_prompts(prompts_from_truth, images.images, card, task)
             if prompts_from_truth
             else None
         ),
-        offline=offline,
-        overwrite=overwrite,
-        limit=limit,
-        image_ids=image_ids,
-        load_time_limit_s=load_time_limit or time_limit,
-        time_limit_s=time_limit,
-        confined=confined(card, weights, sandbox, offline=offline, inputs=inputs),
-        pass_variables=variables,
     )
-    total = len(selected_images(images, image_ids, limit))
-    with shown_progress("image", quiet=quiet) as shown:
+    total = len(selected_images(images, given["image_ids"], given["limit"]))
+    with shown_progress("image", quiet=out.quiet) as shown:
         shown.total(total)
         baseline_output.warn_unconfined(request.confined, shown.notice)
         result = run_baseline(
             request,
             progress=shown.row,
             notice=shown.notice,
-            log=shown.notice if verbose and not quiet else lambda _line: None,
+            log=shown.notice if out.verbose and not out.quiet else lambda _line: None,
             kept=shown.kept,
         )
-    return baseline_output.show(result, output, as_json=as_json, verbose=verbose)
+    return baseline_output.show(result, output, out)

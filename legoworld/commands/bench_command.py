@@ -10,7 +10,7 @@ from legoworld.commands.bench_serve import serve_command
 from legoworld.commands.bench_table import judges_command, table_command
 
 
-@click.group("bench", context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("bench")
 def command() -> None:
     """Make reference cases from any scene, and use them: LEGO-Bench.
 

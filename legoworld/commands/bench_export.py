@@ -3,61 +3,46 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.param_types import COUNT, EXISTING_FOLDER, FILE, FOLDER
 from legoworld.pluralize import counted
 
-_HELP = {"help_option_names": ["-h", "--help"]}
+if TYPE_CHECKING:
+    from legoworld.bench.harbor import HarborOptions
+
+_TIMEOUT: Final = click.FloatRange(min=1)
 
 
-@click.command("export", context_settings=_HELP)
-@click.argument("dataset", type=options.EXISTING_FOLDER)
+@click.command("export")
+@click.argument("dataset", type=EXISTING_FOLDER)
 @click.option("--harbor", is_flag=True, required=True, help="Task folders for Harbor.")
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="Folder of the tasks.")
-@click.option(
-    "--agent-image",
-    default="legoworld:latest",
-    show_default=True,
-    help="Container image the agent works in; it has legoworld and Blender.",
+@option("--output", "Folder of the tasks.")
+@options.together(
+    "settings",
+    "legoworld.bench.harbor:HarborOptions",
+    option(
+        "--agent-image",
+        "Container image the agent works in; it has legoworld and Blender.",
+        default="legoworld:latest",
+    ),
+    option(
+        "--verifier-image",
+        "Container image with legoworld and bpy; the repository's Dockerfile builds one.",
+        default="legoworld:latest",
+    ),
+    option("--agent-timeout agent_timeout_s", "Seconds the agent has.", _TIMEOUT, default=3600),
+    option(
+        "--verifier-timeout verifier_timeout_s", "Seconds the verifier has.", _TIMEOUT, default=900
+    ),
+    option("--cpus", "CPU cores of agent and verifier.", COUNT, default=2),
+    option("--memory-mb", "Memory of agent and verifier.", click.IntRange(min=512), default=8192),
 )
-@click.option(
-    "--verifier-image",
-    default="legoworld:latest",
-    show_default=True,
-    help="Container image with legoworld and bpy; the repository's Dockerfile builds one.",
-)
-@click.option(
-    "--agent-timeout", type=click.FloatRange(min=1), default=3600, show_default=True,
-    help="Seconds the agent has.",
-)  # fmt: skip
-@click.option(
-    "--verifier-timeout", type=click.FloatRange(min=1), default=900, show_default=True,
-    help="Seconds the verifier has.",
-)  # fmt: skip
-@click.option(
-    "--cpus",
-    type=click.IntRange(min=1),
-    default=2,
-    show_default=True,
-    help="CPU cores of agent and verifier.",
-)
-@click.option(
-    "--memory-mb", type=click.IntRange(min=512), default=8192, show_default=True,
-    help="Memory of agent and verifier.",
-)  # fmt: skip
-def export_command(
-    dataset: Path,
-    harbor: bool,
-    output: Path,
-    agent_image: str,
-    verifier_image: str,
-    agent_timeout: float,
-    verifier_timeout: float,
-    cpus: int,
-    memory_mb: int,
-) -> int:
+def export_command(dataset: Path, harbor: bool, output: Path, settings: HarborOptions) -> int:
     """Write each case of DATASET as a task folder: instruction, environment, verifier.
 
     The agent's environment holds the picture and what the public half says. The private half of
@@ -68,35 +53,18 @@ def export_command(
       legoworld bench export --harbor bench -o tasks
       legoworld bench export --harbor bench -o tasks --agent-image my/blender:5.0
     """
-    from legoworld.bench.harbor import HarborOptions, export_harbor
+    from legoworld.bench.harbor import export_harbor
     from legoworld.evaluation.reconstruction.dataset import read_dataset
 
     assert harbor  # the only form there is
-    tasks = export_harbor(
-        read_dataset(dataset / "private"),
-        output,
-        HarborOptions(
-            agent_image=agent_image,
-            verifier_image=verifier_image,
-            agent_timeout_s=agent_timeout,
-            verifier_timeout_s=verifier_timeout,
-            cpus=cpus,
-            memory_mb=memory_mb,
-        ),
-    )
+    tasks = export_harbor(read_dataset(dataset / "private"), output, settings)
     click.echo(f"{counted(len(tasks), 'task', 'tasks')} -> {output}")
     return 0
 
 
-@click.command("reward", context_settings=_HELP)
-@click.argument("evaluation", type=options.FOLDER)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    required=True,
-    help="The file to write.",
-)
+@click.command("reward")
+@click.argument("evaluation", type=FOLDER)
+@option("--output", "The file to write.", FILE)
 def reward_command(evaluation: Path, output: Path) -> int:
     """Write reward.json of an evaluation of one case: finite numbers with the key `reward`.
 

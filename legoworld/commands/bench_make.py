@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import off, option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import COUNT, EXISTING_FOLDER, FOLDER, FROM_ZERO
 from legoworld.commands.progress import shown_progress
 from legoworld.pluralize import counted, share
 from legoworld.tasks.shipped import BENCH
@@ -15,66 +19,52 @@ from legoworld.tasks.shipped import BENCH
 if TYPE_CHECKING:
     from legoworld.bench.family import MadeFamily
     from legoworld.bench.making import MadeDataset
+    from legoworld.scene.blender_process import Limits
+    from legoworld.scene.cache import SnapshotCache
+    from legoworld.workers.engines import EngineName
 
 
-@click.command("make", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scenes", type=options.EXISTING_FOLDER)
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The dataset to write.")
-@click.option(
-    "--size",
-    type=options.SizeType(),
-    default="1920x1080",
-    show_default=True,
-    help="Size of the pictures.",
-)
-@click.option("--limit", type=click.IntRange(min=1), help="Only the first N reference scenes.")
-@click.option(
-    "--samples",
-    type=click.IntRange(min=1),
-    default=128,
-    show_default=True,
-    help="Cycles samples of the pictures.",
-)
-@click.option("--no-denoise", is_flag=True, help="Leave the pictures as Cycles samples them.")
-@click.option(
+@click.command("make")
+@click.argument("scenes", type=EXISTING_FOLDER)
+@option("--output", "The dataset to write.")
+@option("--size", "Size of the pictures.", default="1920x1080")
+@option("--limit", "Only the first N reference scenes.")
+@option("--samples", "Cycles samples of the pictures.", COUNT, default=128)
+@off("--no-denoise denoised", "Leave the pictures as Cycles samples them.")
+@option(
     "--noise-seeds",
-    type=click.IntRange(min=0),
+    "Renders by the render card of which A's noise floor is measured; 0: none.",
+    FROM_ZERO,
     default=3,
-    show_default=True,
-    help="Renders by the render card of which A's noise floor is measured; 0: none.",
 )
-@click.option(
+@option(
     "--keep-scenes",
-    type=options.FOLDER,
-    help="Also write each case as a scene folder: the reference submitted as itself. Private.",
+    "Also write each case as a scene folder: the reference submitted as itself. Private.",
+    FOLDER,
 )
-@click.option("--require-frozen", is_flag=True, help="Refuse scenes without a frozen.json.")
-@click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
-@click.option("--overwrite", is_flag=True, help="Delete an earlier dataset first.")
-@options.engine
-@options.caching
+@option("--require-frozen")
+@option("--workers")
+@option("--overwrite", "Delete an earlier dataset first.")
+@option("--engine")
+@options.cache
 @options.limits
-@options.output_options
+@options.printing
 def make_command(
     scenes: Path,
     output: Path,
-    size: tuple[int, int],
+    size_wh: tuple[int, int],
     limit: int | None,
     samples: int,
-    no_denoise: bool,
+    denoised: bool,
     noise_seeds: int,
     keep_scenes: Path | None,
     require_frozen: bool,
     workers: int | None,
     overwrite: bool,
-    engine: Literal["local", "ray"],
-    cache: Path | None,
-    no_cache: bool,
-    time_limit: float,
-    memory_limit: float,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    engine: EngineName,
+    cache: SnapshotCache | None,
+    limits: Limits,
+    out: Output,
 ) -> int:
     """Make cases from reference SCENES: DATASET/public for agents, DATASET/private for evaluate.
 
@@ -90,7 +80,6 @@ def make_command(
       legoworld bench make references -o bench
       legoworld bench make references -o bench --size 960x540 --keep-scenes itself
     """
-    from legoworld.api.settings import limits_of, snapshot_cache
     from legoworld.bench.family import MakeOptions
     from legoworld.bench.making import MakeRequest, make_dataset
     from legoworld.cards import load_card
@@ -105,35 +94,32 @@ def make_command(
         scenes=scenes,
         options=MakeOptions(
             output=output.absolute(),
-            size_wh=size,
+            size_wh=size_wh,
             picture=PictureCard(
-                engine="CYCLES", device="CPU", samples=samples, seed=0, denoised=not no_denoise
+                engine="CYCLES", device="CPU", samples=samples, seed=0, denoised=denoised
             ),
             card=to_record(RenderCard, card.value("render")),
             delta=card.value("scoring.delta"),
             noise_seeds=noise_seeds,
             scenes=keep_scenes.absolute() if keep_scenes else None,
-            cache=snapshot_cache(options.cache_choice(cache, no_cache)),
+            cache=cache,
             require_frozen=require_frozen,
             threads=1,
-            notice=None if engine != "local" or as_json else options.notifier(quiet),
+            notice=None if engine != "local" or out.as_json else out.notice,
         ),
-        limits=limits_of(time_limit, memory_limit),
+        limits=limits,
         engine=engine,
         workers=workers,
         limit=limit,
         overwrite=overwrite,
     )
-    with shown_progress("scene", quiet=quiet) as listener:
+    with shown_progress("scene", quiet=out.quiet) as listener:
 
         def progress(made: MadeFamily) -> None:
             listener.row(RunRow(image_id=0, file_name=made.family, status=made.status))
 
         made = make_dataset(request, total=listener.total, progress=progress)
-    if as_json:
-        options.print_json(_document(made, output))
-    else:
-        _print(made, output, verbose=verbose)
+    out.show(lambda: _document(made, output), _lines(made, output, verbose=out.verbose))
     return 1 if made.refused else 0
 
 
@@ -150,28 +136,27 @@ def _document(made: MadeDataset, output: Path) -> dict[str, Any]:
     return {"dataset": str(output), "families": families}
 
 
-def _print(made: MadeDataset, output: Path, *, verbose: bool) -> None:
+def _lines(made: MadeDataset, output: Path, *, verbose: bool) -> Iterator[str]:
     for family in made.refused:
-        click.echo(f"{family.status}: {family.family}: {family.reason}")
+        yield f"{family.status}: {family.family}: {family.reason}"
     for family in made.families if verbose else ():
-        for line in _cases(family):
-            click.echo(line)
+        yield from _cases(family)
     good = len(made.families) - len(made.refused)
     cases = sum(len(f.cases) for f in made.families)
     line = f"{share(good, len(made.families), 'scene', 'scenes')} made into "
     line += counted(cases, "case", "cases")
     if made.track is None:
-        click.echo(f"{line}: no dataset was written")
+        yield f"{line}: no dataset was written"
         return
-    click.echo(f"{line}, {counted(len(made.track.categories), 'category', 'categories')}")
+    yield f"{line}, {counted(len(made.track.categories), 'category', 'categories')}"
     spread = [f.truth.noise_floor for m in made.families for f in m.cases if f.truth.noise_floor]
     if spread:
         lowest = min(min(n.a_self) for n in spread)
-        click.echo(
+        yield (
             f"A of the references rendered by the card: {lowest:.4f} at least; seed to seed sd "
             f"{max(n.sd for n in spread):.4f} at most ({len(spread[0].seeds)} seeds a case)"
         )
-    click.echo(f"public -> {output / 'public'}; private -> {output / 'private'}")
+    yield f"public -> {output / 'public'}; private -> {output / 'private'}"
 
 
 def _cases(family: MadeFamily) -> list[str]:

@@ -4,35 +4,41 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import flag, option
+from legoworld.commands.param_types import EXISTING_FOLDER
+
+if TYPE_CHECKING:
+    from legoworld.scene.blender_process import Limits
+    from legoworld.scene.cache import SnapshotCache
 
 
-@click.command("serve", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("dataset", type=options.EXISTING_FOLDER)
-@click.option(
+@click.command("serve")
+@click.argument("dataset", type=EXISTING_FOLDER)
+@option(
     "--root",
-    type=options.EXISTING_FOLDER,
+    "Folder that every submission lies below [default: the working folder].",
+    EXISTING_FOLDER,
     default=Path(),
-    help="Folder that every submission lies below [default: the working folder].",
+    show_default=False,
 )
-@click.option("--no-render", is_flag=True, help="R alone: no Cycles render, no integrity facts.")
-@click.option("--diagnostics", is_flag=True, help="Compute the diagnostics beside R, too.")
-@click.option("--workers", type=click.IntRange(min=1), help="Blender processes [default: cores].")
-@options.caching
+@option("--no-render", "R alone: no Cycles render, no integrity facts.")
+@flag("--diagnostics", "Compute the diagnostics beside R, too.")
+@option("--workers")
+@options.cache
 @options.limits
 def serve_command(
     dataset: Path,
     root: Path,
-    no_render: bool,
+    render: bool,
     diagnostics: bool,
     workers: int | None,
-    cache: Path | None,
-    no_cache: bool,
-    time_limit: float,
-    memory_limit: float,
+    cache: SnapshotCache | None,
+    limits: Limits,
 ) -> int:
     """Score submissions as they come: JSON lines on standard input, scores on standard output.
 
@@ -48,7 +54,6 @@ def serve_command(
       legoworld bench serve bench < requests.jsonl > scores.jsonl
       legoworld bench serve bench --root submissions --no-render --workers 2 < requests.jsonl
     """
-    from legoworld.api.settings import limits_of, snapshot_cache
     from legoworld.bench.serving import ScoreServer, ServeOptions
     from legoworld.evaluation.reconstruction.dataset import read_dataset
     from legoworld.evaluation.reconstruction.protocol import bench_protocol
@@ -63,10 +68,10 @@ def serve_command(
         root=root.absolute(),
         dataset=read_dataset(dataset / "private"),
         bench=bench,
-        rules=bench_rules(bench.card, render=not no_render, noise=False, facts=not no_render),
+        rules=bench_rules(bench.card, render=render, noise=False, facts=render),
         diagnostics=diagnostics,
-        cache=snapshot_cache(options.cache_choice(cache, no_cache)),
-        limits=limits_of(time_limit, memory_limit),
+        cache=cache,
+        limits=limits,
         threads=max(1, usable_cores() // count),
     )
 

@@ -3,40 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output, print_json
+from legoworld.commands.output import table as output_table
+from legoworld.commands.param_types import EXISTING_FILE, EXISTING_FOLDER, FILE
 
 if TYPE_CHECKING:
     from legoworld.records.reconstruction_judges import AspectAgreement
 
-_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
-
-@click.command("table", context_settings=_HELP)
-@click.argument("evaluations", nargs=-1, required=True, type=options.EXISTING_FOLDER)
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The folder to write.")
-@click.option(
-    "--draws", type=click.IntRange(min=1), default=10_000, show_default=True,
-    help="Bootstrap samples of families.",
-)  # fmt: skip
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True,
-    help="RNG seed of the bootstrap.",
-)  # fmt: skip
-@click.option("--overwrite", is_flag=True, help="Replace another table in the folder.")
-@options.output_options
+@click.command("table")
+@click.argument("evaluations", nargs=-1, required=True, type=EXISTING_FOLDER)
+@option("--output", "The folder to write.")
+@option("--draws", "Bootstrap samples, over families.", default=10_000)
+@option("--seed", "RNG seed for the bootstrap.")
+@option("--overwrite", "Replace another table in the folder.")
+@options.printing
 def table_command(
-    evaluations: tuple[Path, ...],
-    output: Path,
-    draws: int,
-    seed: int,
-    overwrite: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    evaluations: tuple[Path, ...], output: Path, draws: int, seed: int, overwrite: bool, out: Output
 ) -> int:
     """One row for each agent and model of bench EVALUATIONS; several of one are repeated runs.
 
@@ -61,32 +50,22 @@ def table_command(
 
     board = leaderboard(read_entries(evaluations), draws=draws, seed=seed)
     write_leaderboard(output, board, overwrite=overwrite)
-    if as_json:
-        options.print_json({"folder": str(output), "leaderboard": plain(board)})
+    if out.as_json:
+        print_json({"folder": str(output), "leaderboard": plain(board)})
         return 0
-    table = wide_table(board, every_group=verbose)
+    table = wide_table(board, every_group=out.verbose)
     click.echo(terminal(table))
     click.echo("\n".join(["", *table.notes, f"-> {output}"]))
     return 0
 
 
-@click.command("judges", context_settings=_HELP)
-@click.argument("judgements", type=options.EXISTING_FILE)
-@click.argument("evaluations", nargs=-1, type=options.EXISTING_FOLDER)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Also write the result as JSON.",
-)
-@options.output_options
+@click.command("judges")
+@click.argument("judgements", type=EXISTING_FILE)
+@click.argument("evaluations", nargs=-1, type=EXISTING_FOLDER)
+@option("--output", "Also write the result as JSON.", FILE, required=False)
+@options.printing
 def judges_command(
-    judgements: Path,
-    evaluations: tuple[Path, ...],
-    output: Path | None,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    judgements: Path, evaluations: tuple[Path, ...], output: Path | None, out: Output
 ) -> int:
     """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
 
@@ -118,8 +97,8 @@ def judges_command(
     )
     if output is not None:
         write_text(output, readable(agreement))
-    if as_json:
-        options.print_json(plain(agreement))
+    if out.as_json:
+        print_json(plain(agreement))
         return 0
     for aspect, of_aspect in agreement.aspects.items():
         click.echo(f"{aspect}\n{_matrix(of_aspect)}\n")
@@ -132,7 +111,7 @@ def _matrix(agreement: AspectAgreement) -> str:
         (builder, *(f"{100 * row[j].share:.1f}" if j in row else "-" for j in judges))
         for builder, row in agreement.matrix.items()
     ]
-    lines = [options.table(("builder", *judges), rows)]
+    lines = [output_table(("builder", *judges), rows)]
     cells = [cell for row in agreement.matrix.values() for cell in row.values()]
     counts = {
         name: sum(getattr(cell, name) for cell in cells)

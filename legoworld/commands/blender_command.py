@@ -6,28 +6,24 @@ import contextlib
 import signal
 import threading
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import flag, option
+from legoworld.commands.output import Output, print_json
+from legoworld.commands.param_types import AMOUNT, EXISTING_FILE, EXISTING_FOLDER
 
-_CONTEXT = {"help_option_names": ["-h", "--help"]}
-_SANDBOX = click.option(
-    "--sandbox", type=options.Choice(["auto", "bubblewrap", "limits"]), default="auto",
-    show_default=True,
-    help="auto: bubblewrap where it works, otherwise resource limits only; "
-    "bubblewrap: fail if unavailable.",
-)  # fmt: skip
-_MEMORY = click.option(
-    "--memory-limit", default=8.0, show_default=True, type=click.FloatRange(min=0.1),
-    help="GiB Blender and what it starts may use together.",
-)  # fmt: skip
+if TYPE_CHECKING:
+    from legoworld.workers.protections import Protections
+
+_MEMORY: Final = options.memory_bytes("Blender and what it starts")
 _DAY_S = 86_400.0
 _FINALISE_S = 600.0
 
 
-@click.group("blender", context_settings=_CONTEXT)
+@click.group("blender")
 def command() -> None:
     """A headless Blender that coding agents drive.
 
@@ -40,43 +36,36 @@ def command() -> None:
     """
 
 
-@command.command("serve", context_settings=_CONTEXT)
-@click.argument("scene", type=options.EXISTING_FILE, required=False)
-@click.option(
-    "--port", default=9876, show_default=True, type=click.IntRange(0, 65535),
-    help="TCP port on 127.0.0.1; 0 for any that is free.",
-)  # fmt: skip
-@click.option(
-    "--workspace", type=options.FOLDER,
-    help="The only folder Blender can write to [default: blender-PORT].",
-)  # fmt: skip
-@click.option(
-    "--input", "inputs", multiple=True, type=click.Path(path_type=Path, exists=True),
-    help="A file or folder Blender may read; repeat.",
-)  # fmt: skip
-@click.option("--network", is_flag=True, help="Let the code it runs use the network.")
-@_SANDBOX
-@click.option(
-    "--time-limit", default=14400.0, show_default=True, type=click.FloatRange(min=0.1),
-    help="Seconds until the endpoint ends.",
-)  # fmt: skip
-@click.option(
-    "--call-time-limit", default=165.0, show_default=True, type=click.FloatRange(min=0.1),
-    help="Seconds one call may take; mcp-for-blender gives up after 180.",
-)  # fmt: skip
+@command.command("serve")
+@click.argument("scene", type=EXISTING_FILE, required=False)
+@option(
+    "--port",
+    "TCP port on 127.0.0.1; 0 for any that is free.",
+    click.IntRange(0, 65535),
+    default=9876,
+)
+@option("--workspace", "The only folder Blender can write to [default: blender-PORT].")
+@option("--input", "File or folder Blender may read; repeatable.")
+@options.protections(flag("--network", "Let the code it runs use the network."))
+@option("--time-limit", "Seconds until the endpoint ends.", default=14400.0)
+@option(
+    "--call-time-limit call_time_limit_s",
+    "Seconds one call may take; mcp-for-blender gives up after 180.",
+    AMOUNT,
+    default=165.0,
+)
 @_MEMORY
-@click.option("-q", "--quiet", is_flag=True, help="Print the port and nothing else.")
+@options.quiet("Print the port and nothing else.")
 def serve(
     scene: Path | None,
     port: int,
     workspace: Path | None,
     inputs: tuple[Path, ...],
-    network: bool,
-    sandbox: Literal["auto", "bubblewrap", "limits"],
-    time_limit: float,
-    call_time_limit: float,
-    memory_limit: float,
-    quiet: bool,
+    held: Protections,
+    time_limit_s: float,
+    call_time_limit_s: float,
+    memory_bytes: int,
+    out: Output,
 ) -> int:
     """Run a Blender that speaks Blender MCP's socket protocol, without a display.
 
@@ -95,7 +84,6 @@ def serve(
       BLENDER_PORT=9900 DISABLE_TELEMETRY=1 mcp-for-blender
     """
     from legoworld.endpoint.serving import Serving, serve_endpoint
-    from legoworld.workers.protections import protections
     from legoworld.workers.sandbox import SandboxLimits
 
     over = threading.Event()
@@ -105,27 +93,21 @@ def serve(
         port=port,
         workspace=workspace,
         inputs=inputs,
-        held=protections(sandbox, network=network),
-        limits=SandboxLimits(time_s=time_limit, memory_bytes=int(memory_limit * 2**30)),
-        call_time_s=call_time_limit,
+        held=held,
+        limits=SandboxLimits(time_s=time_limit_s, memory_bytes=memory_bytes),
+        call_time_s=call_time_limit_s,
     )
     with contextlib.suppress(KeyboardInterrupt):
-        serve_endpoint(serving, over, say=click.echo, notice=options.notifier(quiet))
+        serve_endpoint(serving, over, say=click.echo, notice=out.notice)
     return 0
 
 
-@command.command("mcp", context_settings=_CONTEXT)
-@click.option("--workspace", type=options.FOLDER, required=True,
-              help="The only folder Blender can write to.")  # fmt: skip
-@_SANDBOX
+@command.command("mcp")
+@option("--workspace", "The only folder Blender can write to.", required=True)
+@options.protections()
 @_MEMORY
-@click.option("-q", "--quiet", is_flag=True, help="Print no notices on standard error.")
-def mcp(
-    workspace: Path,
-    sandbox: Literal["auto", "bubblewrap", "limits"],
-    memory_limit: float,
-    quiet: bool,
-) -> int:
+@options.quiet("Print no notices on standard error.")
+def mcp(workspace: Path, held: Protections, memory_bytes: int, out: Output) -> int:
     """Be an MCP server on standard input and output: mcp-for-blender over an endpoint of its own.
 
     For an agent's MCP configuration: the one command is all that it has to start. What `blender
@@ -141,7 +123,6 @@ def mcp(
     from legoworld.agents.mcp_endpoint import serve_mcp
     from legoworld.endpoint.serving import Serving
     from legoworld.endpoint.session import CALL_TIME_S
-    from legoworld.workers.protections import protections
     from legoworld.workers.sandbox import SandboxLimits
 
     serving = Serving(
@@ -149,27 +130,21 @@ def mcp(
         port=0,
         workspace=workspace,
         inputs=(),
-        held=protections(sandbox),
-        limits=SandboxLimits(time_s=_DAY_S, memory_bytes=int(memory_limit * 2**30)),
+        held=held,
+        limits=SandboxLimits(time_s=_DAY_S, memory_bytes=memory_bytes),
         call_time_s=CALL_TIME_S,
     )
-    return serve_mcp(serving, notice=options.notifier(quiet))
+    return serve_mcp(serving, notice=out.notice)
 
 
-@command.command("finalise", context_settings=_CONTEXT)
-@click.argument("workspace", type=options.EXISTING_FOLDER)
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The scene folder to be.")
-@_SANDBOX
+@command.command("finalise")
+@click.argument("workspace", type=EXISTING_FOLDER)
+@option("--output", "The scene folder to be.")
+@options.protections()
 @_MEMORY
-@options.output_options
+@options.printing
 def finalise(
-    workspace: Path,
-    output: Path,
-    sandbox: Literal["auto", "bubblewrap", "limits"],
-    memory_limit: float,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    workspace: Path, output: Path, held: Protections, memory_bytes: int, out: Output
 ) -> int:
     """Export the submission of WORKSPACE, the way `legoworld reconstruct` does for every agent.
 
@@ -183,13 +158,12 @@ def finalise(
       legoworld blender finalise work -o scenes/coffee --json
     """
     from legoworld.endpoint.workspace_finalisation import finalise_workspace
-    from legoworld.workers.protections import protections
     from legoworld.workers.sandbox import SandboxLimits
 
-    limits = SandboxLimits(time_s=_FINALISE_S, memory_bytes=int(memory_limit * 2**30))
-    found = finalise_workspace(workspace, output, limits=limits, held=protections(sandbox))
-    if as_json:
-        options.print_json({"finalisation": found})
+    limits = SandboxLimits(time_s=_FINALISE_S, memory_bytes=memory_bytes)
+    found = finalise_workspace(workspace, output, limits=limits, held=held)
+    if out.as_json:
+        print_json({"finalisation": found})
     elif found.source == "none":
         click.echo(f"no scene could be exported: {'; '.join(found.refused) or 'none'}", err=True)
     else:

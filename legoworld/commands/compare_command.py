@@ -3,66 +3,48 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Unpack, cast
 
 import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
+from legoworld.commands.options import flag, option
+from legoworld.commands.output import Output, report_hint
+from legoworld.commands.param_types import EXISTING_FOLDER
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from legoworld.api.by_task import ByTask
-    from legoworld.api.comparison import Comparison
+    from legoworld.api.comparison import Comparison, ComparisonOptions
     from legoworld.api.evaluation import Evaluation
 
 
-@click.command("compare", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("evaluations", nargs=-1, required=True, type=options.EXISTING_FOLDER)
-@click.option(
-    "-o", "--output", type=options.FOLDER, required=True, help="Comparison folder to write."
-)
-@click.option(
-    "--join",
-    "joining",
-    is_flag=True,
-    help="Join comparisons of different tasks (the arguments) into one table.",
-)
-@click.option(
-    "--draws",
-    type=click.IntRange(min=1),
-    help="Bootstrap samples and tie orders [default: 2000].",
-)
-@click.option(
-    "--seed", type=click.IntRange(min=0), help="RNG seed for tie orders and bootstrap [default: 0]."
-)
-@click.option(
+@click.command("compare")
+@click.argument("evaluations", nargs=-1, required=True, type=EXISTING_FOLDER)
+@option("--output", "Comparison folder to write.")
+@flag("--join joining", "Join comparisons of different tasks (the arguments) into one table.")
+@option("--draws", "Bootstrap samples and tie orders.", default=2000)
+@option("--seed")
+@option(
     "--fail-below",
-    "thresholds",
+    "Exit 3 when the scene's gain over a baseline is below DELTA; repeatable.",
     multiple=True,
     metavar="METRIC=DELTA",
-    help="Exit 3 when the scene's gain over a baseline is below DELTA; repeatable.",
 )
-@click.option(
+@flag(
     "--allow-truth-prompts",
-    is_flag=True,
-    help="Accept a baseline that was prompted with ground truth; every table says so.",
+    "Accept a baseline that was prompted with ground truth; every table says so.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace an existing comparison in the folder.")
-@options.output_options
+@option("--overwrite", "Replace an existing comparison in the folder.")
+@options.printing
 def command(
     evaluations: tuple[Path, ...],
     output: Path,
     joining: bool,
-    draws: int | None,
-    seed: int | None,
-    thresholds: tuple[str, ...],
-    allow_truth_prompts: bool,
-    overwrite: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    out: Output,
+    **given: Unpack[ComparisonOptions],
 ) -> int:
     """Compare the first of EVALUATIONS, the scene's, with each of the others.
 
@@ -87,46 +69,34 @@ def command(
     """
     from legoworld.api.comparison import Comparison, compare
     from legoworld.api.listening import Listener
-    from legoworld.comparison.tables import comparisons_of
-    from legoworld.evaluation.family import evaluation_of
 
     if joining:
-        if draws is not None or seed is not None or thresholds or allow_truth_prompts:
-            raise click.UsageError(
-                "--join takes finished comparisons: only -o can be combined with it"
-            )
-        from legoworld.comparison.making import make_joined
-
-        joined = make_joined(evaluations, output, overwrite=overwrite)
-        comparison = Comparison(folder=output, document=joined, below=())
-        if as_json:
-            options.print_json(comparison.to_dict())
-        else:
-            _print(comparison, verbose=verbose)
-        return exit_codes.DONE
+        return _join(evaluations, output, out, overwrite=given.get("overwrite", False))
+    given["listener"] = Listener(notice=out.step)
     found = compare(
-        cast("Sequence[Path]", [_evaluated(folder) for folder in evaluations]),
-        output,
-        draws=2000 if draws is None else draws,
-        seed=seed or 0,
-        fail_below=thresholds,
-        allow_truth_prompts=allow_truth_prompts,
-        overwrite=overwrite,
-        listener=Listener(notice=options.notifier(quiet or not (verbose or options.on_terminal()))),
+        cast("Sequence[Path]", [_evaluated(folder) for folder in evaluations]), output, **given
     )
     comparisons = [found] if isinstance(found, Comparison) else list(found.values())
-    if as_json:
-        options.print_json(found.to_dict())
-    else:
-        for comparison in comparisons:
-            _print(comparison, verbose=verbose)
-        tasks = {one.task for c in comparisons for one in comparisons_of(c.document)}
-        photos = any(evaluation_of(task).photos for task in tasks)
-        click.echo(options.report_hint(output, photos=photos))
+    out.show(found.to_dict, _lines(comparisons, output, verbose=out.verbose))
     below = [one for comparison in comparisons for one in comparison.below]
     for one in below:
         click.echo(f"legoworld: below its threshold: {one}", err=True)
     return exit_codes.BELOW if below else exit_codes.DONE
+
+
+def _join(evaluations: Sequence[Path], output: Path, out: Output, *, overwrite: bool) -> int:
+    """Join finished comparisons; how a comparison is made is refused."""
+    from legoworld.api.comparison import Comparison
+    from legoworld.comparison.making import make_joined
+
+    options.refuse_given(
+        ("draws", "seed", "fail_below", "allow_truth_prompts"),
+        "cannot be combined with --join, which takes finished comparisons",
+    )
+    joined = make_joined(evaluations, output, overwrite=overwrite)
+    comparison = Comparison(folder=output, document=joined, below=())
+    out.show(comparison.to_dict, [_text(comparison, verbose=out.verbose)])
+    return exit_codes.DONE
 
 
 def _evaluated(folder: Path) -> Path | ByTask[Evaluation]:
@@ -140,8 +110,17 @@ def _evaluated(folder: Path) -> Path | ByTask[Evaluation]:
     return ByTask(folder=folder, results=opened) if tasks else folder
 
 
-def _print(found: Comparison, *, verbose: bool) -> None:
+def _lines(found: list[Comparison], output: Path, *, verbose: bool) -> Iterator[str]:
+    from legoworld.comparison.tables import comparisons_of
+    from legoworld.evaluation.family import evaluation_of
+
+    yield from (_text(comparison, verbose=verbose) for comparison in found)
+    tasks = {one.task for c in found for one in comparisons_of(c.document)}
+    yield report_hint(output, photos=any(evaluation_of(task).photos for task in tasks))
+
+
+def _text(found: Comparison, *, verbose: bool) -> str:
     from legoworld.commands.comparison_text import short_comparison, whole_comparison
 
     shown = whole_comparison if verbose else short_comparison
-    click.echo(f"{shown(found.document)}\n\n-> {found.folder}")
+    return f"{shown(found.document)}\n\n-> {found.folder}"

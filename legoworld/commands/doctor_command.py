@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from legoworld.commands import options
+from legoworld.commands.output import Output, table
 from legoworld.pluralize import counted
 
 if TYPE_CHECKING:
@@ -36,9 +37,9 @@ class Finding:
     needed: bool = True
 
 
-@click.command("doctor", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def command(as_json: bool) -> int:
+@click.command("doctor")
+@options.printing_json
+def command(out: Output) -> int:
     """Check that this machine has what legoworld needs, and say what to install.
 
     Baselines are checked in the environments that `legoworld baseline install` created, or in the
@@ -62,14 +63,12 @@ def command(as_json: bool) -> int:
         *_baselines(),
     ]
     bad = [f for f in findings if not f.good and f.needed]
-    if as_json:
-        options.print_json({"ok": not bad, "findings": [f.__dict__ for f in findings]})
-    else:
-        rows = [(_state(f), f.name, f.found) for f in findings]
-        click.echo(options.table(("", "what", "found"), rows))
-        for finding in findings:
-            if not finding.good:
-                click.echo(f"{finding.name}: {finding.next_step}")
+    rows = [(_state(f), f.name, f.found) for f in findings]
+    steps = [f"{f.name}: {f.next_step}" for f in findings if not f.good]
+    out.show(
+        {"ok": not bad, "findings": [f.__dict__ for f in findings]},
+        [table(("", "what", "found"), rows), *steps],
+    )
     return 1 if bad else 0
 
 

@@ -6,92 +6,72 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
 from legoworld import exit_codes
 from legoworld.api.listening import Listener
 from legoworld.commands import options
-from legoworld.commands.remote import PlaceType
+from legoworld.commands.options import off, option
+from legoworld.commands.output import (
+    Output,
+    on_terminal,
+    report_hint,
+)
+from legoworld.commands.param_types import EXISTING_PLACE, PLACE, Choice
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
 
-    from legoworld.api.evaluation import Evaluation
-    from legoworld.evaluation.detection.evaluators import EvaluatorKind
+    from legoworld.api.evaluation import Evaluation, EvaluationOptions
     from legoworld.records.evaluation_rows import EvaluationRow
 
 
-@click.command("evaluate", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("run", type=PlaceType(exists=True))
-@click.option(
-    "--truth",
-    "truths",
-    required=True,
+@click.command("evaluate")
+@click.argument("run", type=EXISTING_PLACE)
+@option(
+    "--truth truths",
+    "Ground truth: COCO or LVIS JSON, ETH3D's folder, or a bench's DATASET/private. For a folder "
+    "of runs: TASK=PATH, repeatable, or a folder with <task>.json or <task>/ of each.",
+    click.STRING,
     multiple=True,
     metavar="PATH",
-    help="Ground truth: COCO or LVIS JSON, ETH3D's folder, or a bench's DATASET/private. For a "
-    "folder of runs: TASK=PATH, repeatable, or a folder with <task>.json or <task>/ of each.",
 )
-@click.option(
-    "-o",
+@option(
     "--output",
-    type=PlaceType(exists=False),
-    required=True,
-    help="Evaluation folder to write, or its URL; of a folder of runs the folder of theirs.",
+    "Evaluation folder to write, or its URL; of a folder of runs the folder of theirs.",
+    PLACE,
 )
-@click.option(
+@option(
     "--evaluator",
-    type=options.Choice(["official", "fast"]),
-    help="pycocotools and lvis, or hotcoco [default: official, where it is installed].",
+    "pycocotools and lvis, or hotcoco [default: official, where it is installed].",
+    Choice(["official", "fast"]),
 )
-@click.option(
+@option(
     "--camera-model",
-    type=options.Choice(["none", "dataset"]),
-    help="Depth only: warp a scene's pinhole depth through the dataset's camera [default: none].",
+    "Depth only: warp a scene's pinhole depth through the dataset's camera [default: none].",
+    Choice(["none", "dataset"]),
 )
-@click.option(
+@option(
     "--reference-sampling",
+    "Bench only: raster, all full-size pixels, or random:SEED of them [default: raster].",
     metavar="SAMPLING",
-    help="Bench only: raster, all full-size pixels, or random:SEED of them [default: raster].",
 )
-@click.option(
-    "--no-diagnostics", is_flag=True, help="Bench only: V, R, A, S without the numbers beside R."
-)
-@click.option(
-    "--draws",
-    type=click.IntRange(min=1),
-    help="Number of tie orders and of bootstrap samples [default: 2000, bench 10000].",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="RNG seed for tie orders and bootstrap.",
-)
-@click.option("--workers", type=click.IntRange(min=1), help="Worker processes [default: cores].")
-@options.engine
-@click.option("--overwrite", is_flag=True, help="Replace an existing evaluation in the folder.")
-@options.output_options
+@off("--no-diagnostics diagnostics", "Bench only: V, R, A, S without the numbers beside R.")
+@option("--draws", "Number of tie orders and of bootstrap samples [default: 2000, bench 10000].")
+@option("--seed")
+@option("--workers", "Worker processes [default: cores].")
+@option("--engine")
+@option("--overwrite", "Replace an existing evaluation in the folder.")
+@options.printing
 def command(
     run: Place,
     truths: tuple[str, ...],
     output: Place,
-    evaluator: EvaluatorKind | None,
-    camera_model: Literal["none", "dataset"] | None,
-    reference_sampling: str | None,
-    no_diagnostics: bool,
-    draws: int | None,
-    seed: int,
-    workers: int | None,
-    engine: Literal["local", "ray"],
-    overwrite: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    out: Output,
+    **given: Unpack[EvaluationOptions],
 ) -> int:
     """Score a RUN, or each run of a folder RUN/<task>, against private ground truth.
 
@@ -109,54 +89,33 @@ def command(
     """
     from legoworld.api.evaluation import Evaluation, evaluate
     from legoworld.commands.truths import truth_of
-    from legoworld.evaluation.family import evaluation_of
 
-    with _listening(quiet=quiet, verbose=verbose) as listener:
-        found = evaluate(
-            run,
-            output,
-            truth=truth_of(run, truths),
-            evaluator=evaluator,
-            camera_model=camera_model,
-            reference_sampling=reference_sampling,
-            diagnostics=not no_diagnostics,
-            draws=draws,
-            seed=seed,
-            workers=workers,
-            engine=engine,
-            overwrite=overwrite,
-            listener=listener,
-        )
-    if as_json:
-        options.print_json(found.to_dict())
-        return exit_codes.DONE
+    with _listening(out) as given["listener"]:
+        found = evaluate(run, output, truth=truth_of(run, truths), **given)
     evaluations = [found] if isinstance(found, Evaluation) else list(found.values())
-    for one in evaluations:
-        if len(evaluations) > 1:
-            click.echo(f"{one.task}:")
-        _print(one, verbose=verbose)
-    if isinstance(found.folder, Path):
-        photos = any(evaluation_of(one.task).photos for one in evaluations)
-        click.echo(options.report_hint(found.folder, photos=photos))
+    out.show(found.to_dict, _lines(evaluations, found.folder, verbose=out.verbose))
     return exit_codes.DONE
 
 
-def _print(found: Evaluation, *, verbose: bool) -> None:
+def _lines(found: list[Evaluation], folder: Place, *, verbose: bool) -> Iterator[str]:
     from legoworld.evaluation.family import evaluation_of, evaluation_text
 
-    if verbose:
-        click.echo(f"{evaluation_text(found.summary)}\n\n-> {found.folder}")
-    else:
-        click.echo(f"{evaluation_of(found.task).short(found.summary)}\n-> {found.folder}")
+    for one in found:
+        if len(found) > 1:
+            yield f"{one.task}:"
+        if verbose:
+            yield f"{evaluation_text(one.summary)}\n\n-> {one.folder}"
+        else:
+            yield f"{evaluation_of(one.task).short(one.summary)}\n-> {one.folder}"
+    if isinstance(folder, Path):
+        yield report_hint(folder, photos=any(evaluation_of(one.task).photos for one in found))
 
 
 @contextmanager
-def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
+def _listening(out: Output) -> Iterator[Listener]:
     """Notices on a terminal or with -v; a progress bar there if images are scored one by one."""
-    on_terminal = options.on_terminal()
-    notice, warn = options.notifier(quiet or not (verbose or on_terminal)), options.notifier(quiet)
-    if quiet or not on_terminal:
-        yield Listener(notice=notice, warn=warn)
+    if out.quiet or not on_terminal():
+        yield Listener(notice=out.step, warn=out.notice)
         return
     images = failed = 0
     with ExitStack() as stack:
@@ -178,4 +137,4 @@ def _listening(*, quiet: bool, verbose: bool) -> Iterator[Listener]:
             bar.label = f"scoring, {failed} without a score" if failed else "scoring"
             bar.update(1)
 
-        yield Listener(total=total, scored=scored, notice=notice, warn=warn)
+        yield Listener(total=total, scored=scored, notice=out.step, warn=out.notice)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output, table
+from legoworld.commands.param_types import EXISTING_FOLDER
 from legoworld.pluralize import share, word_for
 
-_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
-
-@click.group("evidence", context_settings=_HELP)
+@click.group("evidence")
 def command() -> None:
     """Verify the evidence of an evaluation or a comparison: recorded hashes and numbers.
 
@@ -25,17 +25,15 @@ def command() -> None:
     """
 
 
-@command.command("verify", context_settings=_HELP)
-@click.argument("folder", type=options.EXISTING_FOLDER)
-@click.option(
+@command.command("verify")
+@click.argument("folder", type=EXISTING_FOLDER)
+@option(
     "--root",
-    type=options.EXISTING_FOLDER,
-    help="Folder to look for the inputs in [default: their recorded paths, relative to FOLDER].",
+    "Folder to look for the inputs in [default: their recorded paths, relative to FOLDER].",
+    EXISTING_FOLDER,
 )
-@options.output_options
-def verify_command(
-    folder: Path, root: Path | None, as_json: bool, quiet: bool, verbose: bool
-) -> int:
+@options.printing
+def verify_command(folder: Path, root: Path | None, out: Output) -> int:
     """Verify the FOLDER of an evaluation or a comparison, or of several tasks', by evidence.json.
 
     Every file of the folder and every input is hashed again. The numbers of an evaluation are
@@ -62,14 +60,14 @@ def verify_command(
         prefix = f"{one.name}: " if one != folder else ""
         checks += [replace(check, what=prefix + check.what) for check in found]
     bad = [check for check in checks if check.status != "ok"]
-    if as_json:
-        options.print_json({"ok": not bad, "checks": [check.__dict__ for check in checks]})
-    else:
-        shown = checks if verbose else bad
-        if shown:
-            rows = [(check.status, check.what, check.found) for check in shown]
-            click.echo(options.table(("", "what", "found"), rows))
-        n_good = len(checks) - len(bad)
-        good = share(n_good, len(checks), "check", "checks")
-        click.echo(f"{good} {word_for(n_good, 'holds', 'hold')}: {folder}")
+    rows = [(check.status, check.what, check.found) for check in (checks if out.verbose else bad)]
+    n_good = len(checks) - len(bad)
+    good = share(n_good, len(checks), "check", "checks")
+    out.show(
+        {"ok": not bad, "checks": [check.__dict__ for check in checks]},
+        [
+            *([table(("", "what", "found"), rows)] if rows else []),
+            f"{good} {word_for(n_good, 'holds', 'hold')}: {folder}",
+        ],
+    )
     return 1 if bad else 0

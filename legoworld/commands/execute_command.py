@@ -2,45 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import off, option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING_FILE
+
+if TYPE_CHECKING:
+    from legoworld.records.execution import ExecutionFile
+    from legoworld.scene.blender_process import Limits
+    from legoworld.workers.protections import Confinement
 
 
-@click.command("execute", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("program", type=options.EXISTING_FILE)
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="Scene folder to write.")
-@click.option("--no-picture", is_flag=True, help="Do not render final.png.")
-@click.option(
-    "--input",
-    "inputs",
-    multiple=True,
-    type=click.Path(path_type=Path, exists=True),
-    help="File or folder the program may read; repeatable.",
-)
-@click.option(
-    "--sandbox",
-    type=options.Choice(["auto", "bubblewrap", "limits"]),
-    default="auto",
-    show_default=True,
-    help="auto: bubblewrap where it works, otherwise limits only; bubblewrap: fail without it.",
-)
+@click.command("execute")
+@click.argument("program", type=EXISTING_FILE)
+@option("--output", "Scene folder to write.")
+@off("--no-picture picture", "Do not render final.png.")
+@option("--input", "File or folder the program may read; repeatable.")
+@option("--sandbox")
 @options.limits
-@options.output_options
+@options.printing
 def command(
     program: Path,
     output: Path,
-    no_picture: bool,
+    picture: bool,
     inputs: tuple[Path, ...],
-    sandbox: Literal["auto", "bubblewrap", "limits"],
-    time_limit: float,
-    memory_limit: float,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    sandbox: Confinement,
+    limits: Limits,
+    out: Output,
 ) -> int:
     """Run a scene PROGRAM in its own process; export scene.blend, scene.glb and final.png.
 
@@ -59,45 +53,34 @@ def command(
       legoworld execute scene.py -o scenes/coffee --time-limit 600
       legoworld execute scene.py -o scenes/room --input textures --sandbox bubblewrap
     """
-    from legoworld.api.settings import limits_of
     from legoworld.scene.programs.execution import execute
     from legoworld.workers.protections import protections
 
-    notice = options.notifier(quiet)
     held = protections(sandbox)
     if held.bubblewrap is None:
-        notice(
+        out.notice(
             f"warning: without bubblewrap ({held.why_not}) the program runs with your permissions; "
             f"limited: {', '.join(held.holds)}; not limited: {', '.join(held.does_not_hold)}"
         )
     result = execute(
-        program,
-        output,
-        limits=limits_of(time_limit, memory_limit),
-        picture=not no_picture,
-        sandbox=sandbox,
-        inputs=inputs,
-        notice=notice,
-    )
-    if as_json:
-        options.print_json(
-            {
-                "status": result.status,
-                "error": result.error,
-                "files": list(result.files),
-                "warnings": list(result.warnings),
-                "check": result.check,
-                "sandbox": result.sandbox,
-            }
-        )
-    else:
-        for warning in result.warnings:
-            notice(f"warning: {warning}")
-        if result.error:
-            where = f"line {result.error.line}" if result.error.line else "outside its own lines"
-            click.echo(
-                f"stopped: {program.name}, {where}: {result.error.type}: "
-                f"{result.error.message}; the partial scene was exported"
-            )
-        click.echo(f"{', '.join(result.files)} -> {output}")
+        program, output, limits=limits, picture=picture, sandbox=sandbox, inputs=inputs,
+        notice=out.notice,
+    )  # fmt: skip
+    out.show(
+        {"status": result.status, "error": result.error, "files": list(result.files),
+         "warnings": list(result.warnings), "check": result.check, "sandbox": result.sandbox},
+        _lines(result, program, output, out),
+    )  # fmt: skip
     return 1 if result.error else 0
+
+
+def _lines(result: ExecutionFile, program: Path, output: Path, out: Output) -> Iterator[str]:
+    for warning in result.warnings:
+        out.notice(f"warning: {warning}")
+    if result.error:
+        where = f"line {result.error.line}" if result.error.line else "outside its own lines"
+        yield (
+            f"stopped: {program.name}, {where}: {result.error.type}: "
+            f"{result.error.message}; the partial scene was exported"
+        )
+    yield f"{', '.join(result.files)} -> {output}"

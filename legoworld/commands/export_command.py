@@ -7,35 +7,21 @@ from pathlib import Path
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING_FOLDER, FILE, Choice
 from legoworld.pluralize import counted
 
 
-@click.command("export", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("run", type=options.EXISTING_FOLDER)
-@click.option(
-    "--format",
-    "form",
-    type=options.Choice(["coco"]),
-    default="coco",
-    show_default=True,
-    help="Output format.",
-)
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="File to write.",
-)
-@click.option(
-    "--track",
-    type=options.EXISTING_FILE,
-    help="The run's track, for category names other than the dataset's own.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.command("export")
+@click.argument("run", type=EXISTING_FOLDER)
+@option("--format form", "Output format.", Choice(["coco"]), default="coco")
+@option("--output", "File to write.", FILE)
+@option("--track", "The run's track, for category names other than the dataset's own.")
+@option("--overwrite", "Replace an existing file.")
+@options.printing_json
 def command(
-    run: Path, form: str, output: Path, track: Path | None, overwrite: bool, as_json: bool
+    run: Path, form: str, output: Path, track: Path | None, overwrite: bool, out: Output
 ) -> int:
     """Write the boxes or masks of a RUN as one COCO JSON for dataset tools.
 
@@ -53,10 +39,9 @@ def command(
 
     document = export_coco(run, output, track=track, overwrite=overwrite)
     n_images, n_annotations = len(document.images), len(document.annotations)
-    if as_json:
-        options.print_json({"format": form, "output": str(output), "images": n_images,
-                            "annotations": n_annotations})  # fmt: skip
-    else:
-        of = counted(n_images, "image", "images")
-        click.echo(f"{counted(n_annotations, 'annotation', 'annotations')} of {of} -> {output}")
+    out.show(
+        {"format": form, "output": str(output), "images": n_images, "annotations": n_annotations},
+        f"{counted(n_annotations, 'annotation', 'annotations')} of "
+        f"{counted(n_images, 'image', 'images')} -> {output}",
+    )
     return 0

@@ -2,68 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
 from legoworld import exit_codes
 from legoworld.commands import options, sources
-from legoworld.commands.remote import PlaceType
+from legoworld.commands.options import flag, option
+from legoworld.commands.output import Output, table
+from legoworld.commands.param_types import EXISTING_PLACE, TaskChoice
 from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.pluralize import counted
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
-    from legoworld.api.scenes import SceneView
+    from legoworld.api.scenes import SceneOptions, SceneView
 
 
-@click.command("inspect", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scene", type=PlaceType(exists=True))
-@click.option("--size", "size_wh", type=options.SizeType(), help="Image size, such as 640x480.")
-@click.option("--photo", type=options.EXISTING_FILE, help="Photo to draw over; sets the size.")
-@click.option(
+@click.command("inspect")
+@click.argument("scene", type=EXISTING_PLACE)
+@option("--size", "Image size, such as 640x480.")
+@option("--photo", "Photo to draw over; sets the size.")
+@option(
     "--task",
-    type=options.TaskChoice(lambda task: task.family.labelled),
-    help="Task whose vocabulary resolves the labels [default: every label counts].",
+    "Task whose vocabulary resolves the labels [default: every label counts].",
+    TaskChoice(lambda task: task.family.labelled),
 )
-@click.option(
-    "--track",
-    type=options.EXISTING_FILE,
-    help="Track whose vocabulary resolves the labels; sets the task if it records one.",
-)
-@options.source
-@click.option(
+@option("--track", "Track whose vocabulary resolves the labels; sets the task if it records one.")
+@option("--source")
+@flag(
     "--compare-sources",
-    is_flag=True,
-    help="Report where scene.blend and scene.glb disagree; exit code 1 when a mask does.",
+    "Report where scene.blend and scene.glb disagree; exit code 1 when a mask does.",
 )
-@click.option(
-    "--allow-changed",
-    is_flag=True,
-    help="Inspect a scene even if its files changed since it was frozen.",
-)
-@click.option("-o", "--output", type=options.FOLDER, help="Folder for buffers and pictures.")
-@options.caching
-@options.limits
-@options.output_options
+@flag("--allow-changed", "Inspect a scene even if its files changed since it was frozen.")
+@option("--output", "Folder for buffers and pictures.", required=False)
+@options.api_cache
+@options.api_limits
+@options.printing
 def command(
     scene: Place,
     size_wh: tuple[int, int] | None,
     photo: Path | None,
     task: str | None,
     track: Path | None,
-    source: Literal["blend", "glb"],
     compare_sources: bool,
-    allow_changed: bool,
     output: Path | None,
-    cache: Path | None,
-    no_cache: bool,
-    time_limit: float,
-    memory_limit: float,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    out: Output,
+    **given: Unpack[SceneOptions],
 ) -> int:
     """Show the instances of one SCENE (a folder or its URL), and why some are not visible.
 
@@ -84,11 +71,10 @@ def command(
     from legoworld.api.scenes import open_scene
     from legoworld.api.settings import protocol_of
 
-    if compare_sources and allow_changed:
-        raise click.UsageError(
-            "--allow-changed cannot be combined with --compare-sources: freeze first"
-        )
     if compare_sources:
+        options.refuse_given(
+            ["allow_changed"], "cannot be combined with --compare-sources: freeze first"
+        )
         options.refuse_given(
             ["source"], "cannot be combined with --compare-sources: both files are read"
         )
@@ -100,35 +86,22 @@ def command(
         size_wh = (width, height)
     reading = protocol_of(task, track)  # refused before a scene is opened for it
 
-    def look(
-        folder: Path, file: Literal["blend", "glb"], size: tuple[int, int] | None
-    ) -> SceneView:
-        opened = open_scene(
-            folder,
-            source=file,
-            cache=options.cache_choice(cache, no_cache),
-            allow_changed=allow_changed,
-            time_limit_s=time_limit,
-            memory_limit_gib=memory_limit,
-        )
-        return opened.view_by(reading, size)
+    def look(folder: Path, size: tuple[int, int] | None) -> SceneView:
+        return open_scene(folder, **given).view_by(reading, size)
 
     with read_from(scene) as here:
         if compare_sources:
-            blend = look(here, "blend", size_wh)
-            glb = look(here, "glb", blend.size_wh)
+            blend = look(here, size_wh)
+            given["source"] = "glb"
+            glb = look(here, blend.size_wh)
             if output is not None:
                 blend.save(output / "blend", photo)
                 glb.save(output / "glb", photo)
-            differences = blend.compared_with(glb)
-            return sources.show(differences, as_json=as_json, quiet=quiet, verbose=verbose)
-        view = look(here, source, size_wh)
+            return sources.show(blend.compared_with(glb), out)
+        view = look(here, size_wh)
         if output is not None:
             view.save(output, photo)
-    if as_json:
-        options.print_json(view.to_dict())
-    else:
-        _print(view, output, quiet=quiet, verbose=verbose)
+    out.show(view.to_dict, _lines(view, output, out))
     return exit_codes.DONE
 
 
@@ -146,9 +119,9 @@ def _refuse_a_folder_of_scenes(scene: Place) -> None:
         )
 
 
-def _print(view: SceneView, output: Path | None, *, quiet: bool, verbose: bool) -> None:
+def _lines(view: SceneView, output: Path | None, out: Output) -> Iterator[str]:
     entries = sorted(view.instances, key=lambda e: (not e.labelled, -e.area_px))
-    shown = entries if verbose else entries[:40]
+    shown = entries if out.verbose else entries[:40]
     rows = [
         (
             e.id,
@@ -160,25 +133,23 @@ def _print(view: SceneView, output: Path | None, *, quiet: bool, verbose: bool) 
         )
         for e in shown
     ]
-    header = ("id", "instance", "objects", "category", "area px", "x y w h")
-    click.echo(options.table(header, rows))
+    yield table(("id", "instance", "objects", "category", "area px", "x y w h"), rows)
     if len(shown) < len(entries):
-        click.echo(f"... and {len(entries) - len(shown)} more (-v lists them)")
+        yield f"... and {len(entries) - len(shown)} more (-v lists them)"
     camera, render = view.camera, view.render
     labelled = sum(e.labelled for e in entries)
     width, height = view.size_wh
-    click.echo(
+    yield (
         f"\n{counted(len(entries), 'instance', 'instances')} ({labelled} labelled), "
         f"{counted(view.n_triangles, 'triangle', 'triangles')}; "
         f"camera {camera.name!r} {camera.type} {camera.lens_mm:g} mm; {width}x{height}; "
         f"1 unit = {render.unit_scale:g} m; frame {render.frame}"
     )
     for name, count in view.outside_vocabulary.items():
-        click.echo(outside_the_vocabulary(name, count, view.nearest[name]))
+        yield outside_the_vocabulary(name, count, view.nearest[name])
     for name, label in view.not_rendered:
-        click.echo(f"{name!r}, labelled {label!r}, has no surface that renders")
-    if not quiet:
-        for warning in view.warnings:
-            click.echo(f"warning: {warning}", err=True)
+        yield f"{name!r}, labelled {label!r}, has no surface that renders"
+    for warning in view.warnings:
+        out.notice(f"warning: {warning}")
     if output is not None:
-        click.echo(f"-> {output}")
+        yield f"-> {output}"

@@ -10,6 +10,9 @@ import click
 
 from legoworld import exit_codes
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output, table
+from legoworld.commands.param_types import Choice, TaskChoice, has_track
 from legoworld.records.formats import FORMATS, schema_text
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import broken_tasks, known_tasks
@@ -23,30 +26,23 @@ if TYPE_CHECKING:
 C = TypeVar("C", bound="LicensedHead")
 
 
-@click.command("list", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument(
-    "kind", type=options.Choice(["tasks", "datasets", "baselines", "formats", "schema"])
-)
-@click.option(
+@click.command("list")
+@click.argument("kind", type=Choice(["tasks", "datasets", "baselines", "formats", "schema"]))
+@option(
     "--task",
-    type=options.TaskChoice(options.has_track),
-    help="List only entries for this task; schema: the task to describe [default: coco].",
+    "List only entries for this task; schema: the task to describe [default: coco].",
+    TaskChoice(has_track),
 )
-@click.option(
-    "--track",
-    type=options.EXISTING_FILE,
-    help="schema: track whose vocabulary is printed; sets the task if it records one.",
-)
-@click.option(
-    "--format",
-    "file_format",
+@option("--track", "schema: track whose vocabulary is printed; sets the task if it records one.")
+@option(
+    "--format file_format",
+    "schema: print the JSON Schema of a file format instead; `list formats` has the names.",
+    Choice(sorted(FORMATS)),
     metavar="NAME",
-    type=options.Choice(sorted(FORMATS)),
-    help="schema: print the JSON Schema of a file format instead; `list formats` has the names.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@options.printing_json
 def command(
-    kind: str, task: str | None, track: Path | None, file_format: str | None, as_json: bool
+    kind: str, task: str | None, track: Path | None, file_format: str | None, out: Output
 ) -> int:
     """List tasks, datasets, baselines or file formats, or print the authoring guide (schema).
 
@@ -68,35 +64,26 @@ def command(
 
         reading = protocol_of(task if task or track else DEFAULT, track)
         assert reading is not None
-        return _schema(reading, as_json=as_json)
+        return _schema(reading, out)
     options.refuse_given(["track", "file_format"], f"is for schema, not for {kind}")
     if kind == "formats":
         options.refuse_given(["task"], "is not for formats")
-        return _formats(as_json=as_json)
+        rows = [(name, one.file) for name, one in sorted(FORMATS.items())]
+        formats = [{"name": name, "file": file} for name, file in rows]
+        out.show({"formats": formats}, table(("name", "file"), rows))
+        return 0
     cards = _cards(kind, task)
     broken = broken_tasks() if kind == "tasks" else []
     for error in broken:
         click.echo(f"legoworld: {error}", err=True)
-    if as_json:
-        keys = ("name", "version", "title", "licence")
-        options.print_json({kind: [dict(zip(keys, card, strict=True)) for card in cards]})
-    elif not cards:
-        click.echo(f"no {kind} are installed" + (f" for {task}" if task else ""))
-    else:
-        header = ("name", "version", "what", "licence")
-        rows = [(*words, _cut(licence)) for *words, licence in cards]
-        click.echo(options.table(header, rows))
+    keys = ("name", "version", "title", "licence")
+    shown = [(*words, _cut(licence)) for *words, licence in cards]
+    none = f"no {kind} are installed" + (f" for {task}" if task else "")
+    out.show(
+        {kind: [dict(zip(keys, card, strict=True)) for card in cards]},
+        table(("name", "version", "what", "licence"), shown) if cards else none,
+    )
     return exit_codes.INCOMPLETE if broken else exit_codes.DONE
-
-
-def _formats(*, as_json: bool) -> int:
-    """The names of the file formats, and which file each is of."""
-    rows = [(name, one.file) for name, one in sorted(FORMATS.items())]
-    if as_json:
-        options.print_json({"formats": [{"name": name, "file": file} for name, file in rows]})
-    else:
-        click.echo(options.table(("name", "file"), rows))
-    return 0
 
 
 def _cut(text: str, limit: int = 60) -> str:
@@ -142,16 +129,13 @@ def _card(kind: type[C], path: Path) -> C:
     )
 
 
-def _schema(reading: Protocol, *, as_json: bool) -> int:
+def _schema(reading: Protocol, out: Output) -> int:
     """The authoring guide of a task; nothing in it is private."""
     from legoworld.readouts.instructions import instructions
     from legoworld.readouts.instructions_text import instructions_text
 
     told = instructions(reading)
-    if as_json:
-        options.print_json(_document(told))
-        return 0
-    click.echo(instructions_text(told), nl=False)
+    out.show(lambda: _document(told), [instructions_text(told).removesuffix("\n")])
     return 0
 
 

@@ -8,39 +8,29 @@ from typing import TYPE_CHECKING
 import click
 
 from legoworld.commands import options
-from legoworld.commands.remote import PlaceType
+from legoworld.commands.options import option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING_PLACE, PLACE
 from legoworld.pluralize import counted, share
-from legoworld.records.base import Storable
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
+    from legoworld.commands.output import Document
     from legoworld.records.run_file import RunSummary
 
 
-@click.command("merge", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("shards", nargs=-1, required=True, type=PlaceType(exists=True))
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    type=PlaceType(exists=False),
-    help="Run folder to write, or its URL.",
-)
-@click.option(
-    "--images-per-file",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Boxes and masks: write predictions/00000.jsonl, ... of N images each [default: one "
-    "file].",
-)
-@click.option("--overwrite", is_flag=True, help="Delete the results of an earlier run first.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.command("merge")
+@click.argument("shards", nargs=-1, required=True, type=EXISTING_PLACE)
+@option("--output", "Run folder to write, or its URL.", PLACE)
+@option("--images-per-file")
+@option("--overwrite")
+@options.printing_json
 def command(
     shards: tuple[Place, ...],
     output: Place,
     images_per_file: int | None,
     overwrite: bool,
-    as_json: bool,
+    out: Output,
 ) -> int:
     """Join the SHARDS 1/n to n/n of one readout: the same bytes as one undivided run.
 
@@ -74,15 +64,13 @@ def command(
             results[place] = merge_shards(
                 parts, folder, images_per_file=per_file, overwrite=overwrite
             ).summary
-    if as_json:
-        merged: list[dict[str, Storable]] = [
-            {"run": str(place), "summary": one} for place, one in results.items()
-        ]
-        options.print_json({"runs": merged} if tasks else merged[0])
-    else:
-        given = counted(len(shards), "run", "shards")
-        for place, one in results.items():
-            read = share(one.coverage.ok, one.coverage.attempted, "image", "images")
-            click.echo(f"{given}, {read} read -> {place}")
+    merged: list[Document] = [{"run": str(place), "summary": one} for place, one in results.items()]
+    given = counted(len(shards), "run", "shards")
+    lines = (
+        f"{given}, {share(one.coverage.ok, one.coverage.attempted, 'image', 'images')} read "
+        f"-> {place}"
+        for place, one in results.items()
+    )
+    out.show({"runs": merged} if tasks else merged[0], lines)
     whole = all(one.coverage.ok == one.coverage.attempted for one in results.values())
     return 0 if whole else 1

@@ -1,188 +1,208 @@
-"""Shared command-line options, and how results and notices are printed."""
+"""How options are declared, and the options that several commands take: each exists once.
+
+A parameter has the name of the argument it becomes, so that a command can pass its options through.
+"""
 
 from __future__ import annotations
 
-import json
-import shlex
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar, cast
 
 import click
 
-from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import escaped
-from legoworld.pluralize import did_you_mean
-from legoworld.tables.table import Cell
-from legoworld.tables.table import table as of_cells
-from legoworld.tables.terminal import terminal
-from legoworld.tasks.registry import known_tasks, task_named, task_names
-from legoworld.tasks.task import Task
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import (
+    AMOUNT,
+    COUNT,
+    EXISTING,
+    EXISTING_FILE,
+    EXISTING_FOLDER,
+    FOLDER,
+    FROM_ZERO,
+    Choice,
+    ParamType,
+    SizeType,
+)
 
 if TYPE_CHECKING:
-    from legoworld.records.base import Storable
+    from legoworld.scene.cache import SnapshotCache
+    from legoworld.workers.protections import Confinement, Protections
 
 F = TypeVar("F", bound=Callable[..., Any])
+_FLAG: Final = {"is_flag": True}
+ANNOTATIONS: Final = "COCO or LVIS annotations (JSON), or a folder of measured depth."
 
-FOLDER = click.Path(path_type=Path, file_okay=False)
-EXISTING_FOLDER = click.Path(path_type=Path, file_okay=False, exists=True)
-EXISTING_FILE = click.Path(path_type=Path, dir_okay=False, exists=True)
-
-
-class Choice(click.Choice[str]):
-    """A choice of words; for a misspelt one the error suggests the nearest."""
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> str:
-        """The word as it is spelled in the list."""
-        try:
-            return super().convert(value, param, ctx)
-        except click.BadParameter as error:
-            near = did_you_mean(str(value), list(self.choices))
-            self.fail(f"{error.message.rstrip('.')}.{near}", param, ctx)
-
-
-class TaskChoice(Choice):
-    """The name of a task that a command can serve; the list is asked for when it is needed."""
-
-    def __init__(self, serves: Callable[[Task], bool] = lambda _task: True) -> None:
-        super().__init__(())
-        self._serves = serves
-
-    @property  # asked for with --help or a name, not when the command is defined
-    def choices(self) -> tuple[str, ...]:
-        """The names, those that ship first."""
-        return tuple(task.name for task in known_tasks() if self._serves(task))
-
-    @choices.setter
-    def choices(self, _unused: object) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Set by click alone."""
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> str:
-        """The name. InstallationError for a task of a package that cannot be loaded."""
-        if str(value) in task_names():
-            task_named(str(value))
-        return super().convert(value, param, ctx)
-
-
-def has_track(task: Task) -> bool:
-    """Whether tracks of the task are made from truth."""
-    return task.family.track is not None
-
-
-class SizeType(click.ParamType[tuple[int, int]]):
-    """WIDTHxHEIGHT in pixels."""
-
-    name = "WxH"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Text to (width, height)."""
-        if isinstance(value, tuple):
-            return value
-        parts = str(value).lower().split("x")
-        if len(parts) != 2 or not all(p.isdigit() and 0 < int(p) <= 8192 for p in parts):
-            self.fail(f"{value!r} is not a size such as 640x480", param, ctx)
-        return int(parts[0]), int(parts[1])
-
-
-class ShardType(click.ParamType[tuple[int, int]]):
-    """i/n, counted from 1."""
-
-    name = "i/n"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Text to (index, number of shards)."""
-        if isinstance(value, tuple):
-            return value
-        parts = str(value).split("/")
-        if len(parts) != 2 or not all(p.isdecimal() for p in parts):
-            self.fail(f"{value!r} is not a shard such as 1/16", param, ctx)
-        index, of = int(parts[0]), int(parts[1])
-        if not 1 <= index <= of:
-            self.fail(
-                f"{value!r}: shards are counted from 1/{of or 1} to {of or 1}/{of or 1}", param, ctx
-            )
-        return index, of
-
-
-def limits(command: F) -> F:
-    """--time-limit and --memory-limit of each Blender process."""
-    command = click.option(
-        "--time-limit",
-        default=120.0,
-        show_default=True,
-        type=click.FloatRange(min=0.1),
-        envvar="LEGOWORLD_TIME_LIMIT",
-        help="Time limit of Blender per scene, in seconds.",
-    )(command)
-    return click.option(
-        "--memory-limit",
-        default=8.0,
-        show_default=True,
-        type=click.FloatRange(min=0.1),
-        envvar="LEGOWORLD_MEMORY_LIMIT",
-        help="Memory limit of one Blender process, in GiB.",
-    )(command)
-
-
-def source(command: F) -> F:
-    """--source."""
-    return click.option(
-        "--source",
-        type=Choice(["blend", "glb"]),
-        default="blend",
-        show_default=True,
-        help="File of a scene to read.",
-    )(command)
-
-
-def engine(command: F) -> F:
-    """--engine."""
-    return click.option(
+#: The names of an option, the last one its parameter's; its help; and what else click is told. A
+#: command's own help and settings go before these. "": every command has its own help.
+SHARED: Final[Sequence[tuple[str, str, Mapping[str, Any]]]] = [
+    # What is printed and written
+    ("--json as_json", "Print one JSON document instead of tables.", _FLAG),
+    ("-q --quiet", "Print no progress and no notices.", _FLAG),
+    ("-v --verbose", "Print full details.", _FLAG),
+    ("-o --output", "", {"type": FOLDER, "required": True}),
+    ("--overwrite", "Delete the results of an earlier run first.", _FLAG),
+    # Places
+    ("--photos", "Folder of the photos.", {"type": EXISTING_FOLDER, "required": True}),
+    ("--photo", "", {"type": EXISTING_FILE}),
+    ("--track", "Track file (images).", {"type": EXISTING_FILE}),
+    ("--truth", f"Ground truth: {ANNOTATIONS}", {"type": EXISTING, "required": True}),
+    ("--input inputs", "", {"type": EXISTING, "multiple": True}),
+    ("--workspace", "", {"type": FOLDER}),
+    # Selection
+    ("--limit", "Only the first N images (partial run).", {"type": COUNT}),
+    ("--image-id image_ids", "Only this image; repeatable.", {"type": click.INT, "multiple": True}),
+    ("--size size_wh", "", {"type": SizeType()}),
+    ("--draws", "", {"type": COUNT}),
+    ("--seed", "RNG seed for tie orders and bootstrap.", {"type": FROM_ZERO, "default": 0}),
+    # Running
+    ("--workers", "Blender processes [default: cores].", {"type": COUNT}),
+    (
         "--engine",
-        type=Choice(["local", "ray"]),
-        default="local",
-        show_default=True,
-        envvar="LEGOWORLD_ENGINE",
-        help="Run on this machine or on a Ray cluster (RAY_ADDRESS).",
-    )(command)
-
-
-def caching(command: F) -> F:
-    """--cache and --no-cache."""
-    command = click.option(
+        "Run on this machine or on a Ray cluster (RAY_ADDRESS).",
+        {"type": Choice(["local", "ray"]), "default": "local", "envvar": "LEGOWORLD_ENGINE"},
+    ),
+    (
+        "--source",
+        "File of a scene to read.",
+        {"type": Choice(["blend", "glb"]), "default": "blend"},
+    ),
+    ("--require-frozen", "Refuse scenes without a frozen.json.", _FLAG),
+    (
+        "--images-per-file",
+        "Boxes and masks: write predictions/00000.jsonl, ... of N images each [default: one file].",
+        {"type": COUNT, "metavar": "N"},
+    ),
+    ("--no-render render", "", {**_FLAG, "flag_value": False, "default": True}),
+    ("--no-cache", "Neither read nor write the snapshot cache; overrides --cache.", _FLAG),
+    (
         "--cache",
-        type=FOLDER,
-        envvar="LEGOWORLD_CACHE",
-        help="Snapshot cache folder [default: the user's cache folder].",
-    )(command)
-    return click.option(
-        "--no-cache",
-        is_flag=True,
-        help="Neither read nor write the snapshot cache; overrides --cache.",
-    )(command)
+        "Snapshot cache folder [default: the user's cache folder].",
+        {"type": FOLDER, "envvar": "LEGOWORLD_CACHE"},
+    ),
+    (
+        "--memory-limit memory_limit_gib",
+        "Memory limit of one Blender process, in GiB.",
+        {"type": AMOUNT, "default": 8.0},
+    ),
+    ("--time-limit time_limit_s", "Time limit of Blender per scene, in seconds.", {"type": AMOUNT}),
+    (
+        "--sandbox",
+        "auto: bubblewrap where it works, otherwise resource limits only; bubblewrap: fail if "
+        "unavailable; limits: never use it.",
+        {"type": Choice(["auto", "bubblewrap", "limits"]), "default": "auto"},
+    ),
+    # Depth arrays, models, the plugin
+    ("--space", "", {"type": Choice(["depth", "disparity", "ray_distance"])}),
+    ("--label-map", 'JSON {"their label": "category name" or null}.', {"type": EXISTING_FILE}),
+    ("--ledger", "", {"type": FOLDER, "default": Path("legoworld-ledger")}),
+    ("--without off", "Leave a module of the plugin out, for ablations; repeatable.",
+     {"multiple": True}),
+    ("--regions", "", {"multiple": True}),
+    ("--evidence", "Folder of `legoworld plugin evidence`.", {"type": EXISTING_FOLDER}),
+    ("--blender address", "Address of Blender MCP's socket: HOST:PORT.",
+     {"default": "127.0.0.1:9876"}),
+    (
+        "--require-transaction",
+        "Refuse tools that change the scene while no transaction is open.",
+        _FLAG,
+    ),
+]  # fmt: skip
 
 
-def output_options(command: F) -> F:
-    """--json, -q and -v."""
-    command = click.option(
-        "--json", "as_json", is_flag=True, help="Print one JSON document instead of tables."
-    )(command)
-    command = click.option("-q", "--quiet", is_flag=True, help="Print no progress and no notices.")(
-        command
-    )
-    return click.option("-v", "--verbose", is_flag=True, help="Print full details.")(command)
+class Decorator(Protocol):
+    """Adds options to a command's function."""
+
+    def __call__(self, command: F, /) -> F:
+        """The function that click calls."""
+        ...
 
 
-def cache_choice(cache: Path | None, no_cache: bool) -> bool | Path:
+def long_name(names: str) -> str:
+    """The name with two dashes."""
+    return next(name for name in names.split() if name.startswith("--"))
+
+
+_KNOWN: Final = {long_name(names): (names, text, settings) for names, text, settings in SHARED}
+
+
+def option(names: str, text: str = "", kind: ParamType | None = None, **more: Any) -> Decorator:
+    """click's option: its names, its help, its type; a default is shown.
+
+    names: such as "-o --output"; one without dashes is the parameter's, where it is another. One of
+    several commands is named by its long name alone, and has the type and the help it has there.
+    """
+    known, help_text, settings = _KNOWN.get(long_name(names), (names, "", {}))
+    declared = known if names == long_name(names) else names
+    own: dict[str, Any] = {**settings, **more, "help": text or help_text}
+    if kind is not None:
+        own["type"] = kind
+    if "default" in own and "is_flag" not in own:
+        own.setdefault("show_default", True)
+    return click.option(*declared.split(), **own)
+
+
+def flag(names: str, text: str) -> Decorator:
+    """An option without a value: True where it is given."""
+    return option(names, text, is_flag=True)
+
+
+def off(names: str, text: str) -> Decorator:
+    """An option without a value: its parameter is True, and False where it is given."""
+    return option(names, text, is_flag=True, flag_value=False, default=True)
+
+
+def all_of(*declared: Decorator) -> Decorator:
+    """Several options, in the order of the help."""
+
+    def decorate(command: F) -> F:
+        for one in reversed(declared):
+            command = one(command)
+        return command
+
+    return decorate
+
+
+def together(name: str, make: Callable[..., object] | str, *declared: Decorator) -> Decorator:
+    """Options whose values become one argument: name=make(**values).
+
+    make: a function, or "module:NAME" of one that is imported when the command runs.
+    """
+
+    def decorate(command: F) -> F:
+        @functools.wraps(command)
+        def call(*args: Any, **given: Any) -> Any:
+            own = {parameter: given.pop(parameter) for parameter in parameters}
+            return command(*args, **given, **{name: _function(make)(**own)})
+
+        known = len(getattr(command, "__click_params__", ()))
+        whole = all_of(*declared)(cast("F", call))
+        parameters = [p.name for p in cast("Any", whole).__click_params__[known:]]
+        return whole
+
+    return decorate
+
+
+def _function(make: Callable[..., object] | str) -> Callable[..., object]:
+    if not isinstance(make, str):
+        return make
+    module, _, name = make.partition(":")
+    found: Callable[..., object] = getattr(import_module(module), name)
+    return found
+
+
+def refuse_given(names: Sequence[str], why: str) -> None:
+    """Raise click.UsageError when one of these options was given, so that none is ignored."""
+    context = click.get_current_context()
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is click.core.ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{parameter.opts[0]} {why}")
+
+
+def _cache(cache: Path | None, no_cache: bool) -> bool | Path:
     """--cache and --no-cache as the Python API's `cache` argument; --no-cache wins.
 
     A cache that nobody chose and that cannot be written is left out, and a notice says so.
@@ -202,53 +222,45 @@ def cache_choice(cache: Path | None, no_cache: bool) -> bool | Path:
     return not why
 
 
-def refuse_given(names: Sequence[str], why: str) -> None:
-    """Raise click.UsageError when one of these options was given, so that none is ignored."""
-    context = click.get_current_context()
-    for parameter in context.command.params:
-        source = context.get_parameter_source(parameter.name or "")
-        if parameter.name in names and source is click.core.ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{parameter.opts[0]} {why}")
+def _snapshot_cache(**given: Any) -> SnapshotCache | None:
+    from legoworld.api.settings import snapshot_cache
+
+    return snapshot_cache(_cache(**given))
 
 
-def print_json(document: Mapping[str, Storable]) -> None:
-    """Print one JSON document with schema_version on standard output; records are converted."""
-    from legoworld.records.base import as_json
+def _protections(sandbox: Confinement, *, network: bool = False) -> Protections:
+    from legoworld.workers.protections import protections
 
-    whole = {"schema_version": SCHEMA_VERSION, **document}
-    text = json.dumps(whole, sort_keys=True, ensure_ascii=False, default=as_json)
-    click.echo(escaped(text))
+    return protections(sandbox, network=network)
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
-    """A text table of words and numbers."""
-    return terminal(of_cells(header, rows))
+_LIMITS: Final = (
+    option("--memory-limit", envvar="LEGOWORLD_MEMORY_LIMIT"),
+    option("--time-limit", default=120.0, envvar="LEGOWORLD_TIME_LIMIT"),
+)
+#: Limits of each Blender process as the Python API's arguments, or as `limits: Limits`.
+api_limits: Final = all_of(*_LIMITS)
+limits: Final = together("limits", "legoworld.api.settings:limits_of", *_LIMITS)
+_CACHE: Final = (option("--no-cache"), option("--cache"))
+#: The snapshot cache as the Python API's `cache: bool | Path`, or as a `SnapshotCache | None`.
+api_cache: Final = together("cache", _cache, *_CACHE)
+cache: Final = together("cache", _snapshot_cache, *_CACHE)
+#: -v, -q and --json as `out: Output`; or --json alone.
+printing: Final = together("out", Output, option("--verbose"), option("--quiet"), option("--json"))
+printing_json: Final = together("out", Output, option("--json"))
 
 
-def report_hint(folder: Path, *, photos: bool) -> str:
-    """The last line of what evaluate and compare print: how to look at the result.
-
-    photos: whether the page has to be told where they are; a bench's are found without.
-    """
-    more = " --photos PHOTOS" if photos else ""
-    return f"look at it: legoworld report {shlex.quote(str(folder))}{more} -o report.html"
+def quiet(text: str) -> Decorator:
+    """-q alone as `out: Output`."""
+    return together("out", Output, option("--quiet", text))
 
 
-def notifier(quiet: bool) -> Callable[[str], None]:
-    """A function that prints a notice on standard error, unless --quiet."""
-
-    def notice(text: str) -> None:
-        if not quiet:
-            click.echo(text, err=True)
-
-    return notice
+def protections(*network: Decorator) -> Decorator:
+    """--sandbox as `held: Protections`. network: an option that gives the network, before it."""
+    return together("held", _protections, *network, option("--sandbox"))
 
 
-def tracer(verbose: bool) -> Callable[[str], None]:
-    """A function that prints a traceback on standard error with --verbose, regardless of -q."""
-    return notifier(quiet=not verbose)
-
-
-def on_terminal() -> bool:
-    """Whether standard error is a terminal."""
-    return sys.stderr.isatty()
+def memory_bytes(of: str) -> Decorator:
+    """--memory-limit of a Blender that runs others' code, in bytes."""
+    limit = option("--memory-limit gib", f"Memory limit of {of}, in GiB.")
+    return together("memory_bytes", lambda gib: int(gib * 2**30), limit)

@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Final, Unpack
 
 import click
 
 from legoworld.commands import options
-from legoworld.commands.options import F
+from legoworld.commands.options import flag, option
+from legoworld.commands.output import table
+from legoworld.commands.param_types import EXISTING_FOLDER, FROM_ZERO, Choice
 from legoworld.commands.plugin_evidence import evidence
 from legoworld.plugin.modules import MODULES
 
-_CONTEXT = {"help_option_names": ["-h", "--help"]}
-_DIALECTS = options.Choice(["claude", "codex", "cursor"])
-_REQUIRE_TRANSACTION = click.option(
-    "--require-transaction", is_flag=True,
-    help="Refuse tools that change the scene while no transaction is open.",
-)  # fmt: skip
+if TYPE_CHECKING:
+    from legoworld.plugin.hooks import Dialect
+    from legoworld.plugin.serving import PluginServing
+
+_DIALECTS: Final = Choice(["claude", "codex", "cursor"])
 
 
-def _ledger(help_text: str) -> Callable[[F], F]:
-    return click.option(
-        "--ledger", default=Path("legoworld-ledger"), show_default=True, type=options.FOLDER,
-        help=help_text,
-    )  # fmt: skip
-
-
-@click.group("plugin", context_settings=_CONTEXT)
+@click.group("plugin")
 def command() -> None:
     """Measure a live scene against a photo, and guard edits to it.
 
@@ -43,45 +36,30 @@ def command() -> None:
 command.add_command(evidence)
 
 
-@command.command("serve", context_settings=_CONTEXT)
-@click.option(
-    "--photo", type=options.EXISTING_FILE,
-    help="The reference photo; evidence of another one is refused.",
-)  # fmt: skip
-@click.option(
-    "--evidence", type=options.EXISTING_FOLDER, help="Folder of `legoworld plugin evidence`."
+@command.command("serve")
+@option("--photo", "The reference photo; evidence of another one is refused.")
+@option("--evidence")
+@option("--blender")
+@option("--ledger", "Folder for the record of all calls; an existing one is continued.")
+@option("--without", kind=Choice(MODULES))
+@flag(
+    "--require-transaction",
+    "Refuse begin and export after edits without a transaction; rollback undoes them.",
 )
-@click.option(
-    "--blender", default="127.0.0.1:9876", show_default=True,
-    help="Address of Blender MCP's socket: HOST:PORT.",
-)  # fmt: skip
-@_ledger("Folder for the record of all calls; an existing one is continued.")
-@click.option(
-    "--without", multiple=True, type=options.Choice(MODULES),
-    help="Leave a module of the plugin out, for ablations; repeat.",
-)  # fmt: skip
-@click.option(
-    "--require-transaction", is_flag=True,
-    help="Refuse begin and export after edits without a transaction; rollback undoes them.",
-)  # fmt: skip
-@click.option(
-    "--rounds", default=2, show_default=True, type=click.IntRange(min=0),
-    help="Refused commits of a transaction that may be corrected.",
-)  # fmt: skip
-@click.option(
-    "--rollbacks", default=2, show_default=True, type=click.IntRange(min=0),
-    help="Rollbacks of a case; one that has no corrections left is always allowed.",
-)  # fmt: skip
-def serve(
-    photo: Path | None,
-    evidence: Path | None,
-    blender: str,
-    ledger: Path,
-    without: tuple[str, ...],
-    require_transaction: bool,
-    rounds: int,
-    rollbacks: int,
-) -> int:
+@options.together(
+    "limits",
+    "legoworld.records.plugin_ledger:TransactionLimits",
+    option(
+        "--rounds", "Refused commits of a transaction that may be corrected.", FROM_ZERO, default=2
+    ),
+    option(
+        "--rollbacks",
+        "Rollbacks of a case; one that has no corrections left is always allowed.",
+        FROM_ZERO,
+        default=2,
+    ),
+)
+def serve(**given: Unpack[PluginServing]) -> int:
     """Serve the plugin's tools over MCP, on standard input and output.
 
     Needs the packages of the extra `plugin`; without them the command prints how to install
@@ -94,22 +72,13 @@ def serve(
       legoworld plugin serve --blender 127.0.0.1:9900 --ledger case-1
     """
     from legoworld.plugin.serving import serve_plugin
-    from legoworld.records.plugin_ledger import TransactionLimits
 
-    serve_plugin(
-        photo=photo,
-        evidence=evidence,
-        address=blender,
-        ledger=ledger,
-        off=without,
-        require_transaction=require_transaction,
-        limits=TransactionLimits(rounds=rounds, rollbacks=rollbacks),
-    )
+    serve_plugin(**given)
     return 0
 
 
-@command.command("replay", context_settings=_CONTEXT)
-@click.argument("ledger", type=options.EXISTING_FOLDER)
+@command.command("replay")
+@click.argument("ledger", type=EXISTING_FOLDER)
 def replay(ledger: Path) -> int:
     """Check a ledger's chain of hashes, and print its calls.
 
@@ -126,21 +95,21 @@ def replay(ledger: Path) -> int:
          (e.scene_signature or "")[:12])
         for e in entries
     ]  # fmt: skip
-    click.echo(options.table(("seq", "tool", "transaction", "then", "scene"), rows))
+    click.echo(table(("seq", "tool", "transaction", "then", "scene"), rows))
     click.echo(f"{len(entries)} entries, the chain is whole")
     return 0
 
 
-@command.command("hook", context_settings=_CONTEXT)
-@click.option(
-    "--dialect", required=True, type=_DIALECTS,
-    help="Whose events and answers: Claude Code's, Codex's or Cursor's.",
-)  # fmt: skip
-@_ledger("Folder of the case, as for `plugin serve`.")
-@_REQUIRE_TRANSACTION
-def hook(
-    dialect: Literal["claude", "codex", "cursor"], ledger: Path, require_transaction: bool
-) -> int:
+@command.command("hook")
+@option(
+    "--dialect",
+    "Whose events and answers: Claude Code's, Codex's or Cursor's.",
+    _DIALECTS,
+    required=True,
+)
+@option("--ledger", "Folder of the case, as for `plugin serve`.")
+@option("--require-transaction")
+def hook(dialect: Dialect, ledger: Path, require_transaction: bool) -> int:
     """Answer one event of a coding agent's hooks: JSON on standard input, JSON on standard output.
 
     A stop is blocked while a transaction is open, the last report is stale or does not pass, or no
@@ -158,30 +127,22 @@ def hook(
     return 0
 
 
-@command.command("install", context_settings=_CONTEXT)
-@click.option(
-    "--for", "dialect", required=True, type=_DIALECTS,
-    help="Claude Code, Codex or Cursor.",
-)  # fmt: skip
-@click.option(
-    "--project", default=Path(), show_default=True, type=options.EXISTING_FOLDER,
-    help="Folder whose settings are changed.",
-)  # fmt: skip
-@click.option("--photo", type=options.EXISTING_FILE, help="For `plugin serve`.")
-@click.option("--evidence", type=options.EXISTING_FOLDER, help="For `plugin serve`.")
-@click.option(
-    "--blender", default="127.0.0.1:9876", show_default=True, help="For `plugin serve`: HOST:PORT."
-)
-@_ledger("Folder of the case.")
-@_REQUIRE_TRANSACTION
-@click.option("--write", is_flag=True, help="Write the settings; without it they are printed.")
-@click.option("--undo", is_flag=True, help="Take out what was written, and nothing else.")
+@command.command("install")
+@option("--for dialect", "Claude Code, Codex or Cursor.", _DIALECTS, required=True)
+@option("--project", "Folder whose settings are changed.", EXISTING_FOLDER, default=Path())
+@option("--photo", "For `plugin serve`.")
+@option("--evidence", "For `plugin serve`.")
+@option("--blender")
+@option("--ledger", "Folder of the case.")
+@option("--require-transaction")
+@flag("--write", "Write the settings; without it they are printed.")
+@flag("--undo", "Take out what was written, and nothing else.")
 def install(
-    dialect: Literal["claude", "codex", "cursor"],
+    dialect: Dialect,
     project: Path,
     photo: Path | None,
     evidence: Path | None,
-    blender: str,
+    address: str,
     ledger: Path,
     require_transaction: bool,
     write: bool,
@@ -207,7 +168,7 @@ def install(
         if not changes:
             click.echo("nothing is installed here")
         return 0
-    serve_words = ["--blender", blender, "--ledger", str(ledger.resolve())]
+    serve_words = ["--blender", address, "--ledger", str(ledger.resolve())]
     for name, path in (("--photo", photo), ("--evidence", evidence)):
         serve_words += [] if path is None else [name, str(path.resolve())]
     serve_words += ["--require-transaction"] if require_transaction else []

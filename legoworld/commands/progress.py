@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from legoworld.api.listening import Listener
-from legoworld.commands import options
+from legoworld.commands.output import Output, on_terminal
 from legoworld.pluralize import share
 from legoworld.records.run_rows import RunRow
 
@@ -56,8 +56,8 @@ class LineProgress:
 @contextmanager
 def shown_progress(unit: str, *, quiet: bool) -> Iterator[Listener]:
     """A progress bar on standard error that starts at the kept units; lines without a terminal."""
-    say = options.notifier(quiet)
-    if not quiet and not options.on_terminal():
+    say = Output(quiet=quiet).notice
+    if not quiet and not on_terminal():
         counter = LineProgress(unit, say, time.monotonic)
         yield Listener(total=counter.total, row=counter, kept=counter.kept, notice=say, warn=say)
         return

@@ -8,40 +8,33 @@ from pathlib import Path
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING_FOLDER, FILE
 from legoworld.pluralize import counted, share, word_for
 
 
-@click.command("report", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("folders", nargs=-1, required=True, type=options.EXISTING_FOLDER)
-@click.option(
+@click.command("report")
+@click.argument("folders", nargs=-1, required=True, type=EXISTING_FOLDER)
+@option(
     "--photos",
-    type=options.EXISTING_FOLDER,
-    help="Folder of the photos, or of their train2017/ and val2017/ [default: a page without "
-    "photos].",
+    "Folder of the photos, or of their train2017/ and val2017/ [default: a page without photos].",
+    required=False,
 )
-@click.option(
+@option(
     "--scenes",
-    "scenes",
+    "Where the scene folders lie, for renders and 3D; may be given again [default: without].",
+    EXISTING_FOLDER,
     multiple=True,
-    type=options.EXISTING_FOLDER,
-    help="Where the scene folders lie, for renders and 3D; may be given again [default: without].",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    required=True,
-    help="HTML file to write.",
-)
-@options.output_options
+@option("--output", "HTML file to write.", FILE)
+@options.printing
 def command(
     folders: tuple[Path, ...],
     photos: Path | None,
     scenes: tuple[Path, ...],
     output: Path,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    out: Output,
 ) -> int:
     """Write one HTML page of evaluations and comparisons (FOLDERS): numbers, errors, every photo.
 
@@ -72,21 +65,18 @@ def command(
     written = write_page(document, output, commands=[shlex.join([*words, "-o", "report.html"])])
     missing = sum(view.photo is None for view in document.views)
     if missing:
-        notice = options.notifier(quiet)
         views = share(missing, len(document.views), "view", "views")
-        notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")
-    if as_json:
-        options.print_json(
-            {
-                "report": str(output),
-                "beside": str(written.beside) if written.beside else None,
-                "bytes": written.n_bytes,
-                "views": len(document.views),
-                "views_without_photo": missing,
-            }
-        )
-        return 0
+        out.notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")
     more = f" and {written.beside}" if written.beside else ""
     views = counted(len(document.views), "view", "views")
-    click.echo(f"{views}, {written.n_bytes / 1e6:.1f} MB -> {output}{more}")
+    out.show(
+        {
+            "report": str(output),
+            "beside": str(written.beside) if written.beside else None,
+            "bytes": written.n_bytes,
+            "views": len(document.views),
+            "views_without_photo": missing,
+        },
+        f"{views}, {written.n_bytes / 1e6:.1f} MB -> {output}{more}",
+    )
     return 0

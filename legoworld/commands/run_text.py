@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from legoworld.commands import options
+from legoworld.commands import output
 from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.errors import name_on_line
 from legoworld.pluralize import counted, share
@@ -155,7 +155,7 @@ def _table(rows: Sequence[RunRow]) -> list[str]:
         for row in rows
     ]
     header = ("image", "photo", "status", "exported", "unexported", "warnings")
-    return [options.table(header, cells), ""]
+    return [output.table(header, cells), ""]
 
 
 def _failure(row: RunRow, more: int = 0) -> str:

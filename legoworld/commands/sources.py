@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from legoworld import exit_codes
-from legoworld.commands import options
+from legoworld.commands.output import Output, table
 from legoworld.pluralize import counted, word_for
 
 if TYPE_CHECKING:
@@ -29,10 +28,7 @@ def document(found: SourceComparison) -> dict[str, Any]:
         "lost": as_json(found.lost),
         "gained": as_json(found.gained),
         "differences": list(found.differences),
-        "warnings": {
-            "blend": list(found.blend.warnings),
-            "glb": list(found.glb.warnings),
-        },
+        "warnings": {"blend": list(found.blend.warnings), "glb": list(found.glb.warnings)},
         "snapshot_sha256": {
             "blend": found.blend.scene.snapshot_sha256,
             "glb": found.glb.scene.snapshot_sha256,
@@ -40,41 +36,36 @@ def document(found: SourceComparison) -> dict[str, Any]:
     }
 
 
-def show(found: SourceComparison, *, as_json: bool, quiet: bool, verbose: bool) -> int:
+def show(found: SourceComparison, out: Output) -> int:
     """Print the shared instances, worst first, and other differences; return the exit code."""
-    if as_json:
-        options.print_json(document(found))
-    else:
-        _print(found, quiet=quiet, verbose=verbose)
+    out.show(lambda: document(found), _lines(found, out))
     return exit_codes.DONE if found.faithful else exit_codes.INCOMPLETE
 
 
-def _print(found: SourceComparison, *, quiet: bool, verbose: bool) -> None:
-    pairs = found.pairs if verbose else found.pairs[: max(40, found.disagreeing)]
+def _lines(found: SourceComparison, out: Output) -> Iterator[str]:
+    pairs = found.pairs if out.verbose else found.pairs[: max(40, found.disagreeing)]
     rows = [
         (pair.name, _category(pair), pair.blend_area_px, pair.glb_area_px, f"{pair.iou:.5f}")
         for pair in pairs
     ]
-    header = ("instance", "category", ".blend px", ".glb px", "IoU")
-    click.echo(options.table(header, rows))
+    yield table(("instance", "category", ".blend px", ".glb px", "IoU"), rows)
     if len(pairs) < len(found.pairs):
-        click.echo(f"... and {len(found.pairs) - len(pairs)} more that agree (-v lists them)")
+        yield f"... and {len(found.pairs) - len(pairs)} more that agree (-v lists them)"
     width, height = found.blend.view.size_wh
     disagree = word_for(found.disagreeing, "disagrees", "disagree")
-    click.echo(
+    yield (
         f"\n{counted(len(found.pairs), 'instance', 'instances')} in both sources at "
         f"{width}x{height}: {found.disagreeing} {disagree}; "
         f"{found.unseen} more {word_for(found.unseen, 'is', 'are')} not seen in either; "
         f"{counted(found.differing_px, 'pixel differs', 'pixels differ')}"
     )
-    _one_sided("only in scene.blend", found.lost)
-    _one_sided("only in scene.glb", found.gained)
+    yield from _one_sided("only in scene.blend", found.lost)
+    yield from _one_sided("only in scene.glb", found.gained)
     for line in found.differences:
-        click.echo(f"differs: {line}")
-    if not quiet:
-        for source, inspection in (("scene.blend", found.blend), ("scene.glb", found.glb)):
-            for warning in inspection.warnings:
-                click.echo(f"warning: {source}: {warning}", err=True)
+        yield f"differs: {line}"
+    for source, inspection in (("scene.blend", found.blend), ("scene.glb", found.glb)):
+        for warning in inspection.warnings:
+            out.notice(f"warning: {source}: {warning}")
 
 
 def _category(pair: Pair) -> str:
@@ -82,11 +73,11 @@ def _category(pair: Pair) -> str:
     return blend if blend == glb else f"{blend} | {glb}"
 
 
-def _one_sided(where: str, entries: tuple[InstanceRow, ...]) -> None:
+def _one_sided(where: str, entries: tuple[InstanceRow, ...]) -> Iterator[str]:
     visible = sorted((e for e in entries if e.area_px), key=lambda e: -e.area_px)
     for entry in visible[:20]:
         category = f", {entry.category}" if entry.category else ""
-        click.echo(f"{where}: {entry.name!r}{category}, {entry.area_px} px")
+        yield f"{where}: {entry.name!r}{category}, {entry.area_px} px"
     rest = len(entries) - len(visible[:20])
     if rest:
-        click.echo(f"{where}: {rest} more, {len(entries) - len(visible)} of them not seen")
+        yield f"{where}: {rest} more, {len(entries) - len(visible)} of them not seen"

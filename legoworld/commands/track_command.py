@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING_FILE
 from legoworld.commands.track_making import make_command
 from legoworld.pluralize import share, word_for
-from legoworld.records.base import Storable
 
-_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
+if TYPE_CHECKING:
+    from legoworld.commands.output import Document
 
 
-@click.group("track", context_settings=_HELP)
+@click.group("track")
 def command() -> None:
     """Make a public track (a list of images and categories), or check one against its photos.
 
@@ -29,11 +32,11 @@ def command() -> None:
 command.add_command(make_command)
 
 
-@command.command("check", context_settings=_HELP)
-@click.argument("track", type=options.EXISTING_FILE)
-@click.option("--photos", required=True, type=options.EXISTING_FOLDER, help="Folder of the photos.")
-@options.output_options
-def check_command(track: Path, photos: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
+@command.command("check")
+@click.argument("track", type=EXISTING_FILE)
+@option("--photos")
+@options.printing
+def check_command(track: Path, photos: Path, out: Output) -> int:
     """Check that every photo of TRACK exists, decodes, and has the size the track says.
 
     Exit code 1 otherwise.
@@ -53,23 +56,25 @@ def check_command(track: Path, photos: Path, as_json: bool, quiet: bool, verbose
 
     images = load_track(track).images
     problems = check_photos(images, photos, size_of)
-    if as_json:
-        rows: list[dict[str, Storable]] = [
-            {
-                "image_id": p.image.id,
-                "file_name": p.image.file_name,
-                "status": p.status,
-                "found": p.found,
-            }
-            for p in problems
-        ]
-        options.print_json({"images": len(images), "problems": rows})
-    else:
-        for p in problems[:50]:
-            click.echo(f"{p.status}: {p.image.file_name} (image {p.image.id}): {p.found}")
-        if len(problems) > 50:
-            click.echo(f"... and {len(problems) - 50} more (--json lists them)")
-        n_good = len(images) - len(problems)
-        good = share(n_good, len(images), "photo", "photos")
-        click.echo(f"{good} {word_for(n_good, 'matches', 'match')} the track")
+    rows: list[Document] = [
+        {
+            "image_id": p.image.id,
+            "file_name": p.image.file_name,
+            "status": p.status,
+            "found": p.found,
+        }
+        for p in problems
+    ]
+    n_good = len(images) - len(problems)
+    more = [f"... and {len(problems) - 50} more (--json lists them)"] if problems[50:] else []
+    good = share(n_good, len(images), "photo", "photos")
+    out.show(
+        {"images": len(images), "problems": rows},
+        [
+            *(f"{p.status}: {p.image.file_name} (image {p.image.id}): {p.found}"
+              for p in problems[:50]),
+            *more,
+            f"{good} {word_for(n_good, 'matches', 'match')} the track",
+        ],
+    )  # fmt: skip
     return 1 if problems else 0

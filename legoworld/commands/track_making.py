@@ -2,102 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import flag, option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import COUNT, EXISTING_FILE, TaskChoice, has_track
 from legoworld.files import EncodingError, utf8_text
 from legoworld.pluralize import counted, share
-from legoworld.records.base import Storable
 
 if TYPE_CHECKING:
+    from legoworld.commands.output import Document
     from legoworld.records.track import MadeTrack
 
 
-@click.command("make", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option(
+@click.command("make")
+@option(
     "--task",
-    "tasks",
+    "Task of the track; repeatable, each with its --truth: tracks over the same photos.",
+    TaskChoice(has_track),
     required=True,
     multiple=True,
-    type=options.TaskChoice(options.has_track),
-    help="Task of the track; repeatable, each with its --truth: tracks over the same photos.",
 )
-@click.option(
-    "--truth",
-    "truths",
-    required=True,
-    multiple=True,
-    type=click.Path(path_type=Path, exists=True),
-    help="COCO or LVIS annotations (JSON), or a folder of measured depth.",
-)
-@click.option(
-    "-o",
+@option("--truth truths", options.ANNOTATIONS, multiple=True)
+@option(
     "--output",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="Track file to write; of several tasks the folder of <task>.json.",
+    "Track file to write; of several tasks the folder of <task>.json.",
+    click.Path(path_type=Path),
 )
-@click.option(
-    "--any",
-    "every",
-    is_flag=True,
-    help="Several tasks: the photos that any truth lists [default: those that all list].",
+@flag(
+    "--any every", "Several tasks: the photos that any truth lists [default: those that all list]."
 )
-@click.option(
-    "--sample", type=click.IntRange(min=1), help="Number of images to sample [default: all]."
+@option("--sample", "Number of images to sample [default: all].", COUNT)
+@option("--seed", "RNG seed for sampling, with --sample.")
+@option(
+    "--images", "Take these images only: a file with one id or file name per line.", EXISTING_FILE
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="RNG seed for sampling, with --sample.",
-)
-@click.option(
-    "--images",
-    type=options.EXISTING_FILE,
-    help="Take these images only: a file with one id or file name per line.",
-)
-@click.option("--scenes", help="Take these scenes of ETH3D's layout only, separated by commas.")
-@click.option("--dataset", help="Name of a depth dataset other than ETH3D.")
-@click.option(
-    "--photos",
-    type=options.EXISTING_FOLDER,
-    help="Photos whose depth files in --truth have the same names.",
-)
-@click.option(
-    "--space",
-    type=options.Choice(["depth", "disparity", "ray_distance"]),
-    help="What the depth files hold, with --photos; written to their depth.toml.",
-)
-@click.option(
-    "--unit",
-    help="m, mm, m/N, sun_rgbd or nyu_raw, with --photos; written to their depth.toml.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace an existing track file.")
-@options.output_options
+@option("--scenes", "Take these scenes of ETH3D's layout only, separated by commas.")
+@option("--dataset", "Name of a depth dataset other than ETH3D.")
+@option("--photos", "Photos whose depth files in --truth have the same names.", required=False)
+@option("--space", "What the depth files hold, with --photos; written to their depth.toml.")
+@option("--unit", "m, mm, m/N, sun_rgbd or nyu_raw, with --photos; written to their depth.toml.")
+@option("--overwrite", "Replace an existing track file.")
+@options.printing
 def make_command(
-    tasks: tuple[str, ...],
+    task: tuple[str, ...],
     truths: tuple[Path, ...],
     output: Path,
     every: bool,
     sample: int | None,
     seed: int,
     images: Path | None,
-    scenes: str | None,
-    dataset: str | None,
-    photos: Path | None,
-    space: str | None,
-    unit: str | None,
     overwrite: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    out: Output,
+    **named: Any,
 ) -> int:
     """Make a public track from a dataset's annotations.
 
@@ -118,25 +81,30 @@ def make_command(
         options.refuse_given(["seed"], "is for --sample")
     if images is not None and sample is not None:
         raise click.UsageError("--images and --sample exclude each other: pass one")
-    if len(tasks) != len(truths) or len(set(tasks)) < len(tasks):
+    if len(task) != len(truths) or len(set(task)) < len(task):
         raise click.UsageError("pass one --truth for each --task, in the same order")
-    if every and len(tasks) == 1:
+    if every and len(task) == 1:
         raise click.UsageError("--any is for several --task")
     chosen = _lines(images) if images is not None else None
-    named = {"scenes": scenes, "dataset": dataset, "space": space, "unit": unit, "photos": photos}
-    takers = _takers(tasks, named)
-    if photos is not None:
-        for task in takers:
-            _declare(truths[tasks.index(task)], space, unit, quiet=quiet)
+    takers = _takers(task, named)
+    if named["photos"] is not None:
+        for one in takers:
+            _declare(truths[task.index(one)], named["space"], named["unit"], out)
     made = _make(
-        dict(zip(tasks, truths, strict=True)),
+        dict(zip(task, truths, strict=True)),
         output,
         Selection(sample=sample, seed=seed, chosen=chosen, every=every),
-        dict.fromkeys(takers, _own_options(scenes, dataset=dataset, photos=photos)),
+        dict.fromkeys(takers, _own_options(named)),
         overwrite=overwrite,
-        notice=options.notifier(quiet),
+        notice=out.notice,
     )
-    return _show(made, output, seed, as_json=as_json)
+    infos: dict[str, Document] = {
+        path.stem: {"track": str(path), "info": track.info} for path, track in made.items()
+    }
+    alone = next(iter(infos.values()))
+    document: Document = alone if len(infos) == 1 else {"tracks": str(output), "tasks": infos}
+    out.show(document, _shown(made, seed))
+    return 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,21 +130,22 @@ def _takers(tasks: Sequence[str], given: Mapping[str, object]) -> list[str]:
     return [task for task in tasks if any(name in track_of(task).options for name in names)]
 
 
-def _declare(truth: Path, space: str | None, unit: str | None, *, quiet: bool) -> None:
+def _declare(truth: Path, space: str | None, unit: str | None, out: Output) -> None:
     from legoworld.evaluation.depth.integer_units import UNITS, is_unit
     from legoworld.track_making.depth import declare
 
     if unit is not None and not is_unit(unit) and unit != "px":
         raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
     if truth.is_dir() and (written := declare(truth, space, unit)):
-        options.notifier(quiet)(f"{truth.name}/depth.toml now says: {' '.join(written.split())}")
+        out.notice(f"{truth.name}/depth.toml now says: {' '.join(written.split())}")
 
 
-def _own_options(scenes: str | None, **given: object) -> dict[str, object]:
-    """The options that were given; scenes as a list of names."""
-    if scenes is not None:
-        given["scenes"] = [name for part in scenes.split(",") if (name := part.strip())]
-    return {name: value for name, value in given.items() if value is not None}
+def _own_options(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that tracks are made with; scenes as a list of names."""
+    own = {name: given[name] for name in ("scenes", "dataset", "photos") if given[name] is not None}
+    if "scenes" in own:
+        own["scenes"] = [name for part in own["scenes"].split(",") if (name := part.strip())]
+    return own
 
 
 def _make(
@@ -218,24 +187,16 @@ def _make(
     return {files[task]: track for task, track in tracks.items()}
 
 
-def _show(tracks: Mapping[Path, MadeTrack], output: Path, seed: int, *, as_json: bool) -> int:
-    if as_json:
-        infos: dict[str, dict[str, Storable]] = {
-            path.stem: {"track": str(path), "info": t.info} for path, t in tracks.items()
-        }
-        alone = next(iter(infos.values()))
-        options.print_json(alone if len(infos) == 1 else {"tracks": str(output), "tasks": infos})
-        return 0
+def _shown(tracks: Mapping[Path, MadeTrack], seed: int) -> Iterator[str]:
     for path, made in tracks.items():
         info = made.info
         drawn = f", drawn with seed {seed}" if info.sample else ""
         of = info.dataset_images or info.source_images
         source = f" of {info.dataset}" if info.dataset else ""
-        click.echo(
+        yield (
             f"{share(len(made.images), of, 'image', 'images')}{source}{drawn}, "
             f"{counted(len(made.categories), 'category', 'categories')} -> {path}"
         )
-    return 0
 
 
 def _lines(path: Path) -> list[str]:

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Final, Unpack
 
 import click
 
 from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING_FOLDER, FILE, Choice
 from legoworld.pluralize import counted
 
-_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
-_SCENES = click.argument("scenes", type=options.EXISTING_FOLDER)
-_SCORES = click.option(
-    "--scores", type=options.EXISTING_FOLDER, help="What `trajectory score` wrote."
-)
-_SANDBOX = click.option(
-    "--sandbox", type=options.Choice(["auto", "bubblewrap", "limits"]), default="auto",
-    show_default=True, help="auto: bubblewrap where it works, otherwise resource limits only.",
-)  # fmt: skip
+if TYPE_CHECKING:
+    from legoworld.trajectories.picking import By
+    from legoworld.trajectories.scoring import ScoringOptions
+    from legoworld.workers.protections import Protections
+    from legoworld.workers.sandbox import SandboxLimits
+
+_SCORES: Final = option("--scores", "What `trajectory score` wrote.", EXISTING_FOLDER)
 
 
-@click.group("trajectory", context_settings=_HELP)
+@click.group("trajectory")
 def command() -> None:
     """What happened on the way to each scene of `legoworld reconstruct`.
 
@@ -33,11 +34,11 @@ def command() -> None:
     """
 
 
-@command.command("show", context_settings=_HELP)
-@click.argument("scene", type=options.EXISTING_FOLDER)
+@command.command("show")
+@click.argument("scene", type=EXISTING_FOLDER)
 @_SCORES
-@options.output_options
-def show(scene: Path, scores: Path | None, as_json: bool, quiet: bool, verbose: bool) -> int:
+@options.printing
+def show(scene: Path, scores: Path | None, out: Output) -> int:
     """Print the calls of one trial, and which of them changed the scene.
 
     \b
@@ -51,45 +52,30 @@ def show(scene: Path, scores: Path | None, as_json: bool, quiet: bool, verbose: 
 
     trial = read_trial(scene)
     score = score_of(read_scores(scores), trial)
-    if as_json:
-        options.print_json({"trial": trial.about, "calls": trial.calls, "score": score})
-        return 0
-    click.echo(terminal(calls_table(trial, score)))
     about = trial.about
     source = about.finalisation.source
     submitted = "nothing was submitted" if source == "none" else f"submitted: its {source} scene"
-    click.echo(
+    lines = [
+        terminal(calls_table(trial, score)),
         f"{about.agent}: {about.status}, ended by {about.ended} after {about.agent_seconds:.0f} s; "
-        f"{submitted}"
-    )
+        f"{submitted}",
+    ]
     if score is not None:
-        click.echo(f"final Q {score.final_q:.4f}, regret {score.regret:.4f}")
+        lines.append(f"final Q {score.final_q:.4f}, regret {score.regret:.4f}")
+    out.show({"trial": about, "calls": trial.calls, "score": score}, lines)
     return 0
 
 
-@command.command("score", context_settings=_HELP)
-@click.argument("scenes", type=options.EXISTING_FOLDER, nargs=-1, required=True)
-@click.option("--truth", type=options.EXISTING_FOLDER, required=True, help="DATASET/private.")
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="Where scores go.")
-@click.option("--workers", default=1, show_default=True, type=click.IntRange(min=1),
-              help="Scenes read out at once.")  # fmt: skip
-@click.option("--draws", default=10_000, show_default=True, type=click.IntRange(min=1),
-              help="Bootstrap samples, over families.")  # fmt: skip
-@click.option("--seed", default=0, show_default=True, help="RNG seed for the bootstrap.")
-@_SANDBOX
-@options.output_options
-def score(
-    scenes: tuple[Path, ...],
-    truth: Path,
-    output: Path,
-    workers: int,
-    draws: int,
-    seed: int,
-    sandbox: Literal["auto", "bubblewrap", "limits"],
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-) -> int:
+@command.command("score")
+@click.argument("scenes", type=EXISTING_FOLDER, nargs=-1, required=True)
+@option("--truth private", "DATASET/private.", EXISTING_FOLDER)
+@option("--output", "Where scores go.")
+@option("--workers", "Scenes read out at once.", default=1)
+@option("--draws", "Bootstrap samples, over families.", default=10_000)
+@option("--seed", "RNG seed for the bootstrap.")
+@options.protections()
+@options.printing
+def score(scenes: tuple[Path, ...], out: Output, **given: Unpack[ScoringOptions]) -> int:
     """Score every checkpoint of every trial below SCENES against a bench: Q over time.
 
     The result is private, like an evaluation. Run the same command again to resume.
@@ -102,46 +88,33 @@ def score(
     from legoworld.tables.terminal import terminal
     from legoworld.trajectories.scoring import ScoringPlan, score_trajectories
     from legoworld.trajectories.showing import agents_table
-    from legoworld.workers.protections import protections
-    from legoworld.workers.sandbox import SandboxLimits
 
-    plan = ScoringPlan(
-        private=truth,
-        output=output,
-        limits=SandboxLimits(time_s=600.0, memory_bytes=8 << 30),
-        held=protections(sandbox),
-        workers=workers,
-        draws=draws,
-        seed=seed,
-        notice=options.notifier(quiet),
-    )
+    plan = ScoringPlan(**given, limits=_limits(), notice=out.notice)
     document = score_trajectories(scenes, plan)
-    if as_json:
-        options.print_json({"agents": document.agents, "common": document.common})
-        return 0
-    click.echo(terminal(agents_table(document.agents)))
+    lines = [terminal(agents_table(document.agents))]
     if document.common is not None:
         shared = counted(len(document.common_images), "image", "images")
-        click.echo(f"\nOver {shared} that all agents have:")
-        click.echo(terminal(agents_table(document.common)))
+        lines.append(f"\nOver {shared} that all agents have:")
+        lines.append(terminal(agents_table(document.common)))
+    out.show({"agents": document.agents, "common": document.common}, lines)
     return 0
 
 
-@command.command("report", context_settings=_HELP)
-@_SCENES
-@click.option("--photos", type=options.EXISTING_FOLDER, help="The track's photos.")
+def _limits() -> SandboxLimits:
+    """Limits of each Blender that exports or measures a checkpoint."""
+    from legoworld.workers.sandbox import SandboxLimits
+
+    return SandboxLimits(time_s=600.0, memory_bytes=8 << 30)
+
+
+@command.command("report")
+@click.argument("scenes", type=EXISTING_FOLDER)
+@option("--photos", required=False)
 @_SCORES
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True,
-              help="The HTML file.")  # fmt: skip
-@options.output_options
+@option("--output", "The HTML file.", FILE)
+@options.printing
 def report(
-    scenes: Path,
-    photos: Path | None,
-    scores: Path | None,
-    output: Path,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    scenes: Path, photos: Path | None, scores: Path | None, output: Path, out: Output
 ) -> int:
     """Write one HTML page to scrub through: photo, render, Q and code of every call.
 
@@ -155,35 +128,34 @@ def report(
 
     trials = recorded_trials(scenes)
     write_page(trials, output, photos=photos, scores=scores)
-    if as_json:
-        options.print_json({"page": str(output), "trials": len(trials)})
-    else:
-        click.echo(f"{counted(len(trials), 'trial', 'trials')} -> {output}")
+    out.show(
+        {"page": str(output), "trials": len(trials)},
+        f"{counted(len(trials), 'trial', 'trials')} -> {output}",
+    )
     return 0
 
 
-@command.command("pick", context_settings=_HELP)
-@_SCENES
-@click.option(
-    "--by", type=options.Choice(["last", "residuals"]), required=True,
-    help="last: the open scene at the end; residuals: what the plugin measures.",
-)  # fmt: skip
-@click.option("--evidence", type=options.EXISTING_FOLDER,
-              help="<scene>/requirements.json and public evidence, for residuals.")  # fmt: skip
+@command.command("pick")
+@click.argument("scenes", type=EXISTING_FOLDER)
+@option(
+    "--by",
+    "last: the open scene at the end; residuals: what the plugin measures.",
+    Choice(["last", "residuals"]),
+    required=True,
+)
+@option("--evidence", "<scene>/requirements.json and public evidence, for residuals.")
 @_SCORES
-@click.option("-o", "--output", type=options.FOLDER, required=True, help="The folder of scenes.")
-@_SANDBOX
-@options.output_options
+@option("--output", "Folder of the scenes.")
+@options.protections()
+@options.printing
 def pick(
     scenes: Path,
-    by: Literal["last", "residuals"],
+    by: By,
     evidence: Path | None,
     scores: Path | None,
     output: Path,
-    sandbox: Literal["auto", "bubblewrap", "limits"],
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
+    held: Protections,
+    out: Output,
 ) -> int:
     """Choose each trial's submission again, among its own checkpoints, by public signals alone.
 
@@ -196,26 +168,17 @@ def pick(
     """
     from legoworld.trajectories import picking
     from legoworld.trajectories.showing import q_of_scores, read_scores
-    from legoworld.workers.protections import protections
-    from legoworld.workers.sandbox import SandboxLimits
 
     plan = picking.PickPlan(
-        by=by,
-        evidence=evidence,
-        limits=SandboxLimits(time_s=600.0, memory_bytes=8 << 30),
-        held=protections(sandbox),
-        notice=options.notifier(quiet),
+        by=by, evidence=evidence, limits=_limits(), held=held, notice=out.notice
     )
     picks = picking.pick(scenes, output, plan)
     document = read_scores(scores)
     saved = picking.saved_regret(picks, q_of_scores(document)) if document else None
-    if as_json:
-        options.print_json({"picks": picks, "regret_saved": saved})
-        return 0
     other = sum(p.ordinal != p.submitted for p in picks)
-    click.echo(f"{other} of {len(picks)} submissions are another checkpoint -> {output}")
+    lines = [f"{other} of {len(picks)} submissions are another checkpoint -> {output}"]
     if saved is not None:
-        click.echo(
-            f"mean regret saved: {saved[0]:+.4f} over {counted(saved[1], 'scene', 'scenes')}"
-        )
+        of = counted(saved[1], "scene", "scenes")
+        lines.append(f"mean regret saved: {saved[0]:+.4f} over {of}")
+    out.show({"picks": picks, "regret_saved": saved}, lines)
     return 0

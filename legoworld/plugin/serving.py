@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, TypedDict
 
 from legoworld import extras
 from legoworld.errors import InstallationError, UsageError
@@ -33,6 +33,18 @@ def require_server() -> None:
             expected="the extra `plugin`",
             next_step=extras.install_command("plugin"),
         ) from error
+
+
+class PluginServing(TypedDict):
+    """The keyword arguments of `serve_plugin` that a command passes through."""
+
+    photo: Path | None
+    evidence: Path | None
+    address: str
+    ledger: Path
+    off: Sequence[str]
+    require_transaction: bool
+    limits: TransactionLimits
 
 
 def serve_plugin(

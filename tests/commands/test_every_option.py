@@ -3,47 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import click
 import pytest
-
-from legoworld import cli
+from commands.every_command import OPTIONS
 
 TESTS = Path(__file__).parents[1]
-#: Of every command alike; `-h` and `--version` are click's.
-SHARED = {"--help", "--version"}
-
-
-def commands(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    if isinstance(command, click.Group):
-        context = click.Context(command)
-        for name in command.list_commands(context):
-            found = command.get_command(context, name)
-            assert found is not None
-            yield from commands(found, (*words, name))
-    else:
-        yield words
-
-
-def command_of(words: tuple[str, ...]) -> click.Command:
-    found: click.Command = cli.main
-    for word in words:
-        assert isinstance(found, click.Group)
-        found = found.get_command(click.Context(found), word)
-    return found
-
-
-OPTIONS = [
-    (" ".join(words), option.opts, option.secondary_opts)
-    for words in commands(cli.main)
-    for option in command_of(words).params
-    if isinstance(option, click.Option) and not SHARED & set(option.opts)
-]
-
-
 TAKERS = {
     name: {command for command, names, _ in OPTIONS if name in names}
     for _, names, _ in OPTIONS

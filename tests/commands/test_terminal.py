@@ -9,7 +9,7 @@ import click
 import pytest
 
 from legoworld import cli
-from legoworld.commands import options
+from legoworld.commands import output
 from legoworld.commands.terminal import printable_streams
 from legoworld.errors import LegoWorldError, one_line
 
@@ -26,7 +26,7 @@ def test_errors_are_one_printable_line():
 
 def test_everything_that_is_printed_passes_one_place(capsys):
     with printable_streams():
-        click.echo(options.table(("name", HOSTILE), [(HOSTILE, 1)]))
+        click.echo(output.table(("name", HOSTILE), [(HOSTILE, 1)]))
         click.echo(f"x{HOSTILE}\rover", err=True)
         print(HOSTILE)
         sys.stdout.writelines([HOSTILE, "\n"])
@@ -46,7 +46,7 @@ def test_streams_are_given_back_after_an_error():
 
 def test_json_keeps_its_values(capsys):
     with printable_streams():
-        options.print_json({"name": HOSTILE + "é"})
+        output.print_json({"name": HOSTILE + "é"})
     said = capsys.readouterr().out
     assert not OBEYED & set(said)
     assert json.loads(said)["name"] == HOSTILE + "é"
@@ -63,5 +63,5 @@ def test_a_file_name_in_a_message_is_printable(tmp_path, capsys):
 
 
 def test_a_name_with_a_newline_forges_no_line():
-    text = options.table(("photo", "status"), [("a\nb\tc", "ok"), ("\x1b[2J", "ok")])
+    text = output.table(("photo", "status"), [("a\nb\tc", "ok"), ("\x1b[2J", "ok")])
     assert text.splitlines()[2:] == ["a\ufffdb\ufffdc  ok", "\ufffd[2J   ok"]
