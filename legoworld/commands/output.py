@@ -1,4 +1,4 @@
-"""What a command prints: JSON, tables, notices; and the options that choose it."""
+"""What a command prints, and when: documents or text by --json, notices by -q and -v."""
 
 from __future__ import annotations
 

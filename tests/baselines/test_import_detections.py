@@ -62,6 +62,19 @@ def test_results_come_back_as_they_were_image_by_image_in_their_own_order(bring)
     assert len(document["configuration"]["imported"]["sha256"]) == 64
 
 
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        (["--box-format", "xywh", "--subset"], "results"),
+        (["--name", "DINO", "--category-ids", "dataset"], "DINO"),
+    ],
+)
+def test_the_baseline_has_the_name_that_is_given_or_the_files(bring, options, name):
+    code, folder, _ = bring([box()], *options)
+    assert code == 0
+    assert run_document(folder)["configuration"]["baseline"] == name
+
+
 def test_images_in_another_order_are_the_same_run_but_for_its_hash(bring):
     given = [box(i, c, [x, 4.0, 5.0, 6.0]) for i in (1, 2) for c in (18, 63) for x in (1.5, 9.25)]
     _, one, _ = bring(given, name="one")
