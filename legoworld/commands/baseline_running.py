@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 @option("--photos")
 @option("--output", "Run folder to write.")
 @model_options(
-    "Seconds from one answer to the next, and for loading the model [default: none].",
-    required=True,
+    "Seconds from one answer to the next, and for loading the model [default: none].", required=True
 )
 @option(
     "--load-time-limit load_time_limit_s",

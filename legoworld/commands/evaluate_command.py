@@ -14,11 +14,7 @@ from legoworld import exit_codes
 from legoworld.api.listening import Listener
 from legoworld.commands import options
 from legoworld.commands.options import off, option
-from legoworld.commands.output import (
-    Output,
-    on_terminal,
-    report_hint,
-)
+from legoworld.commands.output import Output, on_terminal, report_hint
 from legoworld.commands.param_types import EXISTING_PLACE, PLACE, Choice
 from legoworld.remote import Place
 

@@ -52,11 +52,7 @@ class Output:
         if self.verbose:
             click.echo(text, err=True)
 
-    def show(
-        self,
-        document: Document | Callable[[], Document],
-        text: str | Iterable[str],
-    ) -> None:
+    def show(self, document: Document | Callable[[], Document], text: str | Iterable[str]) -> None:
         """Print the document with --json, otherwise the text, or its lines as they come."""
         if self.as_json:
             print_json(document() if callable(document) else document)
