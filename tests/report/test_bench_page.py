@@ -246,6 +246,8 @@ def test_the_leaderboard_losses_and_tiers(document: PageDocument, evaluations: l
     assert loss.lost == pytest.approx(loss.not_valid + sum(c.lost for c in loss.most))
     bars = {(b.label, b.metric): b for b in section.bench.tiers}
     assert bars["one", "S"].tiers == ("easy", "hard")
+    assert {label for label, _ in bars} == {"one", "two"}
+    assert {row.tier for row in section.images} == {"easy", "hard"}
     assert bars["one", "S"].values[0] == pytest.approx(
         summary["groups"]["tier"]["easy"]["metrics"]["S"]["value"]
     )

@@ -130,6 +130,17 @@ def test_error_counts_add_up_to_the_evaluator_s_own(both: tuple[Path, Path]) -> 
         assert unfound > 0
 
 
+def test_the_histogram_has_every_true_positive_and_the_low_pairs(both: tuple[Path, Path]) -> None:
+    (section,) = document_of(*both).sections
+    assert section.plots is not None
+    for evaluation, shown, errors in zip(both, section.plots.iou, section.errors, strict=True):
+        found = sum(r["greedy_50"]["tp"] for r in rows_of(evaluation))
+        assert sum(shown.tp) == found > 0
+        assert sum(shown.low) == dict(errors.counts)["localisation"] > 0
+        below = [n for n, edge in zip(shown.tp, shown.edges, strict=False) if edge < 0.5]
+        assert sum(below) == 0
+
+
 def test_category_rows_are_the_evaluation_s(both: tuple[Path, Path], page: Path) -> None:
     tables = Tables(page)
     for k, evaluation in enumerate(both):
@@ -170,6 +181,16 @@ def test_the_worst_photo_comes_first_and_failures_are_among_them(both: tuple[Pat
         assert by_id[image_id].cells[0].status == status
         if by_id[image_id].n_truth:
             assert by_id[image_id].cells[0].quality == 0.0
+
+
+def test_each_photo_s_cells_count_as_the_evaluation_does(both: tuple[Path, Path]) -> None:
+    images = document_of(*both).sections[0].images
+    for k, evaluation in enumerate(both):
+        rows = {r["image_id"]: r for r in rows_of(evaluation)}
+        for row in images:
+            known = rows[row.id]
+            assert row.cells[k].fn == known["n_truth"] - known["greedy_50"]["tp"]
+            assert row.cells[k].fp == known["greedy_50"]["fp"]
 
 
 def test_quality_over_all_photos_is_the_panoptic_quality(both: tuple[Path, Path]) -> None:
