@@ -103,7 +103,7 @@ def _came_back(
         if calling is None:
             others.append(block)
             continue
-        more = rest_of(block, "type", "tool_use_id", "content")
+        more = rest_of(block, "type", "tool_use_id", "content", "is_error")
         about = rest_of(event, "message", "type", "session_id")
         calling.results.append(
             AtifResult(

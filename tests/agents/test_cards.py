@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import string
 import tomllib
+from dataclasses import replace
 
 import pytest
 from agents.tracks import make_track, server_or_skip
+from msgspec import structs
 
 from legoworld import cli
 from legoworld.agents.agent_cards import agent_cards, agent_problems, load_agent, read_agent_card
@@ -73,6 +75,58 @@ def test_a_model_is_refused_where_the_agent_takes_none(tmp_path):
             programs=tmp_path / "programs", model="m-1", time_limit_s=None,
             memory_bytes=1 << 30, sandbox="auto",
         )  # fmt: skip
+
+
+@pytest.mark.parametrize("both", [(True, False), (False, True), (False, False)])
+def test_a_plan_is_what_was_asked_and_what_the_card_says(tmp_path, monkeypatch, both):
+    agent, blender = both
+    card = load_agent("codex")
+    about = structs.replace(card.about, network=agent, blender_network=blender, time_limit_s=77.0)
+    card = replace(card, about=about)
+    held, shown, commissioned = [], [], []
+    place = "legoworld.agents.run_plan"
+    monkeypatch.setattr(f"{place}.load_agent", lambda _: card)
+    monkeypatch.setattr(f"{place}.agent_problems", lambda _: [])
+    monkeypatch.setattr(f"{place}.refuse_shown", lambda *words: shown.append(words))
+    monkeypatch.setattr(f"{place}.commission", lambda *words: commissioned.append(words) or "work")
+    monkeypatch.setattr(f"{place}.version_in_sandbox", lambda *words: ("version", *words))
+    monkeypatch.setattr(
+        f"{place}.protections", lambda *words, **how: held.append((words, how)) or how["network"]
+    )
+    track, photos, output = (tmp_path / name for name in ("t.json", "photos", "out"))
+
+    def made(**said):
+        known = {
+            "photos": photos,
+            "agent": "codex",
+            "task": "coco",
+            "programs": None,
+            "model": "m-1",
+            "time_limit_s": None,
+            "memory_bytes": 5,
+            "sandbox": "limits",
+        }
+        return plan_run(track, **{**known, **said})
+
+    plan = made()
+    assert held == [(("limits",), {"network": agent}), (("limits",), {"network": blender})]
+    assert (plan.agent_held, plan.blender_held) == (agent, blender)
+    assert shown == [(card, [track, photos])]
+    assert commissioned == [(track, photos, "coco", ())]
+    assert plan.agent_version == ("version", card, agent)
+    assert (plan.card, plan.work, plan.model) == (card, "work", "m-1")
+    assert (plan.programs, plan.plugin) == (None, None)
+    assert (plan.limits.time_s, plan.limits.memory_bytes) == (77.0, 5)
+    assert plan.limits.output_bytes == 256 << 20
+    assert made(time_limit_s=9.0, output=output).limits.time_s == 9.0
+    assert shown[-1] == (card, [track, photos, output])
+    with pytest.raises(UsageError, match="takes no --programs"):
+        made(programs=tmp_path)
+    monkeypatch.setattr(f"{place}.agent_problems", lambda _: ["not logged in", "no codex"])
+    with pytest.raises(
+        UsageError, match=r"cannot run here; found: not logged in; no codex; .*check"
+    ):
+        made()
 
 
 def test_opencode_gets_its_prompt_before_its_files():

@@ -14,8 +14,6 @@ from legoworld.baselines.accelerators import Torch, chosen_device, chosen_dtype,
 from legoworld.baselines.cards import load_baseline
 from legoworld.baselines.environments import Requirements, install_steps
 from legoworld.commands.doctor_command import _baseline
-from legoworld.commands.progress import LineProgress
-from legoworld.records.run_rows import RunRow
 
 #: As much of torch as is asked about.
 TORCH = """
@@ -132,6 +130,37 @@ def test_uv_compiles_what_it_installs(monkeypatch, tmp_path):
     assert "--compile-bytecode" in commands[1]
 
 
+@pytest.mark.parametrize("uv", ["/bin/uv", None])
+def test_what_is_installed_into_a_new_environment(monkeypatch, tmp_path, uv):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    commands: list[list[str]] = []
+    monkeypatch.setattr(environments.shutil, "which", lambda _name: uv)
+    monkeypatch.setattr(environments, "_run", lambda command: commands.append(command) or "")
+    card = load_baseline("dino")
+    folder = environments.environment_folder(card)
+    folder.mkdir(parents=True)
+    (folder / "stale").touch()
+    said: list[str] = []
+    python = environments.install(card, said.append, torch_index="https://index", extra=["more==1"])
+    assert python == folder / "bin" / "python"
+    assert sorted(p.name for p in folder.iterdir()) == [environments._STAMP]
+    needed = environments.requirements(card)
+    assert (folder / environments._STAMP).read_text() == needed.sha256 + "\n"
+    make, *installs = commands
+    if uv:
+        assert make == [uv, "venv", "--quiet", "--python", sys.executable, str(folder)]
+        pip = [uv, "pip", "install", "--quiet", "--compile-bytecode", "--python", str(python)]
+    else:
+        assert make == [sys.executable, "-m", "venv", str(folder)]
+        pip = [str(python), "-m", "pip", "install", "--quiet"]
+    steps = install_steps(needed, torch_index="https://index", extra=["more==1"])
+    assert installs == [[*pip, *arguments, *packages] for arguments, packages in steps]
+    assert said == [
+        f"making {folder} with {'uv' if uv else 'venv and pip'}",
+        *("installing " + ", ".join(packages) for _, packages in steps),
+    ]
+
+
 def test_a_label_map_that_would_change_nothing_is_refused(track, photos, weights, tmp_path, capsys):
     (tmp_path / "map.json").write_text(json.dumps({"hound": "dog"}))
     arguments = run_arguments(
@@ -144,23 +173,5 @@ def test_a_label_map_that_would_change_nothing_is_refused(track, photos, weights
     assert call(arguments) == 0
 
 
-def test_progress_in_lines():
-    now, said = [0.0], []
-    step = LineProgress("image", said.append, lambda: now[0])
-    step.total(100)
-    for number in range(1, 101):
-        now[0] = number * 1.0
-        step(RunRow(image_id=number, file_name="", status="ok" if number != 50 else "failed"))
-    assert said[0] == "2 of 100 images, 1 s each"
-    assert said[-1] == "100 of 100 images, 1 failed, 1 s each"
-    assert len(said) == 5
-
-
-def test_a_run_of_two_seconds_says_no_progress():
-    now, said = [0.0], []
-    step = LineProgress("scene", said.append, lambda: now[0])
-    step.total(2)
-    for now[0] in (0.5, 1.9):
-        step(RunRow(image_id=1, file_name="", status="ok"))
-    assert said == []
+def test_sam3_needs_torch():
     assert accelerators.needs_torch(load_baseline("sam3"))

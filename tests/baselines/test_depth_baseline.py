@@ -53,6 +53,18 @@ def test_a_file_that_was_tampered_with_is_made_again(tmp_path):
     assert results(run) == before
 
 
+def test_overwriting_begins_once_whatever_crashes(tmp_path):
+    track, photos, weights = prepared(tmp_path)
+    run = tmp_path / "run"
+    assert call(run_arguments(track, photos, weights, run, task="eth3d")) == 0
+    before = results(run)
+    options = ["--option", "how=crash_once", "--option", "at=3", "--sandbox", "limits"]
+    again = run_arguments(track, photos, weights, run, *options, "--overwrite", task="eth3d")
+    assert call(again) == 0
+    assert weights.with_suffix(".crashed").exists(), "it was started twice"
+    assert results(run) == before, "what was answered before the crash is kept"
+
+
 def test_a_file_the_baseline_did_not_speak_of_is_a_failure(tmp_path):
     track, photos, weights = prepared(tmp_path)
     options = ["--option", "how=lie", "--option", "at=2"]

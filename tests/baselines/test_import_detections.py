@@ -228,6 +228,14 @@ def test_unmapped_names_come_with_the_nearest(bring):
     assert "'unicorn'" in said
 
 
+@pytest.mark.parametrize(("n", "more"), [(6, ""), (7, ", ...")])
+def test_six_unmapped_names_are_listed(bring, n, more):
+    code, _, said = bring([named(f"q{k}") for k in range(n)])
+    assert code == 2
+    listed = ", ".join(f"'q{k}'" for k in range(6))
+    assert f"{n} labels name no category; found: {listed}{more}; expected" in said
+
+
 def test_a_label_map_to_an_unknown_name_is_refused(bring, tmp_path):
     names = tmp_path / "names.json"
     names.write_text(json.dumps({"dog": "dogg"}))
@@ -243,6 +251,7 @@ def test_images_it_was_not_run_on_are_missing(bring, tmp_path):
     assert code == 1
     found = rows(folder)
     assert [found[i]["status"] for i in (1, 2, 3)] == ["ok", "missing", "ok"]
+    assert [found[i]["code"] for i in (1, 2, 3)] == ["ok", "missing_result", "ok"]
     assert found[2]["reason"] == "not among the images it was run on"
     depends = [run_document(folder)["configuration"]["images_run_sha256"]]
     for name, text in (("same", "c.jpg\n1\n"), ("fewer", "1\n")):

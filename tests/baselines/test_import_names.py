@@ -10,7 +10,9 @@ import pytest
 from baselines.tracks import SIZE_WH, call, make_track, run_document
 from pycocotools import mask as coco_mask
 
+from legoworld.baselines.photo_names import _Photos
 from legoworld.shipped.catalog import folder as catalog_folder
+from legoworld.tracks.track import TrackImage
 
 #: COCO's own way of naming: ids that are the names' numbers, far from 1, 2, 3.
 IDS = (139, 285, 632, 724, 776)
@@ -226,6 +228,7 @@ def test_refused_ids_are_told_only_what_fits(bring, given, hint, options):
     assert code == 2
     assert hint in said
     assert "with --label-map FILE, or pass --category-ids" in said
+    assert "; expected: one of 80 ids between 1 and 90; next: " in said
     assert re.findall(r"--category-ids (\S+) \(", said) == options.split(" or ")
 
 
@@ -542,3 +545,27 @@ def test_a_polygon_that_would_end_pycocotools_is_refused(bring):
     code, _, said = bring(given, task="coco-masks")
     assert code == 2
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("name", "image_id"),
+    [
+        ("1.jpg", 1),  # its own path, though b/1.jpg ends in it
+        ("1", 1),
+        ("b/1.jpg", 2),
+        ("b\\1", 2),
+        ("x/b/1.png", None),  # so does 1.jpg of no folder
+        ("c/2.jpg", 3),
+        ("2.jpg", 3),
+        ("d/2.jpg", None),
+        ("3", 3),  # an id
+        ("4", None),
+    ],
+)
+def test_a_photo_s_own_path_comes_before_what_ends_in_it(name, image_id):
+    files = ["1.jpg", "b/1.jpg", "c/2.jpg"]
+    images = [
+        TrackImage(id=k, file_name=file, size_wh=SIZE_WH, scene=file)
+        for k, file in enumerate(files, start=1)
+    ]
+    assert _Photos(images).find(name) == image_id

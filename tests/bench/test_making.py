@@ -12,7 +12,7 @@ import pytest
 
 from legoworld import cli
 from legoworld.bench import family as family_making
-from legoworld.bench.family import MakeOptions
+from legoworld.bench.family import MakeOptions, lost_family
 from legoworld.cards import load_card
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode, to_record
@@ -169,6 +169,22 @@ def test_a_scene_that_cannot_become_cases_says_why_and_the_others_are_made(
     assert track.images[0].tier is None
     left = {p.stem for p in (tmp_path / "bench").rglob("*.npz")}
     assert left == {"good__view_00"}
+
+
+def test_where_no_scene_becomes_a_case_nothing_is_written(tmp_path, monkeypatch, capsys):
+    for name in ("b", "a"):
+        (tmp_path / "scenes" / name).mkdir(parents=True)
+        (tmp_path / "scenes" / name / "scene.blend").touch()
+
+    def lose_each(_job, folders, _workers):
+        yield from (lost_family(folder, "killed") for folder in reversed(folders))
+
+    monkeypatch.setattr("legoworld.bench.making.ENGINES", {"local": lose_each})
+    assert make(tmp_path / "scenes", tmp_path / "bench", "--json") == 1
+    found = json.loads(capsys.readouterr().out)
+    assert [f["family"] for f in found["families"]] == ["a", "b"]
+    assert all("killed" in f["reason"] for f in found["families"])
+    assert not [p for p in (tmp_path / "bench").rglob("*") if p.is_file()]
 
 
 def test_a_dataset_is_never_written_over_by_chance(made, references, tmp_path, capsys):

@@ -70,6 +70,68 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
     ("trajectory pick . --by last -o out --sandbox limits", "legoworld.trajectories.picking.pick",
      {"2.by": "last", "2.limits.time_s": 600.0, "2.limits.memory_bytes": 8 << 30,
       "2.held.bubblewrap": None}),
+    (f"readout . --task coco --track {TRACK} -o out --source glb --workers 3 --engine ray "
+     "--cache c --require-frozen --limit 4 --image-id 5 --image-id 6 --shard 2/3 "
+     "--images-per-file 7 --max-side 64 --no-render --render-noise --overwrite --fail-fast "
+     "--time-limit 9 --memory-limit 2", "legoworld.api.readout.readout",
+     {"0": Path(), "1": Path("out"), "task": "coco", "track": TRACK, "source": "glb", "workers": 3,
+      "engine": "ray", "cache": Path("c"), "require_frozen": True, "limit": 4, "image_ids": (5, 6),
+      "shard": (2, 3), "images_per_file": 7, "max_side": 64, "render": False, "render_noise": True,
+      "overwrite": True, "fail_fast": True, "time_limit_s": 9.0, "memory_limit_gib": 2.0,
+      "started": None}),
+    ("readout . --task coco --cache c", "legoworld.api.readout.readout",
+     {"track": None, "source": "blend", "workers": None, "engine": "local", "limit": None,
+      "image_ids": (), "shard": None, "require_frozen": False, "images_per_file": None,
+      "max_side": None, "render": True, "render_noise": False, "overwrite": False,
+      "fail_fast": False, "time_limit_s": 120.0, "memory_limit_gib": 8.0, "started": None}),
+    ("blender mcp --workspace w --memory-limit 3 --sandbox limits",
+     "legoworld.agents.mcp_endpoint.serve_mcp",
+     {"0.workspace": Path("w"), "0.port": 0, "0.scene": None, "0.limits.memory_bytes": 3 << 30,
+      "0.held.bubblewrap": None, "notice.__name__": "notice"}),
+    ("freeze . --workers 3 --engine local --no-cache --time-limit 9 --memory-limit 2",
+     "legoworld.running.freeze_run.freeze_scenes",
+     {"0": Path(), "engine": "local", "workers": 3, "cache": None, "limits.time_s": 9.0,
+      "limits.memory_bytes": 2 << 30}),
+    ("execute x.txt -o out --no-picture --input d --sandbox limits --time-limit 9 "
+     "--memory-limit 2", "legoworld.scene.programs.execution.execute",
+     {"0": Path("x.txt"), "1": Path("out"), "picture": False, "inputs": (Path("d"),),
+      "sandbox": "limits", "limits.time_s": 9.0, "limits.memory_bytes": 2 << 30}),
+    ("execute x.txt -o out --sandbox limits", "legoworld.scene.programs.execution.execute",
+     {"picture": True, "inputs": ()}),
+    ("inspect d --source glb --allow-changed --cache c --time-limit 9 --memory-limit 2",
+     "legoworld.api.scenes.open_scene",
+     {"0": Path("d"), "source": "glb", "allow_changed": True, "cache": Path("c"),
+      "time_limit_s": 9.0, "memory_limit_gib": 2.0}),
+    ("inspect d --compare-sources --no-cache", "legoworld.api.scenes.open_scene",
+     {"source": "blend", "allow_changed": False, "cache": False}),
+    ("score d --photo x.txt --truth ids.txt --task lvis --image 7 --source glb --no-cache "
+     "--time-limit 9 --memory-limit 2 -o out", "legoworld.api.one_photo.score_photo",
+     {"0.program_or_scene": Path("d"), "0.photo": Path("x.txt"), "0.truth": Path("ids.txt"),
+      "0.task": "lvis", "0.image": "7", "0.source": "glb", "0.limits.time_s": 9.0,
+      "0.limits.memory_bytes": 2 << 30, "1": Path("out")}),
+    ("evaluate . --truth x.txt -o out --evaluator fast --camera-model dataset --draws 9 --seed 8 "
+     "--workers 3 --engine ray --overwrite", "legoworld.api.evaluation.evaluate",
+     {"0": Path(), "1": Path("out"), "truth": Path("x.txt"), "evaluator": "fast",
+      "camera_model": "dataset", "draws": 9, "seed": 8, "workers": 3, "engine": "ray",
+      "overwrite": True}),
+    ("compare . d -o out --draws 9 --seed 8 --fail-below AP=0.1 --overwrite",
+     "legoworld.api.comparison.compare",
+     {"0": [Path(), Path("d")], "1": Path("out"), "draws": 9, "seed": 8,
+      "fail_below": ("AP=0.1",), "overwrite": True}),
+    ("compare . d -o out", "legoworld.api.comparison.compare",
+     {"draws": 2000, "seed": 0, "fail_below": (), "allow_truth_prompts": False,
+      "overwrite": False}),
+    ("compare --join . d -o out --overwrite", "legoworld.comparison.making.make_joined",
+     {"0": (Path(), Path("d")), "1": Path("out"), "overwrite": True}),
+    (f"export . -o out.json --track {TRACK} --overwrite",
+     "legoworld.api.coco_export.export_coco",
+     {"0": Path(), "1": Path("out.json"), "track": TRACK, "overwrite": True}),
+    ("merge . d -o out --images-per-file 7 --overwrite",
+     "legoworld.running.merging.merge_shards",
+     {"0": [Path(), Path("d")], "images_per_file": 7, "overwrite": True}),
+    ("report . d --photos d --scenes . --scenes d -o out.html",
+     "legoworld.report.document.page_document",
+     {"1": Path("d"), "2": (Path(), Path("d"))}),
     (f"baseline run dino --task coco --track {TRACK} --photos . {PYTHON} --pass-env A --pass-env B",
      "legoworld.baselines.baseline_run.run_baseline",
      {"0.pass_variables": ("A", "B"), "0.dtype": "float16"}),
@@ -82,6 +144,7 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
 STUBS: Final = (
     "legoworld.evaluation.reconstruction.dataset.read_dataset",
     "legoworld.agents.run_plan.plan_run",
+    "legoworld.report.sources.read_sources",
     "legoworld.baselines.environments.chosen_python",
 )
 
@@ -117,3 +180,50 @@ def test_what_is_typed_arrives(command, target, expected, tmp_path, monkeypatch)
     with pytest.raises(ReceivedError) as caught:
         cli.run(command.split())
     assert {name: value(caught.value, name) for name in expected} == expected
+
+
+#: The environment variables of docs/commands.md's options, and the argument each one sets.
+VARIABLES: Final[list[tuple[str, str, str, str, Any]]] = [
+    ("LEGOWORLD_TIME_LIMIT", "9", "legoworld.api.readout.readout", "time_limit_s", 9.0),
+    ("LEGOWORLD_MEMORY_LIMIT", "2", "legoworld.api.readout.readout", "memory_limit_gib", 2.0),
+    ("LEGOWORLD_ENGINE", "ray", "legoworld.api.readout.readout", "engine", "ray"),
+    ("LEGOWORLD_CACHE", "kept", "legoworld.api.readout.readout", "cache", Path("kept")),
+]
+
+
+@pytest.mark.parametrize(("variable", "text", "target", "name", "expected"), VARIABLES)
+def test_a_variable_stands_for_its_option(
+    variable, text, target, name, expected, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(variable, text)
+
+    def receive(*args, **kwargs):
+        raise ReceivedError(args, kwargs)
+
+    monkeypatch.setattr(target, receive)
+    with pytest.raises(ReceivedError) as caught:
+        cli.run(["readout", ".", "--task", "coco"])
+    assert value(caught.value, name) == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("--no-cache", True),
+        ("--cache c", False),
+        ("--no-cache --source glb", False),
+        ("--no-cache --engine ray", False),
+        ("--no-cache --source blend --engine local", True),
+    ],
+)
+def test_blender_is_started_ahead_where_a_scene_needs_it(words, wanted, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def receive(*args, **kwargs):
+        raise ReceivedError(args, kwargs)
+
+    monkeypatch.setattr("legoworld.commands.readout_command._started_ahead", receive)
+    with pytest.raises(ReceivedError) as caught:
+        cli.run(["readout", ".", "--task", "coco", "--time-limit", "9", *words.split()])
+    assert (value(caught.value, "0"), value(caught.value, "wanted")) == (9.0, wanted)

@@ -10,6 +10,7 @@ from endpoint.clients import LIMITS
 
 from legoworld.endpoint import blender
 from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
+from legoworld.endpoint.session import Session
 from legoworld.workers.protections import protections
 
 #: Answers in pieces: first that it is there, then what it was asked and started with.
@@ -62,3 +63,18 @@ def test_why_it_ended_is_said(tmp_path, monkeypatch, ends, said):
     assert ended.value.limit is None
     assert "first" not in str(ended.value)
     assert "then" not in str(ended.value)
+
+
+@pytest.mark.parametrize(
+    ("left_s", "last", "next_call"),
+    [
+        (5.0, None, "; the next call finds Blender started anew, with the scene as it began"),
+        (5.0, 7, "; the next call finds Blender started anew, with the scene as call 7 left it"),
+        (0.0, 7, "; no further call is possible"),
+        (-1.0, None, "; no further call is possible"),
+    ],
+)
+def test_what_the_next_call_finds_after_an_end_is_said(left_s, last, next_call):
+    kept = {"live": None if last is None else SimpleNamespace(call=last)}
+    session = SimpleNamespace(_left_s=lambda: left_s, _record=SimpleNamespace(last=kept.get))
+    assert Session._ended(session, "Blender ended") == f"Blender ended{next_call}"

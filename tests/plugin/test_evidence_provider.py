@@ -13,6 +13,7 @@ from legoworld.cli import run
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
 from legoworld.plugin.evidence_depth import GivenDepth, write_depth
+from legoworld.plugin.evidence_making import photo_alone
 from legoworld.records.base import decode
 from legoworld.records.plugin_evidence import ProviderCamera
 
@@ -124,12 +125,32 @@ def test_what_was_asked_wrongly_is_refused(tmp_path, photo, capsys, words, weigh
 
 
 @pytest.mark.parametrize(
-    "words", [("--weights", "w.pt"), ("--device", "cuda"), ("--offline",), ("--time-limit", "5")]
+    "words",
+    [
+        ("--weights", "w.pt"),
+        ("--device", "cuda"),
+        ("--offline",),
+        ("--time-limit", "5"),
+        ("--python", sys.executable),
+        ("--dtype", "float16"),
+        ("--option", "a=1"),
+        ("--sandbox", "limits"),
+    ],
 )
 def test_a_provider_s_option_alone_is_refused(tmp_path, photo, capsys, words):
     asked = ["plugin", "evidence", "--photo", photo, "-o", tmp_path / "e", *words]
     assert run([str(word) for word in asked]) == 2
     assert f"{words[0]} needs a --provider" in capsys.readouterr().err
+
+
+def test_a_photo_alone_is_evidence_of_itself(photo):
+    known = photo_alone(photo)
+    about = known.file.photo
+    assert (about.file_name, about.sha256) == ("one.jpg", sha256_of_file(photo))
+    assert (about.width, about.height) == known.size_wh == SIZE_WH
+    assert (known.file.regions, known.file.depth, known.disparity) == ((), None, None)
+    assert known.file.camera.hfov_deg is None
+    assert known.photo.shape == (*SIZE_WH[::-1], 3)
 
 
 def test_two_depths_are_one_too_many(tmp_path, photo, capsys):
@@ -139,21 +160,27 @@ def test_two_depths_are_one_too_many(tmp_path, photo, capsys):
 
 
 @pytest.mark.parametrize(
-    ("shape_wh", "of_photo", "taken"),
+    ("shape_wh", "of_photo", "taken", "photo_wh"),
     [
-        ((518, 392), True, True),  # 388.5 rows to the nearest multiple of 14
-        ((518, 392), False, False),
-        ((320, 240), False, True),
-        ((518, 518), True, False),
+        ((518, 392), True, True, (640, 480)),  # 388.5 rows to the nearest multiple of 14
+        ((518, 392), False, False, (640, 480)),
+        ((320, 240), False, True, (640, 480)),
+        ((518, 518), True, False, (640, 480)),
+        ((8, 5), True, True, (100, 50)),  # one row of the four away
+        ((8, 6), True, False, (100, 60)),  # 1.2 rows
+        ((400, 210), True, True, (100, 50)),  # a twentieth
+        ((400, 211), True, False, (100, 50)),
+        ((100, 51), False, True, (100, 50)),  # as much as a row of the larger of both
+        ((100, 52), False, False, (100, 50)),
     ],
 )
-def test_a_network_s_grid_is_no_other_photo(tmp_path, shape_wh, of_photo, taken):
+def test_a_network_s_grid_is_no_other_photo(tmp_path, shape_wh, of_photo, taken, photo_wh):
     np.save(tmp_path / "d.npy", np.ones(shape_wh[::-1], np.float32))
     given = GivenDepth(
         path=tmp_path / "d.npy", space="depth", source="a network", of_photo=of_photo
     )
     if taken:
-        write_depth(given, (640, 480), tmp_path)
+        write_depth(given, photo_wh, tmp_path)
         return
     with pytest.raises(EvidenceInvalidError, match="of another photo"):
-        write_depth(given, (640, 480), tmp_path)
+        write_depth(given, photo_wh, tmp_path)

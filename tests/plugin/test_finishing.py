@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import anyio
 import cv2
@@ -11,7 +12,14 @@ import pytest
 from mcp import Client
 from plugin.talking import called
 
-from legoworld.plugin.finishing import StaleError, export, note_review, render_for_review, validate
+from legoworld.plugin.finishing import (
+    StaleError,
+    _review_size,
+    export,
+    note_review,
+    render_for_review,
+    validate,
+)
 from legoworld.plugin.recorded import TransactionError
 from legoworld.plugin.server import plugin_server
 from legoworld.plugin.unfinished import unfinished
@@ -97,3 +105,15 @@ def test_an_unknown_hash_is_refused(case, sha256):
 
     with pytest.raises(UsageError, match="no such artefact"):
         case.artefacts.read(sha256, "json")
+
+
+@pytest.mark.parametrize(
+    ("size", "shown"),
+    [((1600, 900), (800, 450)), ((900, 1600), (450, 800)), ((800, 600), (800, 600)),
+     ((64, 48), (64, 48)), ((4000, 1), (800, 1))],
+)  # fmt: skip
+def test_a_review_is_800_pixels_long_at_most(size, shown):
+    scene = SimpleNamespace(snapshot=SimpleNamespace(render=SimpleNamespace(size_wh=size)))
+    assert _review_size(SimpleNamespace(evidence=None), scene) == shown
+    other = SimpleNamespace(evidence=SimpleNamespace(size_wh=(80, 60)))
+    assert _review_size(other, scene) == (80, 60), "the photo's where there is one"

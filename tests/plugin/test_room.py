@@ -17,6 +17,7 @@ from plugin.synthetic import (
 
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.plan import construction_plan, plan_markdown
+from legoworld.plugin.residuals import SMALLEST_PX
 from legoworld.plugin.room import RoomUnknownError, recover_room, shell_view, structures_of
 from legoworld.plugin.room_fit import FACES, fit_box, rays, seen_face
 from legoworld.plugin.vanishing import UntoldError, manhattan_camera
@@ -154,4 +155,50 @@ def test_a_plan_without_depth_says_unknown_and_flags_cut_and_touching_objects():
     assert cut.centroid_uv == pytest.approx((15 / W, 30 / H))
     assert cut.extent_wh == (30 / W, 40 / H)
     assert {o.relative_depth for o in plan.objects} == {None}
-    assert "a\\|b" in plan_markdown(plan)
+    rows = [line for line in plan_markdown(plan).splitlines() if line.startswith("| unknown")]
+    assert [row.split(" | ", 1)[1] for row in rows] == [
+        f"a\\|b |  | {15 / W:.3f}, {30 / H:.3f} | {30 / W:.3f} x {40 / H:.3f} | unknown "
+        "| cut by the photo's left edge; touches b |",
+        f"b |  | {55 / W:.3f}, {30 / H:.3f} | {50 / W:.3f} x {20 / H:.3f} | unknown "
+        "| touches a\\|b |",
+        f"dot |  | {201.5 / W:.3f}, {200.5 / H:.3f} | {3 / W:.3f} x {1 / H:.3f} | unknown "
+        "| small |",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("where", "sides"),
+    [
+        (np.s_[0, 5], ("top",)),
+        (np.s_[H - 1, 5], ("bottom",)),
+        (np.s_[5, W - 1], ("right",)),
+        (np.s_[:, 5], ("top", "bottom")),
+        (np.s_[1, 1], ()),
+    ],
+)
+def test_an_object_is_cut_by_the_edges_it_reaches(where, sides):
+    mask = np.zeros((H, W), bool)
+    mask[where] = True
+    (planned,) = construction_plan(evidence_with([region_of("a", mask)]), {}).objects
+    assert planned.cut_by == sides
+
+
+@pytest.mark.parametrize(("pixels", "small"), [(SMALLEST_PX - 1, True), (SMALLEST_PX, False)])
+def test_an_object_is_small_below_the_smallest_area(pixels, small):
+    mask = np.zeros((H, W), bool)
+    mask[5, 5 : 5 + pixels] = True
+    (planned,) = construction_plan(evidence_with([region_of("a", mask)]), {}).objects
+    assert planned.small == small
+
+
+@pytest.mark.parametrize(("away", "touch"), [(0, True), (1, False)])
+def test_objects_touch_where_no_pixel_lies_between_them(away, touch):
+    one, two, corner = (np.zeros((H, W), bool) for _ in range(3))
+    one[5:9, 5:9] = True
+    two[5:9, 9 + away : 12] = True
+    corner[9:12, 2:5] = True  # diagonal to the first
+    regions = [region_of("one", one), region_of("two", two), region_of("corner", corner)]
+    found = {o.region: o.touches for o in construction_plan(evidence_with(regions), {}).objects}
+    assert found == {
+        "one": ("two",) if touch else (), "two": ("one",) if touch else (), "corner": (),
+    }  # fmt: skip

@@ -83,6 +83,15 @@ def test_penetration_into_a_unit_cube(other, expected):
     assert penetration_m(box((0, 0, 0), (1, 1, 1)), other) == pytest.approx(expected, abs=1e-9)
 
 
+def test_a_part_that_is_not_convex_is_met_as_deep_as_its_triangles():
+    blocks = [box((0.5, 0.5, 0.5), 1), box((1.5, 0.5, 0.5), 1), box((0.5, 0.5, 1.5), 1)]
+    corner = np.concatenate(blocks)  # an L: its hull would be left after 0.64 m
+    for depth in (0.1, 0.05):
+        above = box((1.5, 0.5, 1.4 - depth), (0.6, 0.6, 0.8))
+        assert penetration_m(corner, above) == pytest.approx(depth, abs=1e-6)
+        assert penetration_m(above, corner) == pytest.approx(depth, abs=1e-6)
+
+
 def test_the_deepest_pair_of_parts_counts_and_a_gap_between_parts_is_none():
     table = np.concatenate(
         [box((0, 0, 0.7), (1, 1, 0.1))]
@@ -143,6 +152,9 @@ def test_the_centre_of_mass_is_the_volumes():
     assert centre_of_mass(box((1, 2, 3), (1, 1, 1))[:, ::-1]) == pytest.approx((1, 2, 3))
     sheet = np.array([[(0, 0, 1), (2, 0, 1), (0, 3, 1)]], float)
     assert centre_of_mass(sheet) == pytest.approx((2 / 3, 1, 1))
+    smaller = np.array([[(8, 0, 1), (9, 0, 1), (8, 1, 1)]], float)  # a sixth of the first's area
+    together = (6 * np.array([2 / 3, 1, 1]) + np.array([25 / 3, 1 / 3, 1])) / 7
+    assert centre_of_mass(np.concatenate([sheet, smaller])) == pytest.approx(together)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plugin.synthetic import SIZE, camera, picture, room
 
-from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+from legoworld.plugin.vanishing import UntoldError, _segments, manhattan_camera
 
 
 def error_deg(estimate, truth):
@@ -80,3 +80,18 @@ def test_a_steep_view_along_the_walls_does_not_tell_which_way_is_up():
         else:
             with pytest.raises(UntoldError, match="could be up"):
                 manhattan_camera(gray, 75)
+
+
+@pytest.mark.parametrize(("length", "found"), [(12, 0), (40, 9)])
+def test_a_line_shorter_than_a_fiftieth_of_the_diagonal_tells_nothing(length, found):
+    gray = np.full((600, 800), 255, np.uint8)  # the diagonal is 1000
+    for row in range(3):
+        for column in range(3):
+            y, x = 100 + 150 * row, 100 + 250 * column
+            gray[y : y + 4, x : x + length] = 0
+    segments = _segments(gray)
+    lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
+    assert (lengths >= 20).all()
+    assert len(segments) >= found
+    assert (len(segments) == 0) == (found == 0)
+    assert list(lengths) == sorted(lengths, reverse=True)

@@ -10,9 +10,10 @@ import pytest
 from legoworld.records.base import to_record
 from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
-from legoworld.records.run_rows import RunRow, Unmatched
+from legoworld.records.run_rows import RunRow, Unexported, Unmatched
 from legoworld.report.advice import _alike, _edges, detection_advice
 from legoworld.report.detection_images import DetectionImage, SideImage, _errors
+from legoworld.visibility.view import UNSEEN_REASONS
 
 CUP, TABLE, DINING_TABLE = 1, 2, 3
 NAMES = {CUP: "cup", TABLE: "table", DINING_TABLE: "dining_table"}
@@ -92,6 +93,35 @@ def test_a_missed_truth_that_an_uncounted_prediction_covers_is_built_already() -
     assert "build it" in advice("lvis", [(table, TABLE)], [])[0]
     far = advice("lvis", [(table, TABLE)], [((10, 20, 30, 59), DINING_TABLE, "unverified")])
     assert far[0].startswith("missed: 1 x table => build it")
+
+
+@pytest.mark.parametrize(
+    ("outcome", "why"),
+    [
+        ("ignored", ", which the evaluator ignores in this image"),
+        ("over_cap", ", beyond the evaluator's cap"),
+        ("unverified", ", in a category that is not annotated in this image"),
+    ],
+)
+def test_why_what_covers_a_missed_truth_is_not_counted(outcome: str, why: str) -> None:
+    box = (10, 20, 80, 60)
+    (said,) = advice("coco", [(box, TABLE)], [(box, DINING_TABLE, outcome)])
+    assert said.startswith(f"missed: 1 x table; dining_table covers it (IoU 1.00){why} => ")
+
+
+def test_every_reason_for_no_pixel_has_what_helps() -> None:
+    reasons = [*UNSEEN_REASONS.values(), "holdout", "not_rendered"]
+    row = RunRow(
+        image_id=1,
+        file_name="a.jpg",
+        status="ok",
+        unexported=tuple(Unexported(name=r, category="cup", reason=r) for r in reasons),
+    )
+    nothing, *others = advice("coco", [], [], run_row=row)
+    assert nothing.startswith("nothing was exported from this scene")
+    said = dict(a.split(" => ") for a in others)
+    assert list(said) == [f"{r} (cup) is labelled but has no pixel: {r}" for r in reasons]
+    assert len({*said.values()} - {""}) == len(reasons)
 
 
 @pytest.mark.parametrize(

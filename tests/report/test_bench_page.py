@@ -12,15 +12,20 @@ import cv2
 import numpy as np
 import pytest
 from evaluation.reconstruction.datasets import Dataset, Submission
+from msgspec.structs import replace
 from report.bench_pages import bench_dataset, bench_evaluation, troubled
 from report.pages import HOSTILE, Tables, document_of, embedded, page_of, written
 
 from legoworld import cli
+from legoworld.records.reconstruction_rows import ObjectRow, PrecisionRecall, Registration
 from legoworld.records.report_reconstruction import BenchPageView
+from legoworld.records.run_rows import RunRow
 from legoworld.report.depth_images import NO_DEPTH
 from legoworld.report.page_content import PageDocument
+from legoworld.report.reconstruction_advice import bench_advice
 from legoworld.report.reconstruction_case import BOTH, EXTRA, HIT, MISSED, NOTHING, OUTSIDE
 from legoworld.report.reconstruction_pictures import OUTCOMES, drawn_points, error_steps
+from legoworld.report.sources import read_sources
 
 NAMES = [o.name for o in OUTCOMES]
 
@@ -163,6 +168,73 @@ def test_checks_flags_objects_and_camera_are_findings(
     assert view_of(document, 4).objects[finding.truths[0]].n == worst["name"]
 
 
+@pytest.fixture(scope="module")
+def compared(evaluations: list[Path]) -> Any:
+    """A case that was compared, and a camera and a registration to change."""
+    row = next(r for r in read_sources(evaluations[:1])[0].sides[0].rows if r.image_id == 4)
+    still = Registration(rotation_deg=0, translation_m=0, iterations=1, trimmed_rms_m=0)
+    return replace(row, objects=(), flags=(), warnings=(), camera=replace(row.camera, fov_deg=0.0,
+                   registration=still))  # fmt: skip
+
+
+RUN_ROW = RunRow(image_id=4, file_name="4.png", status="ok")
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("off", "said"), [(0.5, 0), (0.51, 1)])
+def test_a_lens_is_off_from_half_a_degree(compared: Any, off: float, sign: int, said: int) -> None:
+    row = replace(compared, camera=replace(compared.camera, fov_deg=sign * off))
+    assert len(bench_advice(row, RUN_ROW)) == said
+
+
+@pytest.mark.parametrize(
+    ("degrees", "metres", "said"), [(1.0, 0.05, 0), (1.01, 0, 1), (0, 0.051, 1), (2, 2, 1)]
+)
+def test_a_pose_is_off_from_a_degree_or_five_centimetres(
+    compared: Any, degrees: float, metres: float, said: int
+) -> None:
+    moved = replace(compared.camera.registration, rotation_deg=degrees, translation_m=metres)
+    row = replace(compared, camera=replace(compared.camera, registration=moved))
+    assert len(bench_advice(row, RUN_ROW)) == said
+
+
+@pytest.mark.parametrize(
+    ("f1", "precision", "recall", "f10", "do", "level"),
+    [
+        (0.89, 0.5, 0.9, 0.89, "other surfaces show in its silhouette", "warn"),
+        (0.5, 0.9, 0.5, 0.75, "parts of it are missing", "bad"),
+        (0.51, 0.5, 0.5, None, "parts of it are missing", "warn"),
+        (0.5, 0.5, 0.9, 0.76, "near: F 0.76 at 10 %", "bad"),
+        (0.0, 0.0, 0.0, 0.2, "all of it stands nearer or farther", "bad"),
+        (0.0, 0.0, 0.1, None, "other surfaces show in its silhouette", "bad"),
+    ],
+)
+def test_what_an_object_loses_on(
+    compared: Any,
+    f1: float,
+    precision: float,
+    recall: float,
+    f10: float | None,
+    do: str,
+    level: str,
+) -> None:
+    at = {} if f10 is None else {"F10": PrecisionRecall(f1=f10, precision=1, recall=1)}
+    one = ObjectRow(id=1, name="cup", category="cup", eligible=True, n_reference=9, n_submitted=9,
+                    f1=f1, precision=precision, recall=recall, at=at)  # fmt: skip
+    others = (
+        replace(one, f1=0.9),
+        replace(one, eligible=False),
+        replace(one, n_submitted=0, f1=0, name="table"),
+    )
+    found = bench_advice(replace(compared, objects=(*others, one)), RUN_ROW)
+    assert {a.truths for a in found} == {(2,), (3,)}
+    said = {a.truths[0]: a for a in found}
+    assert said[3].do.startswith(do)
+    assert said[3].level == level
+    assert said[3].what == f"cup: F {f1:.2f} (precision {precision:.2f}, recall {recall:.2f})"
+    assert said[2].what == "table: nothing stands where it is seen"
+
+
 def test_the_leaderboard_losses_and_tiers(document: PageDocument, evaluations: list[Path]) -> None:
     (section,) = document.sections
     assert section.bench is not None
@@ -174,6 +246,8 @@ def test_the_leaderboard_losses_and_tiers(document: PageDocument, evaluations: l
     assert loss.lost == pytest.approx(loss.not_valid + sum(c.lost for c in loss.most))
     bars = {(b.label, b.metric): b for b in section.bench.tiers}
     assert bars["one", "S"].tiers == ("easy", "hard")
+    assert {label for label, _ in bars} == {"one", "two"}
+    assert {row.tier for row in section.images} == {"easy", "hard"}
     assert bars["one", "S"].values[0] == pytest.approx(
         summary["groups"]["tier"]["easy"]["metrics"]["S"]["value"]
     )
@@ -306,6 +380,16 @@ def test_a_run_without_renders_has_r_alone(tmp_path: Path, folder: Path, dataset
     assert view.sides[0].why_no_picture == "the run made no render of it"
     assert view.sides[0].hit_picture is not None
     assert Tables(page_of(tmp_path / "r.html", evaluation)).row("A")[0] == "-"
+
+
+def test_without_renders_the_worst_surface_comes_first(folder: Path, dataset: Dataset) -> None:
+    far = {
+        i: Submission(no_render=True, depth_z_m=case.depth_z_m * (1.3 if i == 5 else 1))
+        for i, case in dataset.cases.items()
+    }
+    evaluation = bench_evaluation(folder, dataset, "bare-and-far", far)
+    (section,) = document_of(evaluation).sections
+    assert section.images[0].id == 5
 
 
 def test_many_cases_lie_beside_the_page_with_their_pictures(

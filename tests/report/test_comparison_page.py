@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from report.pages import Tables, document_of, evaluated, page_of
 
 from legoworld import cli
-from legoworld.report.sources import ReportInputError
+from legoworld.records.comparison import Measured
+from legoworld.report.sources import ReportInputError, read_sources
+from legoworld.report.tables import comparison_tables
 
 
 @pytest.fixture
@@ -74,3 +78,27 @@ def test_an_evaluation_made_anew_is_not_taken_for_the_compared_one(
     evaluated(tmp_path, "coco", statuses={10: "failed", 13: "failed"})
     with pytest.raises(ReportInputError, match="is not what comparison was computed from"):
         document_of(comparison)
+
+
+def measured(**changed: Any) -> Measured:
+    fields = {"value": 0.5, "interval": None, "over": {"objects": 4, "images": 2, "at_once": 1}}
+    return Measured(**{**fields, **changed})
+
+
+def test_a_deviation_stands_where_no_interval_does(comparison: Path) -> None:
+    (document,) = [s.comparison for s in read_sources([comparison])]
+    assert document is not None
+    (pair,) = document.pairs
+    ends = next(r.scene.interval for r in pair.rows if r.scene.ends)
+    cells = {
+        "": measured(),
+        "sd 0.1250": measured(sd=0.125),
+        f"[{ends.low:.4f}, {ends.high:.4f}]": measured(sd=0.125, interval=ends),
+    }
+    for spread, cell in cells.items():
+        row = replace(pair.rows[0], scene=cell, baseline=replace(cell, constant=0.25))
+        shown = comparison_tables(replace(document, pairs=(replace(pair, rows=(row,)),)))
+        scene, baseline = shown[0].tables[0].rows[0][4:]
+        assert (str(scene), scene.spread) == ("0.5000", spread)
+        assert scene.below == "2 images, 1 at once, 4 objects"
+        assert baseline.below == "2 images, 1 at once, 4 objects; a constant: 0.2500"

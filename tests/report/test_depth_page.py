@@ -94,6 +94,15 @@ def test_numbers_policies_constant_and_denominators(evaluation: Path, tmp_path: 
     assert "it was failed" in page.read_text()
 
 
+def test_the_facts_of_a_photo_are_its_fit_its_holes_and_its_metrics(evaluation: Path) -> None:
+    row = json.loads((evaluation / "per_image.jsonl").read_text().splitlines()[0])
+    facts = dict(document_of(evaluation).views[0].sides[0].facts)
+    assert facts["fit"] == f"1/z = {row['s']:.6g} x + {row['t']:.6g}, x in {row['space']}"
+    assert facts["holes"] == f"{row['hole_share']:.2%} of the valid ground truth"
+    for metric, values in row["metrics"].items():
+        assert facts[metric] == ", ".join(f"{name} {value:.4f}" for name, value in values.items())
+
+
 def test_what_is_wrong_and_what_to_do(evaluation: Path) -> None:
     document = document_of(evaluation)
     assert document.sections[0].images[0].id == 3

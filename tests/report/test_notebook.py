@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from report.pages import HOSTILE, evaluated
 
 import legoworld
-from legoworld.report.notebook import instances_text, picture_html
+from legoworld.records.report_summary import ForestRow, Span
+from legoworld.report.notebook import _LEFT, _WIDTH, _forest, instances_text, picture_html
 
 
 class Checked(HTMLParser):
@@ -69,6 +72,60 @@ def test_a_comparison_shows_its_verdict(tmp_path: Path) -> None:
     assert " of 12 images paired: " in shown.text
     assert HOSTILE in shown.text
     assert "img" not in shown.names
+
+
+def span(value: float | None, low: float | None = None, high: float | None = None) -> Span:
+    return Span(value=value, low=low, high=high, over="")
+
+
+def drawn(*rows: ForestRow, labels: Sequence[str] = ()) -> tuple[list[dict[str, str]], ...]:
+    """Attributes of the plot's circles and of its intervals' lines."""
+    root = ElementTree.fromstring(_forest(rows, labels))
+    circles, lines = (
+        [one.attrib for one in root if one.tag.endswith(kind)] for kind in ("circle", "line")
+    )
+    return circles, [line for line in lines if line.get("stroke-width") == "2"]
+
+
+def test_points_and_intervals_stand_where_the_numbers_say() -> None:
+    sides = (span(0.5, 0.25, 0.75), span(0.25), None, span(None))
+    row = ForestRow(name="AP", better="higher", sides=sides, differences=())
+    circles, lines = drawn(row)
+    assert [float(c["cx"]) for c in circles] == [_LEFT + _WIDTH / 2, _LEFT + _WIDTH / 4]
+    (line,) = lines
+    assert (float(line["x1"]), float(line["x2"])) == (_LEFT + _WIDTH / 4, _LEFT + _WIDTH * 3 / 4)
+    assert line["y1"] == line["y2"] == circles[0]["cy"]
+    assert len({c["fill"] for c in circles}) == 2
+    beyond = ForestRow(name="x", better="lower", sides=(span(3.0, -1.0, 9.0),), differences=())
+    (circle,), (line,) = drawn(beyond)
+    ends = [float(x) for x in (circle["cx"], line["x1"], line["x2"])]
+    assert ends == [_LEFT + _WIDTH, _LEFT, _LEFT + _WIDTH]
+
+
+def test_a_difference_apart_from_zero_has_a_colour_of_its_own() -> None:
+    spans = [span(0.2, 0.1, 0.3), span(-0.2, -0.3, -0.1), span(0.1, 0, 0.2), span(0.1, -0.1, 0),
+             span(0.1)]  # fmt: skip
+    rows = [ForestRow(name="AP", better="higher", sides=(), differences=(s,)) for s in spans]
+    circles, lines = drawn(*rows)
+    first, second, *others = (c["fill"] for c in circles)
+    assert first == second
+    assert len({*others}) == 1
+    assert first not in others
+    assert len(lines) == 4
+    places = [float(c["cx"]) for c in circles]
+    middle = (places[0] + places[1]) / 2
+    assert places[2] == pytest.approx((places[0] + middle) / 2, abs=0.1)
+    heights = [float(c["cy"]) for c in circles]
+    assert heights == sorted({*heights})
+
+
+def test_each_side_is_in_the_legend_in_its_colour() -> None:
+    row = ForestRow(name="AP", better="higher", sides=(span(0.5), span(0.25)), differences=())
+    circles, _ = drawn(row, labels=("one", "another"))
+    legend, points = circles[:2], circles[2:]
+    assert [c["fill"] for c in legend] == [c["fill"] for c in points]
+    apart = float(legend[1]["cx"]) - float(legend[0]["cx"])
+    assert apart > 7 * len("one"), "the words do not run into each other"
 
 
 def test_a_view_shows_its_picture() -> None:

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from evaluation.detection_runs import random_truth
-from report.pages import HOSTILE, Tables, document_of, embedded, evaluated, page_of, write_photos
+from report.pages import (
+    HOSTILE,
+    Tables,
+    document_of,
+    embedded,
+    evaluated,
+    page_of,
+    write_photos,
+    written,
+)
 
 from legoworld import cli
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -72,6 +82,27 @@ def test_every_official_number_stands_with_its_interval_and_denominator(
                 assert spread == f"[{interval['low']:.4f}, {interval['high']:.4f}]"
 
 
+def test_the_plot_s_intervals_are_those_of_the_summary(both: tuple[Path, Path]) -> None:
+    (section,) = document_of(*both).sections
+    rows = {row.name: row for row in section.first.forest}
+    for k, evaluation in enumerate(both):
+        summary = summary_of(evaluation)
+        equal = summary["equal_confidence"]
+        known = summary["intervals"]["AP"] if equal["already_equal"] else {"low": None}
+        of = {
+            "AP": (summary["metrics"]["AP"], summary["intervals"]["AP"]),
+            "AP, equal confidence": (equal["metrics"]["AP"], known),
+            "recall at IoU 0.5": (
+                summary["matched"]["class_aware"]["recall_50"],
+                summary["intervals"]["class_aware.recall_50"],
+            ),
+        }
+        for name, (value, interval) in of.items():
+            span = rows[name].sides[k]
+            assert span is not None
+            assert (span.value, span.low) == (value, interval["low"]), name
+
+
 def test_score_free_numbers_and_coverage(both: tuple[Path, Path], page: Path) -> None:
     tables = Tables(page)
     for k, evaluation in enumerate(both):
@@ -97,6 +128,17 @@ def test_error_counts_add_up_to_the_evaluator_s_own(both: tuple[Path, Path]) -> 
         assert missed + errors.reached == unfound
         assert false > 0
         assert unfound > 0
+
+
+def test_the_histogram_has_every_true_positive_and_the_low_pairs(both: tuple[Path, Path]) -> None:
+    (section,) = document_of(*both).sections
+    assert section.plots is not None
+    for evaluation, shown, errors in zip(both, section.plots.iou, section.errors, strict=True):
+        found = sum(r["greedy_50"]["tp"] for r in rows_of(evaluation))
+        assert sum(shown.tp) == found > 0
+        assert sum(shown.low) == dict(errors.counts)["localisation"] > 0
+        below = [n for n, edge in zip(shown.tp, shown.edges, strict=False) if edge < 0.5]
+        assert sum(below) == 0
 
 
 def test_category_rows_are_the_evaluation_s(both: tuple[Path, Path], page: Path) -> None:
@@ -139,6 +181,16 @@ def test_the_worst_photo_comes_first_and_failures_are_among_them(both: tuple[Pat
         assert by_id[image_id].cells[0].status == status
         if by_id[image_id].n_truth:
             assert by_id[image_id].cells[0].quality == 0.0
+
+
+def test_each_photo_s_cells_count_as_the_evaluation_does(both: tuple[Path, Path]) -> None:
+    images = document_of(*both).sections[0].images
+    for k, evaluation in enumerate(both):
+        rows = {r["image_id"]: r for r in rows_of(evaluation)}
+        for row in images:
+            known = rows[row.id]
+            assert row.cells[k].fn == known["n_truth"] - known["greedy_50"]["tp"]
+            assert row.cells[k].fp == known["greedy_50"]["fp"]
 
 
 def test_quality_over_all_photos_is_the_panoptic_quality(both: tuple[Path, Path]) -> None:
@@ -282,6 +334,13 @@ def test_names_from_scenes_are_text_wherever_they_stand(tmp_path: Path) -> None:
         "Labelled objects without a pixel",
         "Labels matched by synonym",
     }
+    assert {t["title"].split()[0]: t["head"] for t in tables} == {
+        "Objects": ["object", "pixels", "of the view"],
+        "Labels": ["label", "taken for"],
+        "Labelled": ["object", "category", "reason"],
+    }
+    outside = next(t for t in tables if t["title"] == "Labels outside the vocabulary")
+    assert outside["head"] == ["label", "objects", "nearest names"]
     listed = next(t for t in tables if t["title"].startswith("Objects without"))
     assert listed["rows"] == [[HOSTILE, "1080", "10.0%"]]
     said = [a for v in views for s in v["sides"] for a in s["advice"]]
@@ -312,11 +371,41 @@ def test_many_views_lie_beside_the_page(
     assert (beside / "mine.txt").is_file()
 
 
+@pytest.mark.parametrize(("most", "beside"), [(0, False), (-1, True)])
+def test_bytes_count_as_base64_spells_them(
+    both: tuple[Path, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    most: int,
+    beside: bool,
+) -> None:
+    document = document_of(*both, photos=write_photos(tmp_path / "photos", "lvis"))
+    photos = sum(len(p) * 4 // 3 for kind in document.pictures.values() for p in kind)
+    views = sum(len(script_json(view)) for view in document.views)
+    monkeypatch.setattr(page_file, "EMBEDDED_BYTES", photos + views + most)
+    written(document, tmp_path / "r.html")
+    assert (tmp_path / "r_files").is_dir() == beside
+    three = (b"three" * 6, b"3d")
+    document = replace(document, scenes=replace(document.scenes, glbs=three))
+    monkeypatch.setattr(page_file, "EMBEDDED_BYTES", 1 << 30)
+    monkeypatch.setattr(page_file, "EMBEDDED_SCENE_BYTES", 32 * 4 // 3 + most)
+    written(document, tmp_path / "s.html")
+    assert (tmp_path / "s_files").is_dir() == beside
+
+
 def test_another_file_is_never_written_over(both: tuple[Path, Path], tmp_path: Path) -> None:
     mine = tmp_path / "thesis.html"
     mine.write_text("<!doctype html><p>mine")
     assert cli.run(["report", str(both[0]), "-o", str(mine)]) == 2
     assert mine.read_text() == "<!doctype html><p>mine"
+
+
+def test_sections_of_one_task_are_numbered_in_links(tmp_path: Path) -> None:
+    folders = [evaluated(tmp_path / name, "coco", images=3, seed=k)
+               for k, name in enumerate(("a", "b", "c"), start=1)]  # fmt: skip
+    assert [s.key for s in read_sources(folders)] == ["coco", "coco-2", "coco-3"]
+    document = document_of(*folders)
+    assert {view.section for view in document.views} == {"coco", "coco-2", "coco-3"}
 
 
 def test_changed_or_foreign_folders_are_refused(tmp_path: Path) -> None:

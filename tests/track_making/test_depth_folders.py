@@ -316,3 +316,13 @@ def test_hidden_pictures_are_no_photos(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     assert _photos_below(tmp_path) == ["a/c.JPG", "b.png", "g..png"]
+
+
+@pytest.mark.parametrize(
+    "ending", [".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".ppm", ".JPEG"]
+)
+def test_photos_of_every_format_are_found_and_nothing_else(tmp_path: Path, ending: str) -> None:
+    (tmp_path / "a").mkdir()
+    for name in (f"a/1{ending}", f"2{ending}", "notes.txt", "a/depth.npy", "jpg"):
+        (tmp_path / name).touch()
+    assert sorted(_photos_below(tmp_path)) == [f"2{ending}", f"a/1{ending}"]

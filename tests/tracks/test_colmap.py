@@ -115,6 +115,14 @@ def test_cameras_txt_with_a_mistake(tmp_path: Path, line: str) -> None:
         read_calibration(calibration(tmp_path, "", line + "\n"))
 
 
+def test_a_line_that_cannot_be_read_is_shown_to_its_hundredth_letter(tmp_path: Path) -> None:
+    line = f"0 PINHOLE {'x' * 200}"
+    shown = f"cameras.txt has a line that cannot be read; found: {line[:100]}; expected: CAMERA_ID"
+    with pytest.raises(CalibrationError) as caught:
+        read_calibration(calibration(tmp_path, "", line + "\n"))
+    assert str(caught.value).startswith(shown)
+
+
 def test_text_that_is_none(tmp_path: Path) -> None:
     (calibration(tmp_path, "") / "images.txt").write_bytes(b"1 \xff\xfe\n")
     with pytest.raises(CalibrationError, match=r"images\.txt cannot be read"):
@@ -215,7 +223,10 @@ def test_a_file_that_the_system_refuses_is_named(tmp_path: Path, name: str) -> N
     (folder / name).symlink_to("/proc/self/mem")  # reading its beginning is an I/O error
     with pytest.raises(CalibrationError) as caught:
         read_calibration(folder)
-    assert f"dslr_calibration/{name} cannot be read; found: Input/output error" in str(caught.value)
+    kind = "COLMAP's binary file" if name.endswith(".bin") else "a UTF-8 text file"
+    assert str(caught.value) == (
+        f"dslr_calibration/{name} cannot be read; found: Input/output error; expected: {kind}"
+    )
 
 
 def test_models_and_their_parameters_are_colmaps() -> None:
@@ -230,3 +241,14 @@ def test_models_and_their_parameters_are_colmaps() -> None:
 def test_a_photo_without_a_name_is_no_photo(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError):
         photo_ids(tmp_path, f"1 {POSE} 0\n")
+
+
+def test_cameras_without_photos_are_a_calibration(tmp_path: Path) -> None:
+    (calibration(tmp_path, "") / "images.txt").unlink()
+    found = read_calibration(tmp_path)
+    assert set(found.cameras) == {0, 1}
+    assert found.camera_ids == {}
+    assert found.files == (tmp_path / "cameras.txt",)
+    (tmp_path / "images.txt").write_text(f"1 {POSE} 0 A.JPG\n")
+    (tmp_path / "images.bin").write_bytes(b"half of a pair")
+    assert read_calibration(tmp_path).files == (tmp_path / "cameras.txt", tmp_path / "images.txt")

@@ -104,3 +104,28 @@ def test_a_track_serves_the_tasks_of_its_dataset(tmp_path):
     put(tmp_path, "a/scene.blend")
     track = track_of_folder(tmp_path)
     assert serves(track, "lvis")
+
+
+@pytest.mark.parametrize(
+    ("found", "meant"),
+    [("dining-room-1", "dining_room_1"), ("dining room 2", "dining_room_2"),
+     ("Dining-Room 2.png", "dining_room_2"), ("dining-room", None)],
+)  # fmt: skip
+def test_hyphens_and_spaces_stand_for_underscores_among_similar_names(found, meant):
+    absent = ["dining_room_1", "dining_room_2"]
+    assert strangers([found], absent, absent) == [Stranger(folder=found, meant=meant)]
+
+
+@pytest.mark.parametrize(
+    ("found", "meant"),
+    [("139", "000000000139"), ("0000139.png", "000000000139"), ("COCO_val2017_139", "000000000139"),
+     ("1390", None), ("0", None), ("00", None)],
+)  # fmt: skip
+def test_a_number_is_the_same_with_other_zeros_before_it(found, meant):
+    absent = ["000000000139", "000000000000"]
+    assert strangers([found], absent, absent) == [Stranger(folder=found, meant=meant)]
+
+
+@pytest.mark.parametrize("task", ["bench", "no such task"])
+def test_categories_of_a_task_without_versions_are_custom(task):
+    assert dataset_version(Vocabulary(()), task) == "custom"

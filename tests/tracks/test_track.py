@@ -7,7 +7,8 @@ import json
 import pytest
 
 from legoworld.errors import CatalogError
-from legoworld.tracks.track import load_track, scene_name, serves
+from legoworld.records.track import ImageInfo
+from legoworld.tracks.track import load_track, photo_names, scene_name, serves
 
 
 def write(tmp_path, images, **more):
@@ -28,6 +29,25 @@ def test_a_scene_is_named_by_its_photo(tmp_path):
         (5, "a/b.c", (4, 3)),
         (9, "z", (4, 3)),
     ]
+
+
+def test_a_field_of_view_is_the_image_s_own(tmp_path):
+    wide = {**IMAGE, "id": 9, "file_name": "z.png", "hfov_deg": 70.5}
+    track = load_track(write(tmp_path, [IMAGE, wide]))
+    assert [i.hfov_deg for i in track.images] == [None, 70.5]
+
+
+@pytest.mark.parametrize(
+    ("said", "names"),
+    [
+        ({"file_name": "a/b.jpg"}, ["a/b.jpg"]),
+        ({"coco_url": "http://x/val/b.jpg"}, ["b.jpg"]),
+        ({"file_name": "a.jpg", "coco_url": "http://x/val/b.jpg"}, ["a.jpg", "b.jpg"]),
+        ({}, []),
+    ],
+)
+def test_a_photo_has_the_names_of_its_file_and_its_url(said, names):
+    assert photo_names(ImageInfo(id=1, width=4, height=3, **said)) == names
 
 
 def test_an_lvis_image_is_named_by_its_coco_url(tmp_path):

@@ -106,20 +106,20 @@ def test_coco_knows_no_synonyms_even_when_the_track_brings_some():
 
 
 @pytest.mark.parametrize(
-    "entries",
+    ("entries", "why"),
     [
-        None,
-        [],
-        [{"id": "1", "name": "a"}],
-        [{"id": True, "name": "a"}],
-        [{"id": 1}],
-        [{"id": -1, "name": "a"}],
-        [{"id": 1.0, "name": "a"}],
-        [{"id": 2**53 + 1, "name": "a"}],
-        [{"id": 1, "name": "a"}, {"id": 1, "name": "b"}],
-        [{"id": 1, "name": "a b"}, {"id": 2, "name": "A_b"}],
+        (None, "cannot be used; found: expected array, got null"),
+        ([], "test has no categories; found: an empty list"),
+        ([{"id": "1", "name": "a"}], "cannot be used; found: expected int, got str at"),
+        ([{"id": True, "name": "a"}], "cannot be used; found: expected int, got bool at"),
+        ([{"id": 1}], "cannot be used; found: object missing required field name"),
+        ([{"id": -1, "name": "a"}], "cannot be used; found: expected int >= 0"),
+        ([{"id": 1.0, "name": "a"}], "cannot be used; found: expected int, got float at"),
+        ([{"id": 2**53 + 1, "name": "a"}], "cannot be used; found: .*9007199254740992"),
+        ([{"id": 1, "name": "a"}, {"id": 1, "name": "b"}], "a category id twice; found: 1"),
+        ([{"id": 1, "name": "a b"}, {"id": 2, "name": "A_b"}], "category name twice; found: 'a b'"),
     ],
 )
-def test_a_broken_vocabulary_is_refused(entries):
-    with pytest.raises(CatalogError):
+def test_a_broken_vocabulary_is_refused(entries, why):
+    with pytest.raises(CatalogError, match=why):
         from_json(entries, "test")

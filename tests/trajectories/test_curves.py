@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from legoworld.records.base import UNSET
 from legoworld.records.trajectory_scores import CAUSES, Moment, ScoredScene
 from legoworld.trajectories.curves import (
     TIE,
@@ -15,7 +19,9 @@ from legoworld.trajectories.curves import (
     moments,
     q_at,
     score_trajectory,
+    share_of,
 )
+from legoworld.trajectories.scoring import _scored_scene
 from legoworld.trajectories.tables import SHARES, agent_tables, common_images
 
 
@@ -101,6 +107,50 @@ def test_an_invalid_submission_counts_as_zero_and_its_regret_is_validity_s():
     assert made.regret_split["validity"] == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("change", [0.1, TIE / 2, 0.0, -TIE / 2, -TIE * 1.5])
+def test_a_scene_is_lower_by_more_than_the_tie(change):
+    lower = int(change < -TIE)
+    both = trial([scene(1, 0.5, 0.5), scene(2, 0.5 + change, 0.5 + change)])
+    counts = both.n_lowering, both.n_lowering_r, both.n_lowering_a
+    assert counts == (lower, lower, lower)
+    assert len(drops(both)) == lower
+    r = trial([scene(1, 0.5, 0.5), scene(2, 0.5 + change, 0.6)])
+    assert (r.n_lowering, r.n_lowering_r, r.n_lowering_a) == (0, lower, 0)
+    a = trial([scene(1, 0.5, 0.5), scene(2, 0.6, 0.5 + change)])
+    assert (a.n_lowering, a.n_lowering_r, a.n_lowering_a) == (0, 0, lower)
+
+
+def case(**said):
+    known = {"status": "ok", "valid": True, "R": 0.4, "A": 0.6, "reason": None, "validity": None}
+    return SimpleNamespace(**(known | said))
+
+
+READ = SimpleNamespace(camera=UNSET, snapshot_sha256="s")
+CHECK = {"a": SimpleNamespace(ok=True, found="x"), "b": SimpleNamespace(ok=False, found="none"),
+         "c": SimpleNamespace(ok=False, found="two")}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("row", "q", "reason"),
+    [
+        (case(), 0.5, ""),
+        (case(A=None), None, "ok"),
+        (case(R=None, reason="no surface"), None, "no surface"),
+        (case(valid=False, validity=CHECK), None, "b: none; c: two"),
+        (case(status="failed"), None, "failed"),
+        (case(status="failed", reason="it broke"), None, "it broke"),
+    ],
+)
+def test_a_scene_is_eligible_with_both_scores(row, q, reason):
+    when = Moment(at_s=1, wall_share=0, calls_share=0, tokens_share=None)
+    made = _scored_scene(SimpleNamespace(ordinal=3, call=7), when, READ, row)
+    assert (made.ordinal, made.call, made.when, made.reason) == (3, 7, when, reason)
+    assert ((0.4, 0.6, q) if q else (None, None, None)) == (made.R, made.A, made.Q)
+    assert (made.camera_sha256, made.snapshot_sha256) == (None, "s")
+    submitted = _scored_scene(None, when, READ, row)
+    assert (submitted.ordinal, submitted.call) == (None, 0)
+
+
 def test_a_change_below_the_tie_is_no_drop():
     made = trial([scene(1, 0.5, 0.5), scene(2, 0.5 - TIE / 2, 0.5)])
     assert made.n_lowering == 0
@@ -142,6 +192,25 @@ def test_the_curve_is_zero_first_and_the_submission_last(rows):
     assert q_at(made, "wall", 1.0) == made.final_q
     assert q_at(made, "calls", 0.5) == q_at(made, "wall", 0.5)
     assert q_at(made, "tokens", 0.5) is (None if rows else 0.0) or not rows
+
+
+def test_each_axis_is_its_own_share():
+    made = trial([scene(1, 0.2, 0.4), scene(2, 0.5, 0.7), scene(3, None, None), scene(4, 0.9, 0.9)])
+    places = [(0.25, 0.5, 0.75), (0.5, 0.75, 0.8), (0.6, 0.8, 0.85), (0.75, 0.9, 0.95), (1, 1, 1)]
+    scenes = [
+        replace(s, when=Moment(at_s=1, wall_share=w, calls_share=c, tokens_share=t))
+        for s, (w, c, t) in zip(made.scenes, places, strict=True)
+    ]
+    made = replace(made, scenes=tuple(scenes))
+    for k, axis in enumerate(("wall", "calls", "tokens")):
+        assert [share_of(s.when, axis) for s in scenes] == [place[k] for place in places]
+        first, second, third = (places[n][k] for n in (0, 1, 3))
+        assert q_at(made, axis, first - 0.01) == 0.0
+        assert q_at(made, axis, first) == pytest.approx(0.3)
+        assert q_at(made, axis, second - 0.01) == pytest.approx(0.3)
+        assert q_at(made, axis, second) == pytest.approx(0.6)
+        assert q_at(made, axis, third - 0.01) == pytest.approx(0.6), "an ineligible one is passed"
+        assert q_at(made, axis, third) == pytest.approx(0.9)
 
 
 def test_moments_are_shares_of_time_calls_and_tokens():

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
+from msgspec.structs import replace as msgspec_replace
 from report.chromium import Browser, browser
 from trajectories.pages import LEFT, picture, recorded, scored
 
-from legoworld.trajectories.showing import calls_table, write_page
+from legoworld.trajectories.scoring import _groups, slot_folder
+from legoworld.trajectories.showing import _picture, _tables, calls_table, write_page
 
 AXE = Path(__file__).parents[2] / "tools" / "page" / "node_modules" / "axe-core" / "axe.min.js"
 
@@ -61,6 +67,66 @@ def test_a_call_that_changed_and_saved_has_the_q_of_what_it_changed(tmp_path):
     document = scored(tmp_path / "scores", trial)
     shown = [str(row[5]) for row in calls_table(trial, document.trials[0]).rows]
     assert shown == ["0.4000", "0.6500", "", "0.4750", "-", "0.5500"]
+
+
+def test_means_stand_over_all_images_and_over_the_common_ones(tmp_path):
+    document = scored(tmp_path / "scores", recorded(tmp_path / "scenes"))
+    (alone,) = _tables(document)
+    assert alone.title == "All images"
+    assert len(alone.rows) == len(document.agents[0].means)
+    shared = msgspec_replace(document, common=document.agents, common_images=(1, 5))
+    first, second = _tables(shared)
+    assert first == alone
+    assert second == msgspec_replace(alone, title="The 2 common images")
+    assert _tables(None) == []
+
+
+def test_what_a_call_said_is_cut_at_sixty_letters(tmp_path):
+    trial = recorded(tmp_path / "scenes")
+    said = "".join(chr(ord("a") + k % 26) for k in range(70))
+    long = replace(trial, calls=tuple(msgspec_replace(c, said=said) for c in trial.calls))
+    rows = calls_table(long, None).rows
+    assert {str(row[6]) for row in rows} == {said[:60]}
+    assert {str(row[5]) for row in rows} == {""}
+
+
+def test_a_picture_is_shrunk_by_the_mean_of_its_pixels(tmp_path):
+    stripes = np.zeros((1440, 1920, 3), np.uint8)
+    stripes[:, ::4] = 240
+    cv2.imwrite(str(tmp_path / "p.png"), stripes)
+    data = base64.b64decode(_picture(tmp_path / "p.png").partition(",")[2])
+    small = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert small.shape == (360, 480, 3)
+    assert np.abs(small.astype(int) - 60).max() <= 3
+    assert _picture(tmp_path / "none.png") is None
+    (tmp_path / "text.png").write_text("no picture")
+    assert _picture(tmp_path / "text.png") is None
+
+
+def test_a_small_picture_keeps_its_size_and_colours(tmp_path):
+    picture(tmp_path / "p.png", (200, 20, 90))  # blue first
+    data = base64.b64decode(_picture(tmp_path / "p.png").partition(",")[2])
+    small = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert small.shape == (96, 128, 3)
+    assert np.abs(small.astype(int) - [200, 20, 90]).max() <= 6
+
+
+def test_trials_are_grouped_by_run_and_each_has_its_slot(tmp_path):
+    scenes, output = tmp_path / "scenes", tmp_path / "out"
+    for run in ("run_2", "run_10"):
+        recorded(scenes / run)
+    groups = _groups(scenes)
+    assert [(g.run, g.agent, len(g.trials)) for g in groups] == [(2, "codex", 1), (10, "codex", 1)]
+    assert len({g.name for g in groups}) == 2
+    for group in groups:
+        (trial,) = group.trials
+        assert slot_folder(output, trial, 4) == output / group.name / "005" / "scenes"
+    recorded(tmp_path / "plain")
+    recorded(tmp_path / "plain" / "run_x")
+    (group,) = _groups(tmp_path / "plain")
+    assert (group.run, len(group.trials)) == (1, 2)
+    own = next(t for t in group.trials if t.folder.parent.name == "plain")
+    assert slot_folder(output, own, 0) == output / group.name / "001" / "scenes"
 
 
 def test_without_scores_and_photos_there_is_the_submission_alone(tmp_path):

@@ -82,6 +82,23 @@ def test_a_picture_is_its_size_and_hash(text):
     assert without_pictures([block])[0]["source"]["data"] == SHOWN
 
 
+@pytest.mark.parametrize(
+    ("begin", "kind"),
+    [
+        (b"\x89PNG\r\n\x1a\n", "png"), (b"\xff\xd8\xff\xe0", "jpeg"),
+        (b"RIFF\0\0\0\0WEBP", "webp"), (b"GIF89a", "gif"), (b"GIF87a", "gif"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("length", [48, 47, 45, 42])
+def test_every_kind_of_picture_from_64_letters_on(begin, kind, length):
+    data = begin.ljust(length, b"\1")
+    text = base64.b64encode(data).decode()
+    sha256 = hashlib.sha256(data).hexdigest()
+    shown = f"[image/{kind}, {length} bytes, sha256 {sha256}]"
+    assert without_pictures(text) == (shown if len(text) >= 64 else text)
+    assert without_pictures(text[:-1]) == text[:-1], "a part of one is no picture"
+
+
 @pytest.mark.parametrize("text", ["short", "iVBORw0KGgo is how a PNG begins. " * 9, "a" * 400])
 def test_other_text_stays(text):
     assert without_pictures({"a": [text, 3, None]}) == {"a": [text, 3, None]}

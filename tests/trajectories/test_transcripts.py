@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from legoworld.records.atif import AtifObservation, AtifTrajectory
 from legoworld.records.base import as_json, canonical, decode
+from legoworld.trajectories.steps import content_of
 from legoworld.trajectories.transcripts import parsed_lines, read_transcript, usage_of
 
 NONE = AtifObservation(results=[])
@@ -51,6 +52,36 @@ def test_every_word_of_a_transcript_is_in_what_was_read(kind):
     assert lost == set()
 
 
+@pytest.mark.parametrize("kind", ["gemini", "opencode"])
+def test_what_has_a_field_of_its_own_is_not_kept_a_second_time(kind):
+    lines = parsed_lines((FOLDER / f"{kind}.jsonl").read_bytes())
+    said, kept = leaves(lines), leaves(as_json(read(kind)))
+    assert {w: n for w, n in kept.items() if len(w) > 20 and w in said and n > said[w]} == {}
+
+
+@pytest.mark.parametrize(
+    ("value", "content"),
+    [
+        (None, None),
+        ("words", "words"),
+        ({"b": 1, "a": "é"}, [{"type": "text", "text": '{"a": "é", "b": 1}'}]),
+        (7, [{"type": "text", "text": "7"}]),
+        ([], ""),
+        (["one", {"type": "text", "text": "two"}], "one\ntwo"),
+        (
+            [{"type": "text", "text": "a", "more": 1}, {"type": "image", "data": "x"}, "b"],
+            [
+                {"type": "text", "text": "a"},
+                {"type": "text", "text": '{"data": "x", "type": "image"}'},
+                {"type": "text", "text": "b"},
+            ],
+        ),
+    ],
+)
+def test_content_as_atif_has_it(value, content):
+    assert content_of(value) == content
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_was_read_is_atif_and_reads_the_same_again(kind, tmp_path):
     found = read(kind)
@@ -84,6 +115,34 @@ def test_codex_calls_have_their_results_and_an_unfinished_one_has_none():
         ("web_search", None, None),
         ("execute_blender_code", "while True: pass", None),
     ]  # fmt: skip
+
+
+def test_whether_a_call_failed_and_the_session_are_fields_of_their_own(tmp_path):
+    lines = [
+        {"type": "assistant", "session_id": "s", "message": {"id": "m", "content": [
+            {"type": "tool_use", "id": f"t{k}", "name": "look", "input": {}} for k in range(3)]}},
+        {"type": "user", "session_id": "s", "message": {"content": [
+            {"type": "tool_result", "tool_use_id": "t0", "content": "a", "is_error": True},
+            {"type": "tool_result", "tool_use_id": "t1", "content": "b", "is_error": False},
+            {"type": "tool_result", "tool_use_id": "t2", "content": "c"}]}},
+    ]  # fmt: skip
+    path = tmp_path / "claude.jsonl"
+    path.write_text("".join(canonical(line) + "\n" for line in lines))
+    (step,) = [s for s in read("claude", path).steps if s.source == "agent"]
+    results = (step.observation or NONE).results
+    assert [(r.content, r.extra["is_error"]) for r in results] == [
+        ("a", True), ("b", False), ("c", False),
+    ]  # fmt: skip
+    path.write_text(
+        canonical({"type": "thread.started", "thread_id": "one"}) + "\n"
+        + canonical({"type": "thread.started", "thread_id": "two", "new": 7}) + "\n"
+    )  # fmt: skip
+    found = read("codex", path)
+    assert found.session_id == "two"
+    (odd,) = [s for s in found.steps if s.source == "system"]
+    assert (odd.message, odd.extra) == (
+        "thread.started", {"event": {"type": "thread.started", "new": 7}}
+    )  # fmt: skip
 
 
 def test_claude_blocks_of_one_message_are_one_step_and_its_tokens_count_once():

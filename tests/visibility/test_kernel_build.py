@@ -169,3 +169,13 @@ def test_what_only_unix_compilers_take_is_left_out_on_windows(monkeypatch, tmp_p
     command = compilation.compile_kernel(tmp_path, tmp_path / "out" / "library.dll")
     assert not {"-fPIC", "-pthread"} & set(command)
     assert (tmp_path / "out" / "library.dll").exists()
+
+
+def test_what_a_compiler_said_is_shown_as_it_wrote_it(monkeypatch, tmp_path):
+    (tmp_path / "kernel.cpp").write_text("x\n")
+    script = tmp_path / "says.py"
+    script.write_text("import sys; sys.stderr.write('one: size\\n  two\\n'); sys.exit(1)\n")
+    monkeypatch.setenv("CXX", f"{sys.executable} -X utf8 {script}")
+    with pytest.raises(compilation.CompilationError) as caught:
+        compilation.compile_kernel(tmp_path, tmp_path / "out" / "library.so")
+    assert str(caught.value).endswith("\none: size\n  two")

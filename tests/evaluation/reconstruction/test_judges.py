@@ -117,7 +117,13 @@ def test_the_command(tmp_path, capsys):
     path = write(tmp_path / "j.jsonl", judgements())
     assert cli.run(["bench", "judges", str(path), "-o", str(tmp_path / "judges.json")]) == 0
     out = capsys.readouterr().out
-    assert "own builds 45.83, others' 45.39; own above the others' mean for 3 of 6 builders" in out
+    lines = out.splitlines()
+    assert lines[1].split() == ["builder", *NAMES]
+    assert lines[9:12] == [
+        f"{36 * ITEMS} judgements: 0 ties, 0 both_bad, 0 failed; the score ties in 0",
+        "own builds 45.83, others' 45.39; own above the others' mean for 3 of 6 builders",
+        "astra: the same choice in - of 0 swapped items; chose the first shown in 47.8%",
+    ]
     assert json.loads((tmp_path / "judges.json").read_text())["judgements"] == 36 * 2 * ITEMS
 
 
