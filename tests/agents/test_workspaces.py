@@ -10,6 +10,7 @@ from agents.tracks import make_track
 
 from legoworld.agents.workspaces import commission, make_workspace, workspace_of
 from legoworld.errors import UsageError
+from legoworld.plugin.modules import MODULES
 from legoworld.readouts.instructions import instructions
 from legoworld.readouts.instructions_text import instructions_text
 from legoworld.readouts.protocol import protocol
@@ -105,6 +106,12 @@ def test_each_module_of_the_plugin_that_is_on_has_a_line(tmp_path):
     assert [line.split()[1] for line in lines] == ["reference_evidence", "history"]
     assert some.endswith("- history and review show what was done and measured.\n")
     assert "- measure" not in some
+    every = commission(path, tmp_path / "photos", None, MODULES).template.splitlines()[-5:]
+    assert [line.split()[1] for line in every] == [
+        "reference_evidence", "initialize", "measure", "begin", "history",
+    ]  # fmt: skip
+    assert "unknown, with residuals." in every[2]
+    assert every[3].endswith("Declare every edit of a scene that stands already.")
 
 
 def test_without_its_photo_there_is_no_workspace(tmp_path):
