@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from legoworld.agents.cutting import ProgramNotCutError, cut_program
+from legoworld.agents.cutting import ProgramNotCutError, cut_program, saving_step
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("*/scene.py")) + sorted(EXAMPLES.glob("*/*/scene.py"))
@@ -83,3 +84,67 @@ def test_what_is_no_python_is_refused(tmp_path):
     (tmp_path / "scene.py").write_text("def broken(:\n")
     with pytest.raises(ProgramNotCutError):
         cut_program(tmp_path / "scene.py")
+
+
+def test_each_step_must_succeed_and_there_are_no_more_than_asked_for(tmp_path):
+    path = tmp_path / "scene.py"
+    path.write_text('"""What it is."""\n' + "print(1)\n" * 30 + '"more text"\n')
+    steps = cut_program(path)
+    assert len(steps) == 24
+    assert {(s.server, s.tool, s.must_succeed) for s in steps} == {
+        ("blender", "execute_blender_code", True)
+    }
+    assert not any("text" in s.arguments["code"] or "What" in s.arguments["code"] for s in steps)
+    path.write_text('"""Nothing else."""\n')
+    assert cut_program(path) == []
+    path.write_text("from __future__ import annotations\n")
+    assert cut_program(path) == []
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        "if __name__ == '__main__':\n    main()\nelse:\n    say(3)\n",
+        "if __name__ == '__main__':\n    say(0)\n    main()\n",
+        "if True:\n    main()\n",
+        "main(*[])\n",
+        "main(**{})\n",
+        "vars()['main']()\n",
+        "x = main()\n",
+        "def main():\n    say(1)\n    say(2)\nmain()\n",
+        "@staticmethod\ndef other():\n    say(1)\n    say(2)\nother()\n",
+        "def other(a=1):\n    say(1)\n    say(2)\nother()\n",
+        "def other(*a):\n    say(1)\n    say(2)\nother()\n",
+        "def other(**a):\n    say(1)\n    say(2)\nother()\n",
+        "def other(*, a=1):\n    say(1)\n    say(2)\nother()\n",
+        "def other(a=1, /):\n    say(1)\n    say(2)\nother()\n",
+        "def other():\n    if 1:\n        say(1)\n        say(2)\n        return\nother()\n",
+    ],
+)
+def test_a_main_that_is_called_another_way_is_one_statement(tmp_path, end):
+    text = "def main():\n    say(1)\n    say(2)\n"
+    assert said(tmp_path, text + end)[0] == 1
+
+
+@pytest.mark.parametrize(
+    "inner",
+    ["    def g():\n        return 1\n", "    g = lambda: (yield)\n",
+     "    class G:\n        def h(self): return 1\n"],
+)  # fmt: skip
+def test_what_a_main_defines_may_return(tmp_path, inner):
+    text = f"def main():\n{inner}    say(1)\n    say(2)\nif '__main__' == __name__:\n    main()\n"
+    assert said(tmp_path, text) == (2, [1, 2])
+
+
+def test_the_last_step_saves_the_scene_where_the_prompt_asks_for_it(monkeypatch):
+    saved = []
+    bpy = ModuleType("bpy")
+    mainfile = SimpleNamespace(save_as_mainfile=lambda **how: saved.append(how))
+    vars(bpy).update(ops=SimpleNamespace(wm=mainfile))
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    step = saving_step(Path("/a 'b'"))
+    assert (step.tool, step.must_succeed) == ("execute_blender_code", False)
+    exec(step.arguments["code"], {})
+    assert saved == [
+        {"filepath": "/a 'b'/scene.blend", "compress": True, "relative_remap": False}
+    ]  # fmt: skip

@@ -89,15 +89,23 @@ def test_what_a_server_logs_is_not_the_player_s(monkeypatch, capfd):
 
         yield SimpleNamespace(initialize=initialize)
 
+    started: list[dict[str, Any]] = []
     mcp, stdio = ModuleType("mcp"), ModuleType("mcp.client.stdio")
-    vars(mcp).update(StdioServerParameters=SimpleNamespace, ClientSession=client_session)
+    vars(mcp).update(
+        StdioServerParameters=lambda **how: started.append(how), ClientSession=client_session
+    )
     vars(stdio).update(stdio_client=stdio_client)
     monkeypatch.setitem(sys.modules, "mcp", mcp)
     monkeypatch.setitem(sys.modules, "mcp.client.stdio", stdio)
 
     async def begun():
-        async with play._session({"command": "server"}):
-            pass
+        for more in ({}, {"args": ["a"], "env": {"V": "1"}}):
+            async with play._session({"command": "server", **more}):
+                pass
 
     asyncio.run(begun())
+    assert started == [
+        {"command": "server", "args": [], "env": None},
+        {"command": "server", "args": ["a"], "env": {"V": "1"}},
+    ]
     assert capfd.readouterr().err == ""

@@ -85,6 +85,22 @@ def test_a_package_and_its_node_are_shown_wherever_npm_put_them(tmp_path, held, 
     assert places == {command, program, package, node}
 
 
+@pytest.mark.parametrize(
+    ("inside", "package"),
+    [
+        ("node_modules/tool/bin/x.js", "node_modules/tool"),
+        ("node_modules/@s/tool/bin/x.js", "node_modules/@s/tool"),
+        ("node_modules/outer/node_modules/inner/x.js", "node_modules/outer/node_modules/inner"),
+        ("lib/node_modules/a/node_modules/@s/b/c/x.js", "lib/node_modules/a/node_modules/@s/b"),
+        ("modules/tool/x.js", None),
+    ],
+)
+def test_the_package_of_a_program_is_the_innermost(tmp_path, inside, package):
+    program = script(tmp_path / inside, "true")
+    places = {path for path in shown_to(card(tmp_path, program)) if path.is_relative_to(tmp_path)}
+    assert places == {program, *([tmp_path / package] if package else [])}
+
+
 def test_words_of_env_are_not_the_interpreter(tmp_path, monkeypatch):
     node = script(tmp_path / "bin" / "own-node", "true")
     program = script(tmp_path / "tool", "", "/usr/bin/env -S own-node -x")
